@@ -1,0 +1,1 @@
+"""hpop: human perception-optimized planning. See README.md."""

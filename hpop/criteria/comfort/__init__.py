@@ -1,0 +1,1 @@
+"""J_C: comfort of the immersed user."""

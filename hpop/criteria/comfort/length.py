@@ -1,0 +1,22 @@
+"""Length of the path: the paper's D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.motions import Motions
+
+
+@criterion("length", group="C", unit="m", aggregate="sum")
+@dataclass(frozen=True)
+class Length:
+    """D = ∫ sqrt(x'² + y'²) dt of the base.
+
+    Becerra et al. 2020 (arXiv 2002.10696) count it to comfort: short paths shorten the exposure to virtual reality.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Path length (M,), m."""
+        return m.base.length

@@ -1,0 +1,1 @@
+"""J_O: people near the robot. Criteria of this group need people in the world."""

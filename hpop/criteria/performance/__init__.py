@@ -1,0 +1,1 @@
+"""J_P: the system keeps its intended function. The camera sees, orientation and presence are kept."""

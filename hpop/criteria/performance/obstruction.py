@@ -1,0 +1,44 @@
+"""Obstruction of the camera: the paper's V, a mean over time, and exposure, the integral that adds up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+
+
+@dataclass(frozen=True)
+class _Obstructed:
+    """A camera whose surroundings within ``radius`` metres are partly filled by obstacles."""
+
+    radius: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.radius < 1e3:
+            raise CriterionError(f"the radius of the obstruction ball must be in (0, 1000) m, got {self.radius!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the obstructed fraction, s."""
+        return m.integrate(lambda s: m.world.obstruction(s.camera, self.radius))
+
+
+@criterion("obstruction", group="P", unit="1", aggregate="time-mean", requires=("camera",))
+@dataclass(frozen=True)
+class Obstruction(_Obstructed):
+    """V = (1/T) ∫ phi(p(t)) dt, phi(p) = volume(ball(p, r) ∩ obstacles) / volume(ball(p, r)).
+
+    Becerra et al. 2020 (arXiv 2002.10696). A mean is not additive: graph searches optimise :class:`Exposure` instead
+    and report V. Floor and ceiling are no obstacles.
+    """
+
+
+@criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",), quantum=1e-4)
+@dataclass(frozen=True)
+class Exposure(_Obstructed):
+    """S = ∫ phi(p(t)) dt: the time for which a fully obstructed camera would be as bad.
+
+    The additive part of the paper's V = S/T, so exact searches can minimise it.
+    """

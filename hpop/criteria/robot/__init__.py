@@ -1,0 +1,1 @@
+"""J_R: quality of the robot's motion."""

@@ -1,0 +1,31 @@
+"""Clearance: how near the robot comes to obstacles at its worst moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+
+
+@criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)
+@dataclass(frozen=True)
+class Clearance:
+    """max over t of (enough - d(p(t)))₊: by how much the base's axis comes nearer than ``enough`` metres.
+
+    d is the distance to the nearest obstacle; the cost of a path with least clearance c is ``enough`` - c, and 0 beyond.
+    """
+
+    enough: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.enough < np.inf:
+            raise CriterionError(f"'enough' must be a positive distance in m, got {self.enough!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Worst shortfall (M,), m."""
+        return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))

@@ -1,0 +1,19 @@
+"""Duration of the trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.motions import Motions
+
+
+@criterion("duration", group="R", unit="s", aggregate="sum")
+@dataclass(frozen=True)
+class Duration:
+    """T = ∫ dt under the law of the motions (on a graph, the planning law)."""
+
+    def cost(self, m: Motions) -> Column:
+        """Duration (M,), s."""
+        return m.duration

@@ -1,0 +1,90 @@
+"""What hpop raises for a user's mistake: one class an outcome, each with the exit code of the command line.
+
+A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not
+errors: they are a :class:`hpop.status.Status`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import ClassVar
+
+
+class HpopError(Exception):
+    """Base of every error that hpop raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+    def __str__(self) -> str:  # KeyError would quote the message
+        return str(self.args[0]) if self.args else ""
+
+
+class MapError(HpopError, ValueError):
+    """A map, mask or blueprint cannot be read, or makes no sense."""
+
+    exit_code = 3
+
+
+class ScenarioError(HpopError, ValueError):
+    """A scenario file is wrong; the message names the key and the line."""
+
+    exit_code = 4
+
+
+class QueryError(HpopError, ValueError):
+    """The start or the goal cannot be used: in an obstacle, off the map, off the headings."""
+
+    exit_code = 5
+
+
+class UnknownName(HpopError, LookupError):
+    """No criterion, planner or model has this name."""
+
+    exit_code = 7
+
+
+class CriterionError(HpopError, ValueError):
+    """A criterion is declared wrongly, or its cost is not a finite non-negative number a motion."""
+
+    exit_code = 8
+
+
+class UnsupportedCriterion(CriterionError):
+    """A planner cannot treat this criterion; the message names one that can."""
+
+
+class ModelError(HpopError, ValueError):
+    """A robot model's parameters make no sense."""
+
+    exit_code = 9
+
+
+class OptionError(HpopError, ValueError):
+    """A planner or a search was given an option that makes no sense."""
+
+    exit_code = 10
+
+
+class GraphError(HpopError, ValueError):
+    """A graph is malformed: wrong shapes, negative costs, nodes out of range, costs that would overflow."""
+
+    exit_code = 11
+
+
+class OutputError(HpopError, OSError):
+    """A result cannot be written, or a saved one cannot be read."""
+
+    exit_code = 12
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
+    """Build the error that lists the known names and suggests the nearest.
+
+    >>> print(unknown_name("criterion", "turn", ["turns", "length"]))
+    unknown criterion 'turn'; known: length, turns. Did you mean 'turns'?
+    """
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f" Did you mean {near[0]!r}?" if near else ""
+    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{hint}")

@@ -1,0 +1,55 @@
+"""Functions with kinks, exact on NumPy arrays and usable on CasADi symbols.
+
+Criteria use these where a plain NumPy function has no gradient (a length at zero, an absolute angle at zero): on
+numbers they are exact, on symbols they are smoothed within the width stated, so fronts only ever hold exact values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hpop.arrays import Column
+
+SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
+
+
+def is_symbolic(column: object) -> bool:
+    """Tell CasADi symbols from numbers, without importing CasADi."""
+    return type(column).__module__.partition(".")[0] == "casadi"
+
+
+def hypot(x: Column, y: Column) -> Column:
+    """sqrt(x² + y²), with gradient 0 instead of NaN at the origin on symbols.
+
+    >>> float(hypot(3.0, 4.0))
+    5.0
+    """
+    if not (is_symbolic(x) or is_symbolic(y)):
+        return np.hypot(x, y)
+    square = x * x + y * y
+    return np.where(square > 0, np.sqrt(square), 0.0)
+
+
+def smooth_abs(x: Column) -> Column:
+    """|x|; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact at zero and outside.
+
+    With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w with
+    equal value, slope and curvature.
+
+    >>> float(smooth_abs(-2.0))
+    2.0
+    """
+    if not is_symbolic(x):
+        return np.abs(x)
+    square = (x / SMOOTHING) ** 2
+    inside = SMOOTHING * square * (15.0 - 10.0 * square + 3.0 * square * square) / 8.0
+    return np.where(square < 1.0, inside, np.abs(x))
+
+
+def wrap(angle: Column) -> Column:
+    """The same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
+
+    >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
+    True
+    """
+    return np.pi - np.mod(np.pi - angle, 2 * np.pi)

@@ -1,0 +1,131 @@
+"""Motion laws in the plane: straight moves and turns in place, as planned and as executed.
+
+Planned (one planning law for all planners, so that costs add up along edges):
+
+- :class:`Move` at cruise speed v lasts L/v.
+- :class:`Turn` lasts its rest-to-rest time plus v/a, the loss of stopping and starting again, half of it standing before
+  the turn and half after. For runs of at least v²/a metres that is exact, for shorter ones an upper bound.
+
+Executed (what the robot does): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from rest to
+rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to what was planned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.math import hypot, is_symbolic, smooth_abs
+from hpop.motions import Phase, States
+
+TINY = 1e-12  # m or rad: below this a rest-to-rest time has no usable slope
+
+
+def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[Phase, ...]:
+    """Trapezoidal profile from rest to rest: speed up, cruise, slow down; a triangle where the distance is short.
+
+    Ramps last min(speed/a, sqrt(d/a)), so the whole lasts d/speed + speed/a, or 2 sqrt(d/a) for d < speed²/a.
+    """
+    safe = np.where(distance > TINY, distance, TINY) if is_symbolic(distance) else distance
+    ramp = np.minimum(speed / acceleration, np.sqrt(safe / acceleration))
+    ramped = 0.5 * acceleration * ramp * ramp  # distance covered by one ramp
+    cruise = np.maximum(distance - 2.0 * ramped, 0.0) / speed
+    positive = distance > TINY
+    share = np.where(positive, ramped / np.where(positive, distance, 1.0), 0.5)
+    nothing = 0.0 * share
+    return (
+        Phase(ramp, nothing, share, "speed-up"),
+        Phase(cruise, share, 1.0 - share, "cruise"),
+        Phase(ramp, 1.0 - share, 1.0 + nothing, "slow-down"),
+    )
+
+
+def _linear(name: str, start: States, end: States, share: Column) -> Column:
+    begin = getattr(start, name)
+    return begin + (getattr(end, name) - begin) * share
+
+
+class _Straight:
+    """Geometry of a straight movement with constant heading."""
+
+    varies = frozenset({"x", "y"})
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        return _linear(name, start, end, share)
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        return hypot(end.x - start.x, end.y - start.y)
+
+    def turned(self, start: States, end: States) -> Column:
+        return 0.0 * (end.yaw - start.yaw)
+
+
+class _InPlace:
+    """Geometry of a rotation about the base's axis."""
+
+    varies = frozenset({"yaw"})
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        return _linear(name, start, end, share)
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        return lever * smooth_abs(end.yaw - start.yaw)
+
+    def turned(self, start: States, end: States) -> Column:
+        return end.yaw - start.yaw
+
+
+@dataclass(frozen=True)
+class Move(_Straight):
+    """A straight move at cruise speed, m/s."""
+
+    speed: float
+    kind: str = "move"
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        duration = self.travel(start, end, 0.0) / self.speed
+        return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
+
+
+@dataclass(frozen=True)
+class Turn(_InPlace):
+    """A turn in place from rest to rest, with the loss of stopping and starting split before and after it."""
+
+    turn_rate: float  # rad/s
+    turn_acceleration: float  # rad/s²
+    loss: float  # s
+    kind: str = "turn"
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
+        nothing = 0.0 * spin[0].begin
+        wait = 0.5 * self.loss + nothing
+        stand = Phase(wait, nothing, nothing, "hold")
+        stand_again = Phase(wait, 1.0 + nothing, 1.0 + nothing, "hold")
+        return (stand, *spin, stand_again)
+
+
+@dataclass(frozen=True)
+class Run(_Straight):
+    """A straight move from rest to rest."""
+
+    speed: float  # m/s
+    acceleration: float  # m/s²
+    kind: str = "run"
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        return rest_to_rest(self.travel(start, end, 0.0), self.speed, self.acceleration)
+
+
+@dataclass(frozen=True)
+class Spin(_InPlace):
+    """A turn in place from rest to rest."""
+
+    turn_rate: float  # rad/s
+    turn_acceleration: float  # rad/s²
+    kind: str = "spin"
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        return rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)

@@ -1,0 +1,395 @@
+"""Motions: a batch of short movements under one law, which is all that a criterion ever sees.
+
+The edges of a lattice, the pieces of a trajectory and the intervals of a nonlinear program are all batches of motions.
+Columns have shape (M,), one entry a motion: NumPy arrays, or CasADi symbols that behave like them. A criterion written
+over motions therefore runs unchanged on graphs, on trajectories and inside nonlinear programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.math import is_symbolic, smooth_abs
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
+SYMBOLIC_PANELS = 3  # panels a phase on symbols, where lengths are unknown when the program is built
+GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
+
+
+class States:
+    """States of a system as named columns: ``states.x``, ``states.yaw``, each of shape (M,).
+
+    >>> s = States(x=np.zeros(2), y=np.ones(2), yaw=np.zeros(2))
+    >>> s.size, s.names, float(s.take(1).y)
+    (2, ('x', 'y', 'yaw'), 1.0)
+    """
+
+    def __init__(self, **columns: Column) -> None:
+        self.__dict__.update(columns)
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Column: ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """State names, in the model's order."""
+        return tuple(self.__dict__)
+
+    @property
+    def size(self) -> int:
+        """Number of states M."""
+        return int(next(iter(self.__dict__.values())).shape[0])
+
+    def take(self, index: Any) -> States:
+        """The states at an index, a slice, or an index array."""
+        return States(**{name: column[index] for name, column in self.__dict__.items()})
+
+
+class Pose(Protocol):
+    """Where a body is: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up."""
+
+    @property
+    def x(self) -> Column: ...
+    @property
+    def y(self) -> Column: ...
+    @property
+    def z(self) -> Column: ...
+    @property
+    def yaw(self) -> Column: ...
+    @property
+    def pitch(self) -> Column: ...
+
+
+class Phase(NamedTuple):
+    """One smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
+
+    duration  (M,)  s
+    begin     (M,)  share of the motion done when the phase begins
+    end       (M,)  share done when it ends
+    shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration)
+    """
+
+    duration: Column
+    begin: Column
+    end: Column
+    shape: str
+
+    def share(self, u: Column) -> Column:
+        """Share of the motion done at fraction ``u`` of the phase's time."""
+        grown = {"hold": 0.0 * u, "cruise": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
+        return self.begin + (self.end - self.begin) * grown
+
+    def share_rates(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """First and second time derivative of the share, 1/s and 1/s²."""
+        first, second = {
+            "hold": (0.0 * u, 0.0),
+            "cruise": (1.0 + 0.0 * u, 0.0),
+            "speed-up": (2.0 * u, 2.0),
+            "slow-down": (2.0 - 2.0 * u, -2.0),
+        }[self.shape]
+        scale = np.divide(
+            self.end - self.begin, self.duration, out=np.zeros_like(u), where=np.asarray(self.duration) > 0
+        )
+        rate = np.divide(second, self.duration, out=np.zeros_like(u), where=np.asarray(self.duration) > 0)
+        return scale * first, scale * rate
+
+
+class Law(Protocol):
+    """How one kind of motion goes from its start state to its end state."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the law: "move", "turn"."""
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """Names of the states that change within a motion; all others keep their start value."""
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """Timing, in order; the durations add up to the motion's."""
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """State ``name`` where ``share`` of the motion is done."""
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        """Path length (M,), m, of a point of the robot ``lever`` metres from the base's axis."""
+
+    def turned(self, start: States, end: States) -> Column:
+        """Signed rotation (M,), rad, of the base."""
+
+
+class Model(Protocol):
+    """A system: what moves, by which laws, and where its camera is."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Names of the bodies that criteria can ask for: "base", "camera"."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the state columns, in order."""
+
+    @property
+    def laws(self) -> Mapping[str, Law]:
+        """Motion laws by kind."""
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of a body in each of the states."""
+
+    def lever(self, body: str) -> float:
+        """Distance of a body from the base's axis, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A moving body as a criterion sees it over a batch of motions.
+
+    start, end  poses at both ends of each motion
+    length      (M,)  m    path length
+    turned      (M,)  rad  absolute rotation
+    rotation    (M,)  rad  signed rotation, counter-clockwise positive
+    """
+
+    start: Pose
+    end: Pose
+    length: Column
+    rotation: Column
+
+    @cached_property
+    def turned(self) -> Column:
+        """Absolute rotation (M,), rad."""
+        return smooth_abs(self.rotation)
+
+
+class Instants:
+    """Moments within motions: what a rate is a function of. ``s.camera``, ``s.base``, ``s.state``, ``s.t``.
+
+    States are interpolated when they are first read, and what was read is remembered: a rate that reads nothing that
+    changes during a motion is constant, and is then evaluated once.
+    """
+
+    def __init__(self, motions: Motions, size: int, t: Column, column: Callable[[str], Column]) -> None:
+        self._motions = motions
+        self._t = t
+        self.read: set[str] = set()
+        self.state = _LazyStates(motions.model.state_names, size, column, self.read)
+
+    @property
+    def t(self) -> Column:
+        """Time of each moment, s, from the start of the trajectory."""
+        self.read.add("t")
+        if self._motions.t0 is None:
+            raise AttributeError("these motions have no time: they are edges of a graph without time")
+        return self._t
+
+    @cached_property
+    def base(self) -> Pose:
+        """Pose of the base."""
+        return self._motions.model.pose("base", self.state)
+
+    @cached_property
+    def camera(self) -> Pose:
+        """Pose of the camera."""
+        return self._motions.model.pose("camera", self.state)
+
+
+class _LazyStates(States):
+    """States that are computed when read, and remember which were."""
+
+    def __init__(
+        self, names: tuple[str, ...], size: int, column: Callable[[str], Column], read: set[str]
+    ) -> None:
+        self.__dict__.update(_names=names, _size=size, _column=column, _read=read)
+
+    def __getattr__(self, name: str) -> Column:
+        if name not in self._names:
+            raise AttributeError(f"no state {name!r}; this model has {', '.join(self._names)}")
+        self._read.add(name)
+        value = self.__dict__[name] = self._column(name)
+        return value
+
+    @property
+    def size(self) -> int:
+        return int(self.__dict__["_size"])
+
+
+Rate = Callable[[Instants], Column]
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """A batch of M motions under one law.
+
+    world   the workspace, for fields and obstacles
+    model   the system that moves
+    law     the one law of the batch
+    start   states (M,) where each motion begins
+    end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
+    t0      (M,) s start time of each motion, or None on a graph without time
+    """
+
+    world: World
+    model: Model
+    law: Law
+    start: States
+    end: States
+    t0: Column | None = None
+
+    def __len__(self) -> int:
+        return self.start.size
+
+    @property
+    def kind(self) -> str:
+        """Kind of the motions: the name of their law."""
+        return self.law.kind
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """The law's timing of these motions."""
+        return self.law.phases(self.start, self.end)
+
+    @cached_property
+    def duration(self) -> Column:
+        """Duration (M,), s."""
+        return sum(phase.duration for phase in self.phases)
+
+    @cached_property
+    def base(self) -> Body:
+        """The robot's base."""
+        return self._body("base")
+
+    @cached_property
+    def camera(self) -> Body:
+        """The camera."""
+        return self._body("camera")
+
+    def _body(self, name: str) -> Body:
+        return Body(
+            start=self.model.pose(name, self.start),
+            end=self.model.pose(name, self.end),
+            length=self.law.travel(self.start, self.end, self.model.lever(name)),
+            rotation=self.law.turned(self.start, self.end),
+        )
+
+    def integrate(self, rate: Rate) -> Column:
+        """Time integral (M,) of a rate along each motion.
+
+        Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
+        degrees. A rate that reads nothing that changes (the camera's position during a turn about it) is exact.
+        """
+        constant = self._constant(rate)
+        if constant is not None:
+            return constant * self.duration
+        total: Column = 0.0
+        for phase in self.phases:
+            total = total + phase.duration * self._phase_mean(rate, phase)
+        return total
+
+    def worst(self, rate: Rate) -> Column:
+        """Largest value (M,) of a rate along each motion, over panel ends and middles.
+
+        A rate that changes by at most c a metre is missed by at most c/4 of a field cell.
+        """
+        constant = self._constant(rate)
+        if constant is not None:
+            return constant
+        largest: Column = None
+        for phase in self.phases:
+            value = self._phase_worst(rate, phase)
+            largest = value if largest is None else np.maximum(largest, value)
+        return largest
+
+    def _constant(self, rate: Rate) -> Column | None:
+        """The rate at the start, if what it reads does not change within the motions; else None."""
+        instants = Instants(self, len(self), self.t0, lambda name: getattr(self.start, name))
+        value = rate(instants)
+        return None if instants.read & (self.law.varies | {"t"}) else value
+
+    @property
+    def _symbolic(self) -> bool:
+        return is_symbolic(getattr(self.start, self.model.state_names[0])) or is_symbolic(
+            getattr(self.end, self.model.state_names[0])
+        )
+
+    def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
+        if self._symbolic:
+            nodes = [(i + g) / SYMBOLIC_PANELS for i in range(SYMBOLIC_PANELS) for g in GAUSS_NODES]
+            return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
+        owner, u, weight = self._nodes(phase, GAUSS_NODES)
+        values = rate(self._instants(phase, u, owner))
+        return np.bincount(owner, weight * values, minlength=len(self))
+
+    def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
+        ends_and_middles = np.array([0.0, 0.5, 1.0])
+        if self._symbolic:
+            nodes = sorted({(i + e) / SYMBOLIC_PANELS for i in range(SYMBOLIC_PANELS) for e in ends_and_middles})
+            values = [rate(self._instants(phase, u, None)) for u in nodes]
+            largest = values[0]
+            for value in values[1:]:
+                largest = np.maximum(largest, value)
+            return largest
+        owner, u, _ = self._nodes(phase, ends_and_middles)
+        values = rate(self._instants(phase, u, owner))
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        return np.maximum.reduceat(np.broadcast_to(values, owner.shape), first)
+
+    def _nodes(self, phase: Phase, within: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
+        share = phase.end - phase.begin
+        lengths = np.maximum(self.base.length, self.camera.length) * share / self.world.cell
+        angles = self.camera.turned * share / PANEL_ANGLE
+        # Constant acceleration covers up to twice the mean distance in a panel.
+        stretch = 2.0 if phase.shape in ("speed-up", "slow-down") else 1.0
+        panels = np.maximum(1, np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)).astype(np.int64)
+        owner = np.repeat(np.arange(len(self)), panels)
+        panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
+        count = panels[owner]
+        u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
+        weight = np.repeat(1.0 / (count * within.size), within.size)
+        return np.repeat(owner, within.size), u, weight
+
+    def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
+        """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""
+        pick = (lambda column: column) if owner is None else (lambda column: column[owner])
+        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
+        start, end = _picked(self.start, pick), _picked(self.end, pick)
+        share = picked.share(u)
+
+        def column(name: str) -> Column:
+            if name not in self.law.varies:
+                return getattr(start, name)
+            return self.law.interpolate(name, start, end, share)
+
+        t = None
+        if self.t0 is not None:
+            t = pick(self.t0 + self._elapsed_before(phase)) + u * picked.duration
+        return Instants(self, len(self) if owner is None else owner.size, t, column)
+
+    def _elapsed_before(self, phase: Phase) -> Column:
+        """Time (M,) from the start of each motion to the start of a phase, s."""
+        elapsed: Column = 0.0
+        for other in self.phases:
+            if other is phase:
+                break
+            elapsed = elapsed + other.duration
+        return elapsed
+
+
+def _picked(states: States, pick: Callable[[Column], Column]) -> States:
+    """States whose columns are picked only when they are read."""
+    return _LazyStates(states.names, states.size, lambda name: pick(getattr(states, name)), set())
+
+
+def missing(requires: Collection[str], model: Model, world: World) -> list[str]:
+    """What a criterion requires and neither the model nor the world has, sorted."""
+    return sorted(set(requires) - model.provides - world.contents)

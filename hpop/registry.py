@@ -1,0 +1,70 @@
+"""Names of criteria, planners and models: a decorator at home, an entry point abroad, loaded on first use.
+
+A plugin package declares, for example::
+
+    [project.entry-points."hpop.criteria"]
+    glare = "my_package.glare:Glare"
+
+and ``hpop.registry.criteria["glare"]`` finds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from importlib.metadata import entry_points
+
+from hpop.errors import CriterionError, unknown_name
+
+
+class Registry(Mapping[str, type]):
+    """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad."""
+
+    def __init__(self, kind: str, module: str, group: str) -> None:
+        self.kind = kind
+        self._module = module
+        self._group = group
+        self._types: dict[str, type] = {}
+        self._loaded = False
+
+    def add(self, name: str, item: type) -> None:
+        """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
+        taken = self._types.get(name)
+        if taken is not None and (taken.__module__, taken.__qualname__) != (item.__module__, item.__qualname__):
+            raise CriterionError(
+                f"{self.kind} name {name!r} is taken by {taken.__module__}.{taken.__qualname__}; "
+                f"choose another for {item.__module__}.{item.__qualname__}"
+            )
+        self._types[name] = item
+
+    def __getitem__(self, name: str) -> type:
+        if name not in self._types:
+            self._load()
+        if name not in self._types:
+            raise unknown_name(self.kind, name, self._types)
+        return self._types[name]
+
+    def __contains__(self, name: object) -> bool:
+        self._load()
+        return name in self._types
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return iter(sorted(self._types))
+
+    def __len__(self) -> int:
+        self._load()
+        return len(self._types)
+
+    def _load(self) -> None:
+        if self._loaded:
+            return
+        self._loaded = True
+        import_module(self._module)
+        for point in entry_points(group=self._group):
+            self.add(point.name, point.load())
+
+
+criteria = Registry("criterion", "hpop.criteria", "hpop.criteria")
+planners = Registry("planner", "hpop.planners", "hpop.planners")
+models = Registry("model", "hpop.models", "hpop.models")

@@ -1,0 +1,68 @@
+"""How a search ended, what it may spend, and what it tells while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hpop.errors import OptionError
+
+
+class Status(StrEnum):
+    """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing."""
+
+    COMPLETE = "complete"
+    NO_PATH = "no path"
+    TIME_LIMIT = "time limit"
+    LABEL_LIMIT = "label limit"
+    MEMORY_LIMIT = "memory limit"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def is_final(self) -> bool:
+        """True when the search ran to its end, so that the result is all there is."""
+        return self in (Status.COMPLETE, Status.NO_PATH)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a search may spend; None is no bound.
+
+    time_limit  s      wall-clock time of the search, kernels already compiled
+    max_labels  count  labels generated (partial paths kept in memory)
+    max_memory  bytes  memory that the search allocates for itself
+    """
+
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("time_limit", "max_labels", "max_memory"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise OptionError(f"{name} must be positive, got {value!r}; leave it out for no bound")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a running search reports now and then.
+
+    stage      what is being done, in words ("compiling", "bounds", "search")
+    labels     count  labels generated so far
+    open       count  labels still waiting
+    front      count  solutions found so far
+    memory     bytes  allocated by the search so far
+    seconds    s      since the search began
+    """
+
+    stage: str
+    labels: int = 0
+    open: int = 0
+    front: int = 0
+    memory: int = 0
+    seconds: float = 0.0
+
+
+ProgressCallback = Callable[[Progress], None]

@@ -1,0 +1,203 @@
+"""A trajectory: timed motions from start to goal, which can be sampled at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray, frozen
+from hpop.errors import ModelError
+from hpop.math import wrap
+from hpop.motions import Model, Motions, States
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Motions of a model, in time order; the end of each is the start of the next.
+
+    model   the system that moves
+    states  (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad
+    kinds   (n,) law of each motion; none when the start is the goal
+    """
+
+    model: Model
+    states: States
+    kinds: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        columns = {name: frozen(np.asarray(getattr(self.states, name), float)) for name in self.states.names}
+        object.__setattr__(self, "states", States(**columns))
+        object.__setattr__(self, "kinds", tuple(self.kinds))
+        if self.states.names != self.model.state_names:
+            raise ModelError(f"states {self.states.names} given, but the model has {self.model.state_names}")
+        if any(column.shape != (len(self.kinds) + 1,) for column in columns.values()):
+            raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise ModelError("the states of a trajectory must be finite numbers")
+        unknown = set(self.kinds) - set(self.model.laws)
+        if unknown:
+            raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(self.model.laws)}")
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    @classmethod
+    def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
+        """Turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
+
+        >>> from hpop.models import DifferentialDrive
+        >>> Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
+        ('move', 'turn', 'move', 'turn')
+        """
+        x, y, yaw = (float(value) for value in poses[0])
+        states, kinds = [(x, y, yaw)], []
+
+        def turn_to(heading: float) -> None:
+            nonlocal yaw
+            change = float(wrap(heading - yaw))
+            if abs(change) > STRAIGHT:
+                yaw += change
+                states.append((x, y, yaw))
+                kinds.append("turn")
+
+        for to_x, to_y, to_yaw in poses[1:]:
+            if np.hypot(to_x - x, to_y - y) > 0:
+                turn_to(float(np.arctan2(to_y - y, to_x - x)))
+                x, y = float(to_x), float(to_y)
+                states.append((x, y, yaw))
+                kinds.append("move")
+            turn_to(float(to_yaw))
+        columns = np.array(states, float).T
+        return cls(model, States(**dict(zip(model.state_names, columns, strict=True))), tuple(kinds))
+
+    @cached_property
+    def durations(self) -> FloatArray:
+        """Duration (n,) of each motion, s."""
+        durations = np.zeros(len(self))
+        for kind, index in self._by_kind():
+            durations[index] = sum(phase.duration for phase in self._phases(kind, index))
+        return durations
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Time (n+1,) of each state, s, from 0."""
+        return np.concatenate([[0.0], np.cumsum(self.durations)])
+
+    @property
+    def duration(self) -> float:
+        """Time from start to goal, s."""
+        return float(self.times[-1])
+
+    def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
+        """The motions grouped by law, each group with the places of its motions in time order."""
+        for kind, index in self._by_kind():
+            start, end = self.states.take(index), self.states.take(index + 1)
+            yield index, Motions(world, self.model, self.model.laws[kind], start, end, t0=self.times[index])
+
+    def at(self, t: FloatArray | float) -> States:
+        """States at times t (N,), s; before the start and after the goal the robot stands there."""
+        return self._sampled(t)[0]
+
+    def rates(self, t: FloatArray | float) -> tuple[States, States]:
+        """First and second time derivatives of the states at times t (N,), per s and per s².
+
+        Under the planning law a move begins and ends at cruise speed, so ask an :meth:`execution` for accelerations.
+        """
+        _, velocity, acceleration = self._sampled(t)
+        return velocity, acceleration
+
+    def execution(self) -> Trajectory:
+        """What the robot really does: moves in one line become a run, all from rest to rest.
+
+        The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
+        succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
+        """
+        keep, kinds = [0], []
+        for i, kind in enumerate(self.kinds):
+            if kind == "move" and kinds and kinds[-1] == "run" and self._continues(keep[-2], i):
+                keep[-1] = i + 1
+                continue
+            keep.append(i + 1)
+            kinds.append({"move": "run", "turn": "spin"}.get(kind, kind))
+        return Trajectory(self.model, self.states.take(np.array(keep)), tuple(kinds))
+
+    def describe(self) -> dict[str, Any]:
+        """What a saved front keeps of a trajectory: JSON-able, exact."""
+        return {
+            "kinds": list(self.kinds),
+            "states": {name: getattr(self.states, name).tolist() for name in self.states.names},
+        }
+
+    @classmethod
+    def from_description(cls, model: Model, description: Mapping[str, Any]) -> Trajectory:
+        """Rebuild a trajectory from :meth:`describe`; raises ModelError when it does not fit the model."""
+        try:
+            columns = {str(k): np.array(v, float) for k, v in description["states"].items()}
+            kinds = tuple(str(kind) for kind in description["kinds"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ModelError(f"not a trajectory: expected kinds and states, got {error!r}") from None
+        return cls(model, States(**columns), kinds)
+
+    def _by_kind(self) -> Iterator[tuple[str, IntArray]]:
+        kinds = np.array(self.kinds, dtype=str)
+        for kind in dict.fromkeys(self.kinds):
+            yield kind, np.flatnonzero(kinds == kind)
+
+    def _phases(self, kind: str, index: IntArray) -> Any:
+        return self.model.laws[kind].phases(self.states.take(index), self.states.take(index + 1))
+
+    def _continues(self, begin: int, i: int) -> bool:
+        """Whether move i goes on in the direction of the run that began at state ``begin``."""
+        (x0, x1, x2), (y0, y1, y2) = (
+            [getattr(self.states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y")
+        )
+        ahead, along = np.arctan2(y2 - y1, x2 - x1), np.arctan2(y1 - y0, x1 - x0)
+        return bool(abs(wrap(ahead - along)) < STRAIGHT)
+
+    def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
+        moments = np.clip(np.atleast_1d(np.asarray(t, float)), 0.0, self.duration)
+        names = self.model.state_names
+        value = {name: np.full(moments.shape, getattr(self.states, name)[0]) for name in names}
+        first = {name: np.zeros(moments.shape) for name in names}
+        second = {name: np.zeros(moments.shape) for name in names}
+        if len(self):
+            motion = np.clip(np.searchsorted(self.times, moments, side="right") - 1, 0, len(self) - 1)
+            for kind, index in self._by_kind():
+                asked = np.flatnonzero(np.isin(motion, index))
+                if asked.size:
+                    self._sample_law(kind, motion[asked], moments[asked], asked, (value, first, second))
+        return States(**value), States(**first), States(**second)
+
+    def _sample_law(
+        self, kind: str, motion: IntArray, t: FloatArray, place: IntArray, out: tuple[dict[str, FloatArray], ...]
+    ) -> None:
+        """Fill the samples at times t that lie in motions of one law into ``out`` at ``place``."""
+        law = self.model.laws[kind]
+        start, end = self.states.take(motion), self.states.take(motion + 1)
+        elapsed = t - self.times[motion]
+        phases = law.phases(start, end)
+        for last, phase in ((phase is phases[-1], phase) for phase in phases):
+            within = (elapsed <= phase.duration) | last
+            u = np.divide(elapsed, phase.duration, out=np.ones_like(elapsed), where=phase.duration > 0)
+            share = phase.share(np.clip(u, 0.0, 1.0))
+            speed, change = phase.share_rates(np.clip(u, 0.0, 1.0))
+            chosen = within & ~np.isnan(elapsed)
+            for name in self.model.state_names:
+                span = getattr(end, name) - getattr(start, name)
+                at = place[chosen]
+                if name in law.varies:
+                    out[0][name][at] = law.interpolate(name, start, end, share)[chosen]
+                    out[1][name][at] = (span * speed)[chosen]
+                    out[2][name][at] = (span * change)[chosen]
+                else:
+                    out[0][name][at] = getattr(start, name)[chosen]
+            elapsed = np.where(within, np.nan, elapsed - phase.duration)
