@@ -1,0 +1,145 @@
+"""Pareto dominance of cost vectors, all costs minimised.
+
+``a`` dominates ``b`` when it is nowhere worse and somewhere better: ``a <= b`` in every criterion and
+``a != b``. Equal vectors do not dominate each other; a front keeps one of them.
+
+Floating-point sums make equal costs unequal (0.1 + 0.2 against 0.3), and a tolerance does not mend this,
+because "equal within a tolerance" is not transitive. So fronts compare integers: every cost is rounded once
+to a multiple of its quantum (:func:`quantised`), and from then on comparison is exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+# Above this many quanta neighbouring float64 numbers are more than one quantum apart.
+MAX_QUANTA = 2.0**53
+
+
+def dominates(a: ArrayLike, b: ArrayLike) -> bool:
+    """Tell whether cost vector ``a`` is nowhere worse than ``b`` and somewhere better.
+
+    Parameters
+    ----------
+    a, b : (k,) array
+        Cost vectors of the same length, without NaN.
+
+    Examples
+    --------
+    >>> dominates([1, 2], [1, 3]), dominates([1, 2], [1, 2]), dominates([1, 2], [2, 1])
+    (True, False, False)
+    """
+    first, second = np.asarray(a), np.asarray(b)
+    if first.ndim != 1 or first.shape != second.shape:
+        raise ValueError(
+            f"expected two cost vectors of equal length, got shapes {first.shape}, {second.shape}"
+        )
+    matrix = cost_matrix(np.stack([first, second]))
+    return bool((matrix[0] <= matrix[1]).all() and (matrix[0] < matrix[1]).any())
+
+
+def is_nondominated(Y: ArrayLike) -> BoolArray:
+    """Mark the rows of ``Y`` that no other row dominates, the first of each group of equal rows.
+
+    Every row left out is matched or dominated by a marked one; no marked row dominates another. The order of
+    the numbers is all that counts, so each column is replaced by its dense ranks before the sweep of moocore
+    (Kung, Luccio and Preparata 1975). That keeps int64 costs above 2**53 exact, and infinite costs legal:
+    moocore itself misjudges +inf, crashes on -inf, and lets a NaN row dominate all others.
+
+    Parameters
+    ----------
+    Y : (n, k) array
+        Costs, integer or float, without NaN.
+
+    Returns
+    -------
+    (n,) bool array
+
+    Raises
+    ------
+    ValueError
+        If ``Y`` is not a real matrix with at least one column, or holds a NaN.
+
+    Examples
+    --------
+    >>> is_nondominated([[1, 3], [2, 2], [2, 3], [2, 2]])
+    array([ True,  True, False, False])
+    """
+    matrix = cost_matrix(Y)
+    if len(matrix) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    import moocore
+
+    columns = [np.unique(column, return_inverse=True)[1] for column in matrix.T]
+    ranks = np.column_stack(columns).astype(np.float64)  # (n, k)
+    return np.asarray(moocore.is_nondominated(ranks), dtype=np.bool_)
+
+
+def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
+    """Round costs to whole numbers of their quanta: ``Z[i, j] = round(Y[i, j] / quanta[j])``.
+
+    A half is rounded to the even neighbour; choose quanta that keep costs away from halves, where rounding
+    noise decides. The quotient is the float64 one, so a quantum must be coarse enough for float64 to resolve
+    it: a cost beyond 2**53 quanta is refused, not rounded.
+
+    Parameters
+    ----------
+    Y : (n, k) array
+        Finite costs.
+    quanta : (k,) array
+        Positive size of one step, in the unit of each column.
+
+    Returns
+    -------
+    (n, k) int64 array
+
+    Raises
+    ------
+    ValueError
+        If a cost is not finite, a quantum not positive, the shapes differ or a quotient exceeds 2**53.
+
+    Examples
+    --------
+    >>> quantised([[0.1 + 0.2, 2.5], [0.3, 3.5]], [1e-6, 1.0])
+    array([[300000,      2],
+           [300000,      4]])
+    """
+    matrix = cost_matrix(Y).astype(np.float64)
+    steps = np.asarray(quanta, dtype=np.float64)
+    if steps.shape != matrix.shape[1:]:
+        raise ValueError(
+            f"expected one quantum for each of the {matrix.shape[1]} columns, got shape {steps.shape}"
+        )
+    if not (np.isfinite(steps).all() and (steps > 0).all()):
+        raise ValueError(f"quanta must be positive and finite, got {steps.tolist()}")
+    if not np.isfinite(matrix).all():
+        row, column = np.argwhere(~np.isfinite(matrix))[0]
+        raise ValueError(f"costs must be finite, got {matrix[row, column]} in row {row}, column {column}")
+    with np.errstate(over="ignore"):  # an infinite quotient is refused below
+        quotients = matrix / steps  # (n, k)
+    if (beyond := np.abs(quotients) > MAX_QUANTA).any():
+        row, column = np.argwhere(beyond)[0]
+        cost = matrix[row, column]
+        raise ValueError(
+            f"cost {cost:.6g} in row {row}, column {column} is beyond 2**53 quanta of {steps[column]:.3g}, "
+            f"finer than float64 resolves; use a quantum above {abs(cost) / MAX_QUANTA:.3g}"
+        )
+    return np.rint(quotients).astype(np.int64)
+
+
+def cost_matrix(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
+    """Return ``Y`` as a matrix of real numbers, or say what is wrong with it."""
+    matrix = np.asarray(Y)
+    if matrix.ndim != 2 or matrix.shape[1] == 0:
+        raise ValueError(f"expected a cost matrix of shape (n, k) with k >= 1, got shape {matrix.shape}")
+    if matrix.dtype.kind not in "iuf":
+        raise ValueError(f"expected real costs, got an array of {matrix.dtype}")
+    if np.isnan(matrix).any():
+        row, column = np.argwhere(np.isnan(matrix))[0]
+        raise ValueError(f"costs must be numbers, got NaN in row {row}, column {column}")
+    return matrix

@@ -1,0 +1,406 @@
+"""The front: the non-dominated points, one for each cost vector, and what is claimed of them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import index as as_index
+from typing import Any, Generic, TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hpop.frontier import choosing, storage
+from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quantised
+from hpop.frontier.point import Point
+
+T = TypeVar("T")
+
+# What joins the statuses and the certificates of the fronts that a union was made of.
+JOINT = " | "
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Front(Generic[T]):
+    """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
+
+    Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
+    costs are equal whatever the order of the sums they came from; the costs kept are the exact ones. Rows are
+    in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
+    constructor takes rows that already are a front, and checks that. A front without points is legal.
+
+    costs           (n, k)    read-only, one row a point
+    items           n         what the costs are of
+    names           k         criteria; no name twice, none shared with a reported value
+    units           k         "m", "rad", "1", ...
+    quanta          (k,)      step of each criterion, in its unit
+    groups          k         class of each criterion ("P", "C", "R", "O"), may be ""
+    reported        (n, r)    further values of each point, not optimised
+    reported_names  r
+    reported_units  r
+    status                    how the search ended; "complete" says that it ran to its end
+    certificate               what is claimed of the points, and of which search space
+    provenance      n         how each point was found, as JSON
+    problem                   what the front answers, as JSON, or None if that is not stated
+    integers        (n, k)    the costs as whole quanta, int64
+
+    Examples
+    --------
+    >>> front = Front.of([[2.0, 0.3], [3.0, 0.1 + 0.2], [1.0, 5.0]], ["a", "b", "c"],
+    ...     names=("turns", "length"), units=("1", "m"), quanta=(1.0, 1e-6),
+    ...     status="complete", certificate="exact")
+    >>> front
+    <Front: 2 points of turns [1], length [m]; complete; exact>
+    >>> [point.item for point in front]
+    ['c', 'a']
+    >>> front.best("length").costs
+    {'turns': 2.0, 'length': 0.3}
+    """
+
+    costs: FloatArray
+    items: tuple[T, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    quanta: FloatArray
+    groups: tuple[str, ...]
+    reported: FloatArray
+    reported_names: tuple[str, ...]
+    reported_units: tuple[str, ...]
+    status: str
+    certificate: str
+    provenance: tuple[dict[str, Any], ...]
+    problem: dict[str, Any] | None = None
+    integers: IntArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("items", "names", "units", "groups", "reported_names", "reported_units"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        n, k, r = len(self.items), len(self.names), len(self.reported_names)
+        columns = self.names + self.reported_names
+        if k == 0 or len(set(columns)) != k + r:
+            raise ValueError(f"a front needs at least one criterion and no name twice, got {columns}")
+        object.__setattr__(self, "status", str(self.status))
+        if not self.status or not self.certificate:
+            raise ValueError(
+                "a front says how its search ended and what it claims: give status and certificate"
+            )
+        for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
+            if len(getattr(self, name)) != expected:
+                raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")
+        for name, shape in (("costs", (n, k)), ("quanta", (k,)), ("reported", (n, r))):
+            array = _floats(getattr(self, name), shape)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise ValueError(f"expected {name} of shape {shape}, all finite, got {array!r:.400}")
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        integers = quantised(self.costs, self.quanta)
+        in_order = np.array_equal(np.lexsort(integers.T[::-1]), np.arange(n))
+        if not (in_order and is_nondominated(integers).all()):
+            raise ValueError("the rows are not a sorted front without duplicates; build it with Front.of")
+        integers.setflags(write=False)
+        object.__setattr__(self, "integers", integers)
+        object.__setattr__(self, "provenance", tuple(_as_json("provenance", p) for p in self.provenance))
+        if self.problem is not None:
+            object.__setattr__(self, "problem", _as_json("problem", self.problem))
+
+    @classmethod
+    def of(
+        cls,
+        costs: ArrayLike,
+        items: Sequence[T],
+        *,
+        names: Sequence[str],
+        units: Sequence[str],
+        quanta: ArrayLike,
+        status: str,
+        certificate: str,
+        groups: Sequence[str] | None = None,
+        reported: ArrayLike | None = None,
+        reported_names: Sequence[str] = (),
+        reported_units: Sequence[str] = (),
+        provenance: Sequence[Mapping[str, Any]] | None = None,
+        problem: Mapping[str, Any] | None = None,
+    ) -> Front[T]:
+        """Build the front of any candidates: drop what is dominated, keep one of each cost vector, sort.
+
+        Of candidates equal in whole quanta the one with the lexicographically smallest exact costs is kept,
+        then the smallest reported values (in the order of their names), then the smallest provenance text. So
+        the front does not depend on the order of the candidates, except between those alike in all of these.
+
+        Parameters
+        ----------
+        costs : (n, k) array
+            Finite costs of the candidates.
+        items : sequence of n
+            The candidates.
+        names, units, quanta, status, certificate, groups, reported, reported_names, reported_units, \
+provenance, problem
+            As the fields of the front, with a row or an entry a candidate where there is one a point.
+            Groups default to "", reported values to none, provenance to {}.
+        """
+        n, k = len(items), len(names)
+        matrix = _floats(costs, (n, k))
+        table = _floats([] if reported is None else reported, (n, len(reported_names)))
+        given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
+        origins = [_as_json("provenance", origin) for origin in given]
+        if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(origins) != n:
+            raise ValueError(
+                f"expected costs {(n, k)}, reported values {(n, len(reported_names))} and provenance ({n},) "
+                f"for {n} items and {k} names, got {matrix.shape}, {table.shape} and ({len(origins)},)"
+            )
+        integers = quantised(matrix, quanta)
+        texts = [json.dumps(origin, sort_keys=True) for origin in origins]
+        rank = {text: position for position, text in enumerate(sorted(set(texts)))}
+        by_name = sorted(range(len(reported_names)), key=lambda column: reported_names[column])
+        keys = [*integers.T, *matrix.T, *table[:, by_name].T, np.array([rank[text] for text in texts])]
+        order = np.lexsort(keys[::-1])
+        kept = order[is_nondominated(integers[order])]
+        return cls(
+            costs=matrix[kept],
+            items=tuple(items[i] for i in kept),
+            names=tuple(names),
+            units=tuple(units),
+            quanta=np.asarray(quanta, dtype=np.float64),
+            groups=("",) * k if groups is None else tuple(groups),
+            reported=table[kept],
+            reported_names=tuple(reported_names),
+            reported_units=tuple(reported_units),
+            status=status,
+            certificate=certificate,
+            provenance=tuple(origins[i] for i in kept),
+            problem=None if problem is None else dict(problem),
+        )
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __getitem__(self, index: int) -> Point[T]:
+        row = as_index(index)
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"the front has {len(self)} points, got index {row}")
+        row %= len(self)
+        return Point(
+            index=row,
+            costs=dict(zip(self.names, self.costs[row].tolist(), strict=True)),
+            reported=dict(zip(self.reported_names, self.reported[row].tolist(), strict=True)),
+            item=self.items[row],
+            provenance=self.provenance[row],
+        )
+
+    def __iter__(self) -> Iterator[Point[T]]:
+        return (self[row] for row in range(len(self)))
+
+    def __repr__(self) -> str:
+        criteria = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
+        return f"<Front: {len(self)} points of {criteria}; {self.status}; {self.certificate}>"
+
+    def __or__(self, other: Front[T]) -> Front[T]:
+        """Join two fronts of the same problem: the non-dominated points of both together.
+
+        In costs the union is commutative, associative and idempotent. The status is "complete" if both are,
+        else it lists the distinct ones. The certificate lists the distinct ones of its sources, joined by
+        " | ": each still holds for the search space it speaks of, because every cost vector of a source is
+        matched or dominated by a point of the union, but none speaks of the points that came from elsewhere.
+
+        Raises
+        ------
+        ValueError
+            If the criteria, their units, groups or quanta, the reported values or the problems differ.
+        """
+        if not isinstance(other, Front):
+            return NotImplemented
+        for name in ("names", "units", "groups"):
+            self._require_same(name, getattr(self, name), getattr(other, name))
+        self._require_same("quanta", self.quanta.tolist(), other.quanta.tolist())
+        mine = dict(zip(self.reported_names, self.reported_units, strict=True))
+        theirs = dict(zip(other.reported_names, other.reported_units, strict=True))
+        self._require_same("reported values", sorted(mine.items()), sorted(theirs.items()))
+        if self.problem is not None and other.problem is not None:
+            keys = sorted(self.problem.keys() | other.problem.keys())
+            differing = [k for k in keys if self.problem.get(k, ...) != other.problem.get(k, ...)]
+            self._require_same(
+                "problems", *({k: p.get(k) for k in differing} for p in (self.problem, other.problem))
+            )
+        columns = [other.reported_names.index(name) for name in self.reported_names]
+        return type(self).of(
+            np.concatenate([self.costs, other.costs]),
+            self.items + other.items,
+            names=self.names,
+            units=self.units,
+            quanta=self.quanta,
+            groups=self.groups,
+            reported=np.concatenate([self.reported, other.reported[:, columns]]),
+            reported_names=self.reported_names,
+            reported_units=self.reported_units,
+            status=_joined(self.status, other.status),
+            certificate=_joined(self.certificate, other.certificate),
+            provenance=self.provenance + other.provenance,
+            problem=other.problem if self.problem is None else self.problem,
+        )
+
+    def ideal(self) -> FloatArray:
+        """Return the best value of each criterion over the front, (k,)."""
+        self._require_points()
+        return cast(FloatArray, self.costs.min(axis=0))
+
+    def nadir(self) -> FloatArray:
+        """Return the worst value of each criterion over the front, (k,)."""
+        self._require_points()
+        return cast(FloatArray, self.costs.max(axis=0))
+
+    def knee(self) -> Point[T]:
+        """Return the best compromise: the point deepest below the plane through the extreme points.
+
+        The definition is that of :func:`hpop.frontier.choosing.knee`.
+        """
+        return self[choosing.knee(self._counts())]
+
+    def best(self, name: str) -> Point[T]:
+        """Return the point with the least of one criterion; ties go to the other criteria in their order."""
+        return self.lexicographic([name])
+
+    def lexicographic(self, order: Sequence[str]) -> Point[T]:
+        """Return the best point by the first criterion, ties settled by the second, and so on.
+
+        Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
+        """
+        if isinstance(order, str) or len(set(order)) != len(order) or not order:
+            raise ValueError(f"expected a list of distinct criteria, got {order!r}")
+        columns = [choosing.column_index(name, self.names) for name in order]
+        return self[choosing.lexicographic(self._counts(), columns)]
+
+    def select(self, weights: Mapping[str, float]) -> Point[T]:
+        """Return the point with the least weighted sum of normalised costs; what is not named weighs nothing.
+
+        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
+        """
+        vector = np.zeros(len(self.names))
+        columns = [choosing.column_index(name, self.names) for name in weights]
+        vector[columns] = choosing.named_numbers("weights", weights)
+        return self[choosing.weighted_sum(self._counts(), vector)]
+
+    def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
+        """Return the point nearest to some wished values, of criteria or of reported values.
+
+        Only what is named counts, each scaled by its range over the front; ties go to the least sum of the
+        criteria that are not named. ``front.nearest({"turns": 3})``.
+        """
+        values = choosing.named_numbers("wishes", wishes)
+        columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
+        counts = self._counts()
+        steps = np.concatenate([self.quanta, np.ones(len(self.reported_names))])
+        rest = [column for column in range(len(self.names)) if column not in columns]
+        table = np.hstack([counts, self.reported])  # (n, k + r)
+        return self[choosing.nearest(table[:, columns], values / steps[columns], counts[:, rest])]
+
+    def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
+        """Return the point that does best against aspiration levels, improving on them where it can.
+
+        Augmented Chebyshev achievement function (Wierzbicki 1980), as in
+        :func:`hpop.frontier.choosing.achievement`. ``front.reference_point({"turns": 3, "length": 20.0})``.
+        """
+        values = choosing.named_numbers("aspirations", aspirations)
+        columns = [choosing.column_index(name, self.names) for name in aspirations]
+        return self[choosing.achievement(self._counts(), columns, values / self.quanta[columns])]
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        encode: Callable[[T], Any] | None = None,
+        problem: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Write the front to a JSON file, whole or not at all; floats read back exactly.
+
+        Parameters
+        ----------
+        path : path
+            The file; one that is there is replaced.
+        encode : callable, optional
+            Turns an item into JSON values (lists, dicts, strings, finite numbers); by default it is one.
+        problem : mapping, optional
+            What the front answers, as JSON, to be kept in the file; by default the front's own ``problem``.
+        """
+        stored = storage.StoredFront(
+            costs=self.costs.tolist(),
+            items=[item if encode is None else encode(item) for item in self.items],
+            names=list(self.names),
+            units=list(self.units),
+            quanta=self.quanta.tolist(),
+            groups=list(self.groups),
+            reported=self.reported.tolist(),
+            reported_names=list(self.reported_names),
+            reported_units=list(self.reported_units),
+            status=str(self.status),
+            certificate=self.certificate,
+            provenance=list(self.provenance),
+            problem=self.problem if problem is None else _as_json("problem", problem),
+        )
+        storage.write(path, stored)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], T] | None = None) -> Front[T]:
+        """Read a front that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        decode : callable, optional
+            Turns what ``encode`` made of an item back into the item; by default items stay as JSON.
+
+        Raises
+        ------
+        FrontFileError
+            If the file does not hold a front; the message says what was expected, what was found, what to do.
+        """
+        stored = storage.read(path)
+        items: list[Any] = []
+        for row, item in enumerate(stored["items"]):
+            try:
+                items.append(item if decode is None else decode(item))
+            except Exception as error:
+                raise storage.FrontFileError(
+                    f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error}); "
+                    "pass the decode= that belongs to the encode= it was saved with"
+                ) from error
+        try:
+            return cls(**{**stored, "items": items})  # type: ignore[arg-type]
+        except ValueError as error:
+            raise storage.FrontFileError(f"{path}: expected a front, found that {error}") from error
+
+    def _counts(self) -> FloatArray:
+        """Return the costs as float64 counts of quanta, for choosing."""
+        self._require_points()
+        return self.integers.astype(np.float64)
+
+    def _require_points(self) -> None:
+        """Refuse to choose from nothing."""
+        if len(self) == 0:
+            raise ValueError(f"the front has no points to choose from; its status is {self.status!r}")
+
+    def _require_same(self, what: str, mine: object, theirs: object) -> None:
+        """Refuse a union of fronts that cannot be compared."""
+        if mine != theirs:
+            raise ValueError(f"a union needs the same {what} on both sides, got {mine} and {theirs}")
+
+
+def _floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Copy as float64, -0.0 as 0.0; nothing at all takes the shape that is expected of it."""
+    array = np.array(values, dtype=np.float64) + 0.0
+    return array.reshape(shape) if array.size == 0 and 0 in shape else array
+
+
+def _as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy a mapping as plain JSON values, so that it is the same after saving and loading."""
+    try:
+        return cast(dict[str, Any], json.loads(json.dumps(dict(value), allow_nan=False, sort_keys=True)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what} must be a dict of JSON values, got {value!r:.200} ({error})") from error
+
+
+def _joined(first: str, second: str) -> str:
+    """List distinct statements once, in alphabetical order."""
+    return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))

@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hpop.frontier import Front, FrontFileError, storage
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**60), 2**60) | finite | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def front_of(costs=((1.0, 0.1 + 0.2), (0.0, 2.5)), *, items=None, **changes):
+    fields = {
+        "reported": [[i / 3] for i in range(len(costs))],
+        "provenance": [{"planner": "gewählt", "weights": (0.1, 0.9)} for _ in costs],
+        "problem": {"start": [0.0, 1.5], "map": None},
+        **changes,
+    }
+    return Front.of(
+        costs,
+        [{"x": [i]} for i in range(len(costs))] if items is None else items,
+        names=("turns", "length"),
+        units=("1", "m"),
+        quanta=(1.0, 1e-6),
+        groups=("C", "R"),
+        status="complete",
+        certificate="exact on this graph",
+        reported_names=["duration"],
+        reported_units=["s"],
+        **fields,
+    )
+
+
+def contents(front):
+    return {
+        key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(front).items()
+    }
+
+
+@pytest.fixture
+def refuse_text(tmp_path):
+    """Save a front, change the text of the file, and return the message of the refusal to load it."""
+
+    def load_changed(change):
+        path = tmp_path / "front.json"
+        front_of().save(path)
+        changed = change(path.read_text(encoding="utf-8"))
+        path.write_bytes(changed if isinstance(changed, bytes) else changed.encode())
+        with pytest.raises(FrontFileError) as caught:
+            Front.load(path)
+        assert str(path) in str(caught.value)
+        return str(caught.value)
+
+    return load_changed
+
+
+@pytest.fixture
+def refuse(refuse_text):
+    """Do the same with the JSON document in the file, which ``change`` changes in place."""
+
+    def load_changed(change):
+        def change_text(text):
+            document = json.loads(text)
+            change(document)
+            return json.dumps(document)
+
+        return refuse_text(change_text)
+
+    return load_changed
+
+
+def test_all_of_a_front_comes_back(tmp_path):
+    front = front_of()
+    front.save(tmp_path / "front.json")
+    assert contents(Front.load(tmp_path / "front.json")) == contents(front)
+
+
+def test_an_empty_front_comes_back(tmp_path):
+    front = front_of(costs=np.zeros((0, 2)))
+    front.save(tmp_path / "front.json")
+    assert contents(Front.load(tmp_path / "front.json")) == contents(front)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 9), st.floats(-1e9, 1e9)), min_size=1, max_size=5),
+    finite,
+    json_values,
+    st.dictionaries(st.text(max_size=3), json_values, max_size=3),
+)
+@settings(deadline=None, max_examples=60)
+def test_numbers_items_and_provenance_come_back_exactly(tmp_path_factory, costs, value, item, origin):
+    path = tmp_path_factory.mktemp("fronts") / "front.json"
+    n = len(costs)
+    front = front_of(costs, items=[item] * n, reported=[[value]] * n, provenance=[origin] * n, problem=origin)
+    front.save(path)
+    assert contents(Front.load(path)) == contents(front)
+
+
+def test_the_smallest_and_largest_floats_come_back(tmp_path):
+    values = [5e-324, 1.7976931348623157e308, 0.1, 1 / 3]
+    front = front_of([[float(i), -float(i)] for i in range(4)], reported=[[v] for v in values])
+    front.save(tmp_path / "front.json")
+    assert Front.load(tmp_path / "front.json").reported.ravel().tolist() == values
+
+
+def test_a_codec_turns_items_into_json_and_back(tmp_path):
+    front = front_of(items=[3 + 4j, 1j])
+    front.save(tmp_path / "front.json", encode=lambda z: [z.real, z.imag])
+    loaded = Front.load(tmp_path / "front.json", decode=lambda pair: complex(*pair))
+    assert loaded.items == front.items == (1j, 3 + 4j)
+
+
+def test_the_problem_is_kept_beside_the_front(tmp_path):
+    front_of(problem=None).save(tmp_path / "front.json", problem={"map": "museum.yaml"})
+    assert Front.load(tmp_path / "front.json").problem == {"map": "museum.yaml"}
+    front_of().save(tmp_path / "front.json")
+    assert Front.load(tmp_path / "front.json").problem == front_of().problem
+
+
+@pytest.mark.parametrize("item", [object(), {1, 2}, float("nan"), "\ud800", {1: 0, "1": 0}])
+def test_an_item_that_is_not_json_is_refused_and_the_old_file_stays(tmp_path, item):
+    path = tmp_path / "front.json"
+    path.write_text("old")
+    with pytest.raises(FrontFileError, match="encode="):
+        front_of(items=[item, item]).save(path)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["front.json"]
+
+
+def test_nothing_half_written_is_left_when_the_disk_fails(tmp_path, monkeypatch):
+    path = tmp_path / "front.json"
+    path.write_text("old")
+
+    def no_space(descriptor):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(OSError, match="no space"):
+        front_of().save(path)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["front.json"]
+
+
+def test_a_file_above_the_limit_is_neither_written_nor_read(tmp_path, monkeypatch):
+    path = tmp_path / "front.json"
+    front_of().save(path)
+    size = path.stat().st_size
+    monkeypatch.setattr(storage, "SIZE_LIMIT", size)
+    front_of().save(path)
+    assert len(Front.load(path)) == 2
+    monkeypatch.setattr(storage, "SIZE_LIMIT", size - 1)
+    with pytest.raises(FrontFileError, match=f"at most {size - 1} bytes"):
+        Front.load(path)
+    with pytest.raises(FrontFileError, match="above the limit"):
+        front_of().save(path)
+
+
+def test_every_truncation_of_a_file_is_refused(tmp_path):
+    path = tmp_path / "front.json"
+    front_of().save(path)
+    data = path.read_bytes()
+    for length in range(0, len(data), 7):
+        path.write_bytes(data[:length])
+        with pytest.raises(FrontFileError, match=r"expected JSON.*save the front again"):
+            Front.load(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"status"', '"status": "x", "status"', "'status' twice"),
+        ("0.30000000000000004", "NaN", "NaN"),
+        ("0.30000000000000004", "-Infinity", "-Infinity"),
+        ("0.30000000000000004", "1e999", "too large"),
+        ("0.30000000000000004", "1" * 400, "float64 numbers in points"),
+        ("0.30000000000000004", '"0.3"', "float64 numbers in points"),
+        ("0.30000000000000004", "true", "float64 numbers in points"),
+        ("0.30000000000000004", "null", "float64 numbers in points"),
+    ],
+)
+def test_what_strict_json_numbers_exclude_is_refused(refuse_text, old, new, message):
+    assert message in refuse_text(lambda text: text.replace(old, new))
+
+
+def test_other_files_are_refused(refuse, refuse_text):
+    assert "JSON" in refuse_text(lambda text: b"\x80\x04N.")
+    assert "JSON" in refuse_text(lambda text: b"\xff\xfe" + text.encode("utf-16-le"))
+    assert "nested" in refuse_text(lambda text: "[" * 200_000)
+    assert "found a JSON list" in refuse_text(lambda text: "[]")
+    assert "schema None" in refuse_text(lambda text: "{}")
+    assert "schema 'geo'" in refuse(lambda document: document.update(schema="geo"))
+
+
+def test_a_newer_version_says_to_update(refuse):
+    message = refuse(lambda document: document.update(version=2, anything="else"))
+    assert "version 1, found version 2; update" in message
+    for version in ("1", True, 1.0, 0, None):
+        assert "save the front again" in refuse(lambda document, v=version: document.update(version=v))
+
+
+def drop(mapping, key):
+    del mapping[key]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda document: drop(document, "certificate"), "missing keys ['certificate']"),
+        (lambda document: document.update(extra=1), "unknown keys ['extra']"),
+        (lambda document: document.update(status=None), "'status' to be of type str"),
+        (lambda document: document.update(problem=[]), "'problem' to be of type dict or NoneType"),
+        (lambda document: drop(document["points"][1], "item"), "points[1] to have the keys"),
+        (lambda document: document["points"].append(7), "points[2] to be an object"),
+        (lambda document: document["points"][0].update(provenance=[]), "'provenance' to be of type dict"),
+        (lambda document: document["points"][0]["costs"].append(1.0), "2 numbers in points[0].costs"),
+        (lambda document: document["points"][0]["reported"].clear(), "1 numbers in points[0].reported"),
+        (lambda document: document["criteria"][0].update(quantum=True), "'quantum' to be of type"),
+        (lambda document: document["criteria"][0].update(quantum=0), "quanta must be positive"),
+        (lambda document: document["criteria"][1].update(name="turns"), "no name twice"),
+        (lambda document: document["criteria"].clear(), "0 numbers in points[0].costs"),
+        (lambda document: document["points"].reverse(), "not a sorted front"),
+        (lambda document: document["points"].append(document["points"][1]), "not a sorted front"),
+        (lambda document: document["points"][1]["costs"].__setitem__(1, 99.0), "not a sorted front"),
+        (lambda document: document.update(certificate=""), "what it claims"),
+    ],
+)
+def test_a_document_that_is_not_a_front_is_refused(refuse, change, message):
+    assert message in refuse(change)
+
+
+def test_an_item_that_does_not_decode_names_its_point(tmp_path):
+    path = tmp_path / "front.json"
+    front_of().save(path)
+    with pytest.raises(
+        FrontFileError, match=r"points\[0\] cannot be decoded \(KeyError: 'y'\); pass the decode="
+    ):
+        Front.load(path, decode=lambda item: item["y"])
+
+
+def test_a_missing_file_is_not_a_bad_front(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        Front.load(tmp_path / "absent.json")
