@@ -1,0 +1,7 @@
+"""The workspace, its fields, and the readers of maps."""
+
+from hpop.world.field import Field
+from hpop.world.shapes import Obstacle, Raster
+from hpop.world.world import World
+
+__all__ = ["Field", "Obstacle", "Raster", "World"]

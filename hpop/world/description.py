@@ -1,0 +1,142 @@
+"""A world as JSON-able data and back: what a saved front keeps, so that it can be planned on again."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon, mapping, shape
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray
+from hpop.errors import MapError
+from hpop.world.shapes import Obstacle, Raster, check_size
+from hpop.world.world import Heights, World
+
+READERS = ("ros_map", "movingai", "geojson", "image")
+
+
+def describe(world: World) -> dict[str, Any]:
+    """Describe a world by the files it was read from, or else by its geometry; see `World.describe`."""
+    if world.source is not None:
+        source: dict[str, Any] = _lists(world.source)
+        return source
+    raster = world.raster
+    return {
+        "kind": "geometry",
+        "obstacles": [{"polygon": _geometry(o.polygon), "z": _heights(o.heights)} for o in world.obstacles],
+        "raster": None if raster is None else _raster(raster),
+        "keep_out": _geometry(world.keep_out),
+        "extent": _geometry(world.extent),
+        "outside_is_obstacle": world.outside_is_obstacle,
+        "notes": list(world.notes),
+    }
+
+
+def build(description: Mapping[str, Any]) -> World:
+    """Build the world that `describe` described, and trust none of it: it may come from anywhere."""
+    kind = description.get("kind") if isinstance(description, Mapping) else None
+    try:
+        if kind == "geometry":
+            return _from_geometry(description)
+        if kind in READERS:
+            return _from_files(description, str(kind))
+    except MapError:
+        raise
+    except (KeyError, TypeError, ValueError, shapely.errors.ShapelyError) as error:
+        raise MapError(f"the description of a world is malformed: {error!r}.") from None
+    known = ", ".join(("geometry", *READERS))
+    raise MapError(f"a world's description must have a kind out of {known}; got {kind!r}.")
+
+
+def _from_files(description: Mapping[str, Any], kind: str) -> World:
+    options = dict(description["options"])
+    world: World = getattr(World, "from_" + kind)(description["path"], **options)
+    hashes = None if world.source is None else list(world.source["sha256"])
+    if hashes != list(description["sha256"]):
+        raise MapError(
+            f"the map {description['path']!r} has changed since this was saved: its SHA-256 differs. Restore "
+            "the file, or plan again on the new map."
+        )
+    return world
+
+
+def _from_geometry(data: Mapping[str, Any]) -> World:
+    prisms = tuple(Obstacle(_polygons(o["polygon"]), *_range(o["z"])) for o in data["obstacles"])
+    raster = data["raster"]
+    return World(
+        obstacles=prisms,
+        raster=None if raster is None else _build_raster(raster),
+        keep_out=_polygons(data["keep_out"]),
+        extent=_polygons(data["extent"]),
+        outside_is_obstacle=bool(data["outside_is_obstacle"]),
+        notes=tuple(str(note) for note in data["notes"]),
+    )
+
+
+def _raster(raster: Raster) -> dict[str, Any]:
+    packed = zlib.compress(np.packbits(raster.cells).tobytes(), 9)
+    return {
+        "shape": list(raster.cells.shape),
+        "cells": base64.b64encode(packed).decode("ascii"),
+        "resolution": raster.resolution,
+        "origin": list(raster.origin),
+        "z": _heights(raster.heights),
+    }
+
+
+def _build_raster(data: Mapping[str, Any]) -> Raster:
+    rows, columns = data["shape"]
+    if type(rows) is not int or type(columns) is not int:
+        raise MapError(f"a raster's shape must be two integers; got {data['shape']!r}.")
+    cells = unpack_cells(data["cells"], rows, columns)
+    return Raster(cells, data["resolution"], data["origin"], *_range(data["z"]))
+
+
+def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
+    """Cells (rows, columns) from base64 of zlib of packed bits; never inflates more than their size."""
+    check_size(rows, columns, "the described raster")
+    size = -(-rows * columns // 8)
+    wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")
+    try:
+        inflate = zlib.decompressobj()
+        data = inflate.decompress(base64.b64decode(text, validate=True), size + 1)
+    except (zlib.error, binascii.Error) as error:
+        raise MapError(f"the described raster cannot be unpacked: {error}.") from None
+    if len(data) != size or not inflate.eof:
+        raise wrong
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), count=rows * columns)
+    return bits.reshape(rows, columns).astype(bool)
+
+
+def _heights(heights: Heights) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in heights]
+
+
+def _range(z: Any) -> Heights:
+    low, high = z
+    return (-math.inf if low is None else low, math.inf if high is None else high)
+
+
+def _geometry(geometry: BaseGeometry) -> dict[str, Any]:
+    lists: dict[str, Any] = _lists(mapping(geometry))
+    return lists
+
+
+def _polygons(data: Any) -> Any:
+    geometry = shape(data)
+    if not isinstance(geometry, Polygon | MultiPolygon):
+        raise MapError(f"a described geometry must be a Polygon or MultiPolygon; got {geometry.geom_type}.")
+    return geometry
+
+
+def _lists(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _lists(item) for key, item in value.items()}
+    return [_lists(item) for item in value] if isinstance(value, tuple | list) else value

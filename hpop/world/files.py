@@ -1,0 +1,107 @@
+"""What the readers share: bytes of a file with their hash, and images as numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import stat
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import MapError
+from hpop.world.shapes import check_size
+
+MAX_BYTES = 1_000_000_000
+"""Largest file that is read."""
+
+
+def read_bytes(path: str | Path, what: str) -> bytes:
+    """Return a file's bytes; `MapError` if it is missing, a directory, empty, too large or not readable."""
+    try:
+        info = os.stat(path)
+    except (OSError, ValueError) as error:
+        raise MapError(f"{what} {str(path)!r} cannot be opened: {_reason(error)}. Check the path.") from None
+    if not stat.S_ISREG(info.st_mode):
+        kind = "a directory" if stat.S_ISDIR(info.st_mode) else "no regular file"
+        raise MapError(f"{what} must be a file; {str(path)!r} is {kind}.")
+    if info.st_size == 0:
+        raise MapError(f"{what} {str(path)!r} is empty (0 bytes).")
+    if info.st_size > MAX_BYTES:
+        raise MapError(f"{what} {str(path)!r} has {info.st_size:,} bytes; at most {MAX_BYTES:,} are read.")
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise MapError(f"{what} {str(path)!r} cannot be read: {_reason(error)}.") from None
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
+
+
+def read_text(data: bytes, path: str | Path, what: str) -> str:
+    """Decode UTF-8, or raise `MapError`."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise MapError(
+            f"{what} {str(path)!r} must be UTF-8 text; byte {error.start} is not. Is it another kind of file?"
+        ) from None
+
+
+def sha256(data: bytes) -> str:
+    """Hexadecimal SHA-256 of a file's content."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def file_source(reader: str, path: str | Path, options: dict[str, Any], *contents: bytes) -> dict[str, Any]:
+    """Describe a world that ``reader`` builds from the file at ``path`` and the files that it names."""
+    return {
+        "kind": reader,
+        "path": os.path.abspath(path),
+        "options": options,
+        "sha256": [sha256(content) for content in contents],
+    }
+
+
+def read_image(data: bytes, path: str | Path) -> tuple[FloatArray, FloatArray | None]:
+    """Decode an image to (H, W, channels) in [0, 1], row 0 at the top, and its alpha (H, W) or None.
+
+    Grey images have one channel, coloured ones three. The size is checked before pixels are decoded.
+    """
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(data))
+    except Image.DecompressionBombError as error:
+        raise MapError(
+            f"image {str(path)!r} is too large: {error} Crop it or lower its resolution."
+        ) from None
+    except Exception as error:  # each decoder fails in its own way
+        raise MapError(
+            f"image {str(path)!r} cannot be read ({error}); expected PGM (P2, P5), PNG or another "
+            "format that Pillow opens."
+        ) from None
+    width, height = image.size
+    check_size(height, width, f"image {str(path)!r}")
+    try:
+        if image.mode in ("I", "I;16", "I;16B", "F"):
+            limit = 65535.0
+            grey = np.asarray(image, dtype=np.float64)
+            return np.clip(grey / limit, 0.0, 1.0)[..., None], None
+        alpha = image.has_transparency_data
+        mode = ("L" if image.mode in ("1", "L", "LA") else "RGB") + ("A" if alpha else "")
+        pixels = np.asarray(image.convert(mode))
+    except Exception as error:  # each decoder fails in its own way
+        raise MapError(
+            f"image {str(path)!r} is {width} x {height} by its header, but its pixels cannot be read "
+            f"({error}). Is the file cut off?"
+        ) from None
+    shades = pixels.reshape(height, width, -1).astype(np.float64) / 255.0
+    return (shades[..., :-1], shades[..., -1]) if alpha else (shades, None)

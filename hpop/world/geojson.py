@@ -1,0 +1,168 @@
+"""Reader for GeoJSON (RFC 7946) floor plans: polygons as obstacles, or as the free space between them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon, shape
+from shapely.geometry.base import BaseGeometry
+
+from hpop.errors import MapError
+from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.shapes import Obstacle, check_heights, check_positive
+from hpop.world.world import WHOLE, Heights, World
+
+Meaning = Literal["obstacles", "free", "outline"]
+
+
+def read(
+    path: str | Path,
+    *,
+    scale: float = 1.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    polygons: Meaning = "obstacles",
+) -> World:
+    """Read the polygons of a GeoJSON file as a `World`.
+
+    Parameters
+    ----------
+    path : path of the file
+    scale : float
+        Metres per unit of the file. EPSG:3857 stretches lengths: its scale is cos(latitude).
+    origin : (x, y)
+        The file's point that becomes (0, 0); projected coordinates are millions of metres otherwise.
+    polygons : "obstacles", "free" or "outline"
+        What a polygon stands for. *obstacles*: the extent is their bounding box. *free*: the robot must stay
+        in their union, and all beyond is obstacle to the camera. *outline*: the same for the largest polygon;
+        every other is an obstacle: a building and its columns.
+
+    An obstacle's property ``height`` is the number of metres from the floor, or a pair [z_min, z_max]; it has
+    the whole height without. What is left out or mended is told in ``world.notes``: features without
+    geometry, properties, or polygons, and self-crossing outlines.
+
+    Raises
+    ------
+    MapError
+        If the file is missing or no GeoJSON, has no polygons, or a polygon or height makes no sense.
+    """
+    if polygons not in get_args(Meaning):
+        raise MapError(f"polygons must be one of {', '.join(get_args(Meaning))}; got {polygons!r}.")
+    scale = check_positive("scale", scale)
+    x0, y0 = _point(origin)
+    content = read_bytes(path, "GeoJSON file")
+    notes: list[str] = []
+    shapes: list[tuple[Polygon, Heights]] = []
+    for where, feature in _features(_parse(read_text(content, path, "GeoJSON file"), path), path):
+        geometry = _polygon(feature, where, notes)
+        if geometry is not None:
+            heights = _heights(feature, where, notes)
+            placed = shapely.transform(geometry, lambda points: (points - (x0, y0)) * scale)
+            shapes += [(part, heights) for part in _parts(placed, where, notes)]
+    if not shapes:
+        raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
+    source = file_source("geojson", path, {"scale": scale, "origin": [x0, y0], "polygons": polygons}, content)
+    if polygons == "obstacles":
+        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=tuple(notes), source=source)
+    free = shapes
+    if polygons == "outline":
+        free = [max(shapes, key=lambda part: part[0].area)]
+    return World(
+        tuple(Obstacle(p, *z) for p, z in shapes if all(p is not q for q, _ in free)),
+        extent=shapely.union_all([p for p, _ in free]),
+        outside_is_obstacle=True,
+        notes=tuple(notes),
+        source=source,
+    )
+
+
+def _point(origin: Any) -> tuple[float, float]:
+    try:
+        x, y = (float(value) for value in origin)
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise MapError(f"origin must be two finite numbers (x, y) in the file's units; got {origin!r}.")
+    return x, y
+
+
+def _parse(text: str, path: str | Path) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise MapError(f"{path} is not JSON: {error}.") from None
+
+
+def _features(data: Any, path: str | Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield (where, feature) of a FeatureCollection, a Feature, or a bare geometry."""
+    kind = data.get("type") if isinstance(data, dict) else None
+    if kind == "FeatureCollection":
+        features = data.get("features")
+        if not isinstance(features, list):
+            raise MapError(f"{path}: a FeatureCollection must have a list of features; got {features!r:.60}.")
+    elif kind == "Feature":
+        features = [data]
+    elif kind in ("Polygon", "MultiPolygon"):
+        features = [{"type": "Feature", "properties": {}, "geometry": data}]
+    else:
+        raise MapError(
+            f"{path} must hold a GeoJSON FeatureCollection, Feature or Polygon; got type {kind!r}."
+        )
+    for number, feature in enumerate(features):
+        if not isinstance(feature, dict):
+            raise MapError(f"{path}: feature {number} must be an object; got {feature!r:.60}.")
+        yield f"feature {number}", feature
+
+
+def _polygon(feature: dict[str, Any], where: str, notes: list[str]) -> BaseGeometry | None:
+    data = feature.get("geometry")
+    if data is None:
+        notes.append(f"{where} has no geometry: left out.")
+        return None
+    kind = data.get("type") if isinstance(data, dict) else None
+    if kind not in ("Polygon", "MultiPolygon"):
+        notes.append(f"{where} is a {kind}, not a polygon: left out.")
+        return None
+    try:
+        geometry = shapely.force_2d(shape(data))
+    except Exception as error:  # shapely passes on whatever the coordinates provoke
+        raise MapError(f"{where}: its coordinates make no {kind}: {error}.") from None
+    if not np.isfinite(shapely.get_coordinates(geometry)).all():
+        raise MapError(f"{where}: its coordinates must be finite numbers.")
+    if geometry.is_empty:
+        notes.append(f"{where} is an empty {kind}: left out.")
+        return None
+    return geometry
+
+
+def _parts(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:
+    """Return the valid polygons of a geometry; a self-crossing outline is mended and noted."""
+    if not geometry.is_valid:
+        notes.append(f"{where} is not a valid polygon ({shapely.is_valid_reason(geometry)}): mended.")
+        geometry = shapely.make_valid(geometry)
+    return [
+        part
+        for part in shapely.get_parts(shapely.get_parts(geometry))
+        if isinstance(part, Polygon) and part.area > 0
+    ]
+
+
+def _heights(feature: dict[str, Any], where: str, notes: list[str]) -> Heights:
+    properties = feature.get("properties")
+    if not isinstance(properties, dict):
+        notes.append(f"{where} has no properties: whole height.")
+        return WHOLE
+    height = properties.get("height")
+    if height is None:
+        return WHOLE
+    if isinstance(height, int | float) and not isinstance(height, bool):
+        height = (0.0, height)
+    try:
+        return check_heights(height)
+    except MapError as error:
+        raise MapError(f"{where}: property height must be a number or [z_min, z_max]: {error}") from None

@@ -1,0 +1,72 @@
+"""Reader for the grid maps of the MovingAI benchmark (Sturtevant 2012, movingai.com)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from hpop.errors import MapError
+from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.shapes import Raster, check_positive, check_size
+from hpop.world.world import World
+
+PASSABLE = b".GS"
+TERRAIN = b".GS@OTW"
+
+
+def read(path: str | Path, *, resolution: float = 1.0) -> World:
+    """Read a ``.map`` file of type octile as a `World` of cells; only ``.``, ``G`` and ``S`` are passable.
+
+    The first row of the file is the top one: the centre of the cell in column ``col`` and row ``row`` of the
+    file is at ``((col + .5) resolution, (height - 1 - row + .5) resolution)``. ``resolution`` is in metres.
+
+    Raises
+    ------
+    MapError
+        If the file is missing, its header is not that of an octile map, or its rows do not fit the header.
+    """
+    content = read_bytes(path, "map file")
+    lines = read_text(content, path, "map file").splitlines()
+    header = [line.split() for line in lines[:4]]
+    names = [words[0].lower() if words else "" for words in header]
+    if names != ["type", "height", "width", "map"] or header[0][1:] != ["octile"]:
+        raise MapError(
+            f"{path} must begin with the lines 'type octile', 'height H', 'width W', 'map'; got "
+            f"{lines[:4]!r:.120}."
+        )
+    height, width = (_count(path, words) for words in header[1:3])
+    check_size(height, width, f"map {str(path)!r}")
+    rows = lines[4:]
+    while rows and not rows[-1].strip():
+        rows.pop()
+    lengths = {len(row) for row in rows}
+    if len(rows) != height or lengths != {width}:
+        raise MapError(
+            f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of "
+            f"{sorted(lengths)[:5]} cells."
+        )
+    try:
+        cells = np.frombuffer("".join(rows).encode("ascii"), dtype=np.uint8).reshape(height, width)
+    except UnicodeEncodeError:
+        cells = np.zeros((1, 1), dtype=np.uint8)
+    unknown = cells[~np.isin(cells, np.frombuffer(TERRAIN, dtype=np.uint8))]
+    if unknown.size:
+        raise MapError(
+            f"{path}: cells must be out of {TERRAIN.decode()}; got {chr(unknown[0])!r} among them."
+        )
+    occupied = ~np.isin(cells, np.frombuffer(PASSABLE, dtype=np.uint8))
+    resolution = check_positive("resolution", resolution)
+    return World(
+        raster=Raster(occupied[::-1], resolution),
+        outside_is_obstacle=True,
+        source=file_source("movingai", path, {"resolution": resolution}, content),
+    )
+
+
+def _count(path: str | Path, words: list[str]) -> int:
+    if len(words) != 2 or not (words[1].isascii() and words[1].isdigit() and len(words[1]) < 10):
+        raise MapError(
+            f"{path}: {words[0]} must be followed by one whole number; got {' '.join(words)!r:.60}."
+        )
+    return int(words[1])

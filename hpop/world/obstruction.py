@@ -1,0 +1,169 @@
+"""Obstruction phi: which fraction of a ball round the camera is inside obstacles.
+
+``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` (Becerra et al. 2020). Two ways to compute it: for
+polygons in closed form, for cells as a convolution of the occupancy with the closed form of one cell. Both
+are exact up to rounding; they differ by how the obstacles are described.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.world.shapes import Obstacle, Raster, overlaps
+
+NOISE = 1e-9
+"""Rounding of the FFT: values below are 0."""
+
+
+def raster_obstruction(
+    raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
+) -> FloatArray:
+    """Obstructed fraction at every cell centre, by FFT.
+
+    The kernel is the exact obstruction by a single cell at every offset, so the result is that of the union
+    of the occupied squares, at any resolution.
+
+    Parameters
+    ----------
+    raster : Raster
+        Occupied cells, with their heights.
+    radius : float
+        Of the ball, m.
+    camera_z : float
+        Height of the ball's centre, m; without effect where all cells have the whole height.
+    outside_is_obstacle : bool
+        Whether the plane beyond the image counts as occupied.
+    pad : int
+        Cells to add on every side of the image.
+
+    Returns
+    -------
+    (H + 2 pad, W + 2 pad) values in [0, 1].
+    """
+    from scipy.signal import oaconvolve
+
+    reach = math.ceil(radius / raster.resolution + 0.5)
+    offsets = np.arange(-reach, reach + 1) * raster.resolution
+    half = raster.resolution / 2
+    cell = Obstacle(shapely.box(-half, -half, half, half), raster.z_min, raster.z_max)
+    dx, dy = np.meshgrid(offsets, offsets)
+    kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
+    occupied = np.pad(raster.cells.astype(float), reach + pad, constant_values=float(outside_is_obstacle))
+    phi = np.asarray(oaconvolve(occupied, kernel, mode="valid"), dtype=np.float64)
+    phi[np.abs(phi) < NOISE] = 0.0
+    return np.clip(phi, 0.0, 1.0)
+
+
+def polygon_obstruction(
+    obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float
+) -> FloatArray:
+    """Obstructed fraction of the ball round each camera position, in closed form.
+
+    The volume over a polygon is a signed sum over its edges of elementary integrals of the ball's column
+    height (derived for this project, checked against Monte Carlo). Overlapping obstacles count once: touching
+    groups are cut into slabs between their heights, and merged within each. Points are treated tile by tile,
+    with the polygons clipped to what the tile's balls can reach.
+
+    Parameters
+    ----------
+    obstacles : sequence of Obstacle
+    x, y, z : (M,) arrays or numbers, broadcast
+        Camera positions, m.
+    radius : float
+        Of the ball, m.
+
+    Returns
+    -------
+    (M,) values in [0, 1].
+
+    Examples
+    --------
+    A wall that fills the half-plane x > 1 takes (r - d)^2 (2 r + d) / (4 r^3) of the ball with r = 2:
+
+    >>> wall = Obstacle(shapely.box(1, -9, 9, 9))
+    >>> polygon_obstruction([wall], 0.0, 0.0, 0.0, 2.0).round(9)
+    array([0.15625])
+    """
+    from hpop.world._ball import ball_volumes
+
+    columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
+    x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))
+    volume = np.zeros(x.shape)
+    parts, heights = disjoint_prisms(obstacles)
+    if not parts:
+        return volume
+    tree = shapely.STRtree(parts)
+    for points, box in _tiles(x, y, radius):
+        found = np.sort(tree.query(box, predicate="intersects"))
+        if not found.size:
+            continue
+        edges, slab = _edges([shapely.intersection(parts[i], box) for i in found])
+        part = np.zeros(points.size)
+        ball_volumes(edges, slab, heights[found], x[points], y[points], z[points], radius, part)
+        volume[points] = part
+    phi = volume / (4.0 / 3.0 * math.pi * radius**3)
+    phi[np.abs(phi) < NOISE] = 0.0
+    return np.clip(phi, 0.0, 1.0)
+
+
+def disjoint_prisms(obstacles: Sequence[Obstacle]) -> tuple[list[BaseGeometry], FloatArray]:
+    """Rewrite overlapping obstacles as disjoint prisms: geometries (m) and their heights (S, 2), m."""
+    geometries: list[BaseGeometry] = []
+    heights: list[tuple[float, float]] = []
+    for group in _groups([o.polygon for o in obstacles]):
+        levels = sorted({level for i in group for level in obstacles[i].heights})
+        for slab in pairwise(levels):
+            inside = [obstacles[i].polygon for i in group if overlaps(obstacles[i].heights, slab)]
+            if inside:
+                geometries.append(inside[0] if len(inside) == 1 else shapely.union_all(inside))
+                heights.append(slab)
+    return geometries, np.array(heights).reshape(-1, 2)
+
+
+def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
+    """Group the indices of the polygons by who touches whom."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not polygons:
+        return []
+    a, b = shapely.STRtree(polygons).query(polygons, predicate="intersects")
+    graph = coo_array((np.ones(a.size, dtype=np.int8), (a, b)), shape=(len(polygons), len(polygons)))
+    count, label = connected_components(graph, directed=False)
+    return [np.flatnonzero(label == k) for k in range(count)]
+
+
+def _tiles(x: FloatArray, y: FloatArray, radius: float) -> list[tuple[IntArray, Polygon]]:
+    """Points by square tile of side 2 r, with the square that their balls can reach."""
+    side = 2.0 * radius
+    column, row = np.floor(x / side), np.floor(y / side)
+    _, label = np.unique(np.stack([column, row]), axis=1, return_inverse=True)
+    order = np.argsort(label, kind="stable")
+    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    tiles = []
+    for points in np.split(order, cuts):
+        if points.size:
+            x0, y0 = column[points[0]] * side, row[points[0]] * side
+            low, high = -1.01 * radius, side + 1.01 * radius
+            tiles.append((points, shapely.box(x0 + low, y0 + low, x0 + high, y0 + high)))
+    return tiles
+
+
+def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
+    """Edges (E, 4) of the geometries' rings, m, and where each geometry's edges begin (S + 1,)."""
+    parts, owner = shapely.get_parts(np.asarray(geometries, dtype=object), return_index=True)
+    area = shapely.area(parts) > 0
+    rings, part = shapely.get_rings(shapely.orient_polygons(parts[area]), return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    same = ring[1:] == ring[:-1]
+    edges = np.concatenate([points[:-1][same], points[1:][same]], axis=1)
+    slab = owner[area][part[ring[:-1][same]]]
+    return edges, np.searchsorted(slab, np.arange(len(geometries) + 1)).astype(np.int64)

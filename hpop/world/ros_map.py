@@ -1,0 +1,174 @@
+"""Reader for ROS map_server maps: a yaml file and the image that it names."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from shapely.geometry import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray, FloatArray
+from hpop.errors import MapError
+from hpop.world.files import file_source, read_bytes, read_image, read_text
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive
+from hpop.world.world import WHOLE, Heights, World
+
+KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+MODES = ("trinary", "scale", "raw")
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyMap:
+    """A map as map_server sees it.
+
+    occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
+    resolution      float         m
+    origin          (x, y, yaw)   m, m, rad
+    contents        bytes of the yaml file and of the image
+    """
+
+    occupied: BoolArray
+    free: BoolArray
+    resolution: float
+    origin: tuple[float, float, float]
+    contents: tuple[bytes, bytes]
+
+
+def read(
+    path: str | Path,
+    *,
+    unknown_is_free: bool = False,
+    keep_out: str | Path | None = None,
+    height: Heights | None = None,
+) -> World:
+    """Read a map_server yaml and its image as a `World` of cells.
+
+    Parameters
+    ----------
+    path : path of the yaml file
+    unknown_is_free : bool
+        Unknown cells, and all beyond the image, are obstacles unless this is set.
+    keep_out : path of a second yaml file, optional
+        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera.
+    height : (z_min, z_max) in metres, optional
+        Heights of all obstacle cells; the whole height by default.
+
+    Raises
+    ------
+    MapError
+        If a file is missing or broken, or a value makes no sense.
+    """
+    grid = load(path)
+    contents = list(grid.contents)
+    heights = WHOLE if height is None else check_heights(height)
+    zone: BaseGeometry = MultiPolygon()
+    if keep_out is not None:
+        mask = load(keep_out)
+        contents += mask.contents
+        zone = Raster(mask.occupied, mask.resolution, mask.origin).solid()
+    options = {
+        "unknown_is_free": bool(unknown_is_free),
+        "keep_out": None if keep_out is None else str(Path(keep_out).absolute()),
+        "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
+    }
+    cells = grid.occupied if unknown_is_free else ~grid.free
+    return World(
+        raster=Raster(cells, grid.resolution, grid.origin, *heights),
+        keep_out=zone,
+        outside_is_obstacle=not unknown_is_free,
+        source=file_source("ros_map", path, options, *contents),
+    )
+
+
+def load(path: str | Path) -> OccupancyMap:
+    """Read a yaml file and its image, and classify the cells; `MapError` for anything that is not a map."""
+    content = read_bytes(path, "map file")
+    data = _mapping(read_text(content, path, "map file"), path)
+    try:
+        resolution = check_positive("resolution", data["resolution"])
+        origin = check_pose(data["origin"])
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
+    occupied_thresh, free_thresh = (_threshold(path, data, key) for key in ("occupied_thresh", "free_thresh"))
+    if free_thresh > occupied_thresh:
+        raise MapError(
+            f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}."
+        )
+    negate = data["negate"]
+    if negate not in (0, 1):
+        raise MapError(f"{path}: negate must be 0, 1, true or false; got {negate!r}.")
+    mode = data.get("mode", "trinary")
+    if mode not in MODES:
+        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}; got {mode!r}.")
+    name = data["image"]
+    if not isinstance(name, str) or not name:
+        raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {name!r}.")
+    image_path = Path(path).parent / name
+    image = read_bytes(image_path, "map image")
+    colours, alpha = read_image(image, image_path)
+    occupied, free = classify(colours, alpha, mode, bool(negate), occupied_thresh, free_thresh)
+    return OccupancyMap(occupied[::-1], free[::-1], resolution, origin, (content, image))
+
+
+def classify(
+    colours: FloatArray,
+    alpha: FloatArray | None,
+    mode: str,
+    negate: bool,
+    occupied_thresh: float,
+    free_thresh: float,
+) -> tuple[BoolArray, BoolArray]:
+    """Tell occupied and free pixels (H, W) apart, as map_server does; the others are unknown.
+
+    The brightness of a pixel is the mean of its colours in [0, 1]; in trinary mode an alpha channel is
+    averaged in with them. ``occ`` is 1 - brightness, or the brightness if negated.
+
+    - trinary: occupied if occ > occupied_thresh, free if occ < free_thresh.
+    - scale: the same, but a pixel that is not opaque is unknown. map_server grades the pixels between the
+      thresholds from 0 to 100; here they are unknown, since a cell is an obstacle or not.
+    - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says; occupied
+    if
+      at least 100 occupied_thresh, free if at most 100 free_thresh.
+    """
+    if mode == "trinary" and alpha is not None:
+        channels = np.broadcast_to(colours, (*alpha.shape, 3))
+        brightness = (channels.sum(axis=-1) + alpha) / 4.0
+    else:
+        brightness = colours.mean(axis=-1)
+    if mode == "raw":
+        percent = np.round(brightness * 255.0)
+        known = percent <= 100
+        occupied = known & (percent >= 100 * occupied_thresh)
+        return occupied, known & ~occupied & (percent <= 100 * free_thresh)
+    occ = brightness if negate else 1.0 - brightness
+    occupied, free = occ > occupied_thresh, occ < free_thresh
+    if mode == "scale" and alpha is not None:
+        occupied, free = occupied & (alpha == 1.0), free & (alpha == 1.0)
+    return occupied, free
+
+
+def _mapping(text: str, path: str | Path) -> dict[str, Any]:
+    try:
+        data = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise MapError(f"{path} is not a yaml file that may be loaded: {reason}") from None
+    if not isinstance(data, dict):
+        raise MapError(f"{path} must hold a yaml mapping with {', '.join(KEYS)}; got {type(data).__name__}.")
+    missing = [key for key in KEYS if key not in data]
+    if missing:
+        raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.")
+    return data
+
+
+def _threshold(path: str | Path, data: dict[str, Any], key: str) -> float:
+    value = data[key]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        hint = " YAML 1.1 reads 1e-3 as text: write 0.001." if isinstance(value, str) else ""
+        raise MapError(f"{path}: {key} must be a number from 0 to 1; got {value!r}.{hint}")
+    return float(value)

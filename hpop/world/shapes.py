@@ -1,0 +1,171 @@
+"""What a world is made of: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray, FloatArray, frozen
+from hpop.errors import MapError
+
+MAX_CELLS = 100_000_000
+"""Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
+
+
+def check_heights(heights: Any) -> tuple[float, float]:
+    """Return (z_min, z_max), m, as floats; None is no bound. `MapError` unless z_min < z_max."""
+    try:
+        low, high = heights
+        z_min = -math.inf if low is None else float(low)
+        z_max = math.inf if high is None else float(high)
+    except (TypeError, ValueError):
+        raise MapError(f"heights must be a pair (z_min, z_max) in metres; got {heights!r}.") from None
+    if not z_min < z_max:
+        raise MapError(f"heights must satisfy z_min < z_max; got ({z_min}, {z_max}).")
+    return z_min, z_max
+
+
+def check_pose(origin: Any) -> tuple[float, float, float]:
+    """Return an origin (x, y, yaw), metres and radians, as three finite floats, or raise `MapError`."""
+    try:
+        pose = tuple(float(value) for value in origin)
+    except (TypeError, ValueError):
+        pose = ()
+    if len(pose) != 3 or not all(math.isfinite(value) for value in pose):
+        raise MapError(f"origin must be three finite numbers [x, y, yaw] (metres, radians); got {origin!r}.")
+    return pose[0], pose[1], pose[2]
+
+
+def check_positive(name: str, value: Any) -> float:
+    """Return a finite float above 0, or raise `MapError` naming the quantity."""
+    hint = " YAML 1.1 reads 1e-3 as text: write 0.001 or 1.0e-3." if isinstance(value, str) else ""
+    if isinstance(value, bool | str) or not isinstance(value, int | float | np.number):
+        raise MapError(f"{name} must be a number above 0; got {value!r}.{hint}")
+    if not (math.isfinite(value) and value > 0):
+        raise MapError(f"{name} must be a finite number above 0; got {value!r}.")
+    return float(value)
+
+
+def check_size(height: int, width: int, what: str) -> None:
+    """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken for it."""
+    if height < 1 or width < 1:
+        raise MapError(f"{what} must have at least one cell; got {width} x {height}.")
+    if height * width > MAX_CELLS:
+        raise MapError(
+            f"{what} is {width} x {height} = {height * width:,} cells; at most {MAX_CELLS:,} are read. "
+            "Crop the map or lower its resolution."
+        )
+
+
+def rotate(x: Any, y: Any, yaw: float) -> tuple[Any, Any]:
+    """Turn plane vectors by `yaw` (rad, counter-clockwise); yaw 0 leaves the numbers exactly as they are."""
+    if yaw == 0.0:
+        return x, y
+    c, s = math.cos(yaw), math.sin(yaw)
+    return c * x - s * y, s * x + c * y
+
+
+def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Whether two open height ranges share a point; touching ranges do not."""
+    return a[0] < b[1] and b[0] < a[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """An upright prism: a polygon between two heights.
+
+    polygon       shapely Polygon   m   outline in the world frame, holes allowed
+    z_min, z_max  float             m   -inf and inf mean "the whole height"
+    """
+
+    polygon: Polygon
+    z_min: float = -math.inf
+    z_max: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the outline and the heights."""
+        if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
+            raise MapError(f"an obstacle must be a shapely Polygon with an area; got {self.polygon!r:.80}.")
+        if not np.isfinite(shapely.get_coordinates(self.polygon)).all():
+            raise MapError("an obstacle's coordinates must be finite numbers.")
+        if not self.polygon.is_valid:
+            reason = shapely.is_valid_reason(self.polygon)
+            raise MapError(f"an obstacle's outline is not valid ({reason}); see shapely.make_valid.")
+        z_min, z_max = check_heights((self.z_min, self.z_max))
+        object.__setattr__(self, "z_min", z_min)
+        object.__setattr__(self, "z_max", z_max)
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """(z_min, z_max), m."""
+        return self.z_min, self.z_max
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """Occupancy cells, each an upright square prism.
+
+    cells         (H, W) bool   True is an obstacle; row 0 at the bottom: y grows with the row
+    resolution    float         m     side of a cell
+    origin        (x, y, yaw)   m, m, rad   lower-left corner of cell [0, 0], world frame
+    z_min, z_max  float         m     heights of all occupied cells
+    """
+
+    cells: BoolArray
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    z_min: float = -math.inf
+    z_max: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Copy the cells and check sizes and numbers."""
+        cells = np.asarray(self.cells)
+        if cells.ndim != 2 or cells.dtype != np.bool_:
+            raise MapError(
+                f"cells must be a 2-D array of bool (H, W); got shape {cells.shape}, {cells.dtype}. "
+                "Threshold first, e.g. cells > 0.5."
+            )
+        check_size(cells.shape[0], cells.shape[1], "the raster")
+        z_min, z_max = check_heights((self.z_min, self.z_max))
+        object.__setattr__(self, "cells", frozen(cells))
+        object.__setattr__(self, "resolution", check_positive("resolution", self.resolution))
+        object.__setattr__(self, "origin", check_pose(self.origin))
+        object.__setattr__(self, "z_min", z_min)
+        object.__setattr__(self, "z_max", z_max)
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """(z_min, z_max), m."""
+        return self.z_min, self.z_max
+
+    def to_world(self, column: Any, row: Any) -> tuple[Any, Any]:
+        """World coordinates (m) of points given in cells from the lower-left corner."""
+        dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
+        return dx + self.origin[0], dy + self.origin[1]
+
+    def rectangle(self) -> BaseGeometry:
+        """Outline of the image, m."""
+        rows, columns = self.cells.shape
+        return self._placed(shapely.box(0, 0, columns, rows))
+
+    def solid(self) -> BaseGeometry:
+        """Union of the occupied squares, exact: runs of cells along rows are boxes, merged in cell units."""
+        edges = np.diff(np.pad(self.cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+        rows, starts = np.nonzero(edges == 1)
+        ends = np.nonzero(edges == -1)[1]
+        if rows.size == 0:
+            return MultiPolygon()
+        union = shapely.union_all(shapely.box(starts, rows, ends, rows + 1))
+        return self._placed(union.simplify(0.0))
+
+    def _placed(self, geometry: BaseGeometry) -> BaseGeometry:
+        def place(points: FloatArray) -> FloatArray:
+            return np.stack(self.to_world(points[:, 0], points[:, 1]), axis=1)
+
+        return shapely.transform(geometry, place)

@@ -1,0 +1,447 @@
+"""The workspace: obstacles, where a robot may be, and how much of a camera's surroundings is obstructed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol, TypeVar
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray, Column
+from hpop.errors import MapError, OptionError
+from hpop.world.field import Field, grid_points, is_symbolic
+from hpop.world.obstruction import polygon_obstruction, raster_obstruction
+from hpop.world.planar import FreeSpace
+from hpop.world.shapes import Obstacle, Raster, overlaps
+
+WHOLE = (-math.inf, math.inf)
+CELL = 0.1
+"""Field cell of a polygon world, m."""
+MAX_HEIGHTS = 16
+"""Distinct camera heights that one call of `World.obstruction` may ask for."""
+MAX_NODES = 25_000_000
+"""Samples of a field; a larger world is sampled more coarsely."""
+_PAD = 3
+
+T = TypeVar("T")
+Heights = tuple[float, float]
+
+
+class CameraPose(Protocol):
+    """What `World.obstruction` asks of a pose: columns (M,) in metres."""
+
+    @property
+    def x(self) -> Column:
+        """World x, m."""
+
+    @property
+    def y(self) -> Column:
+        """World y, m."""
+
+    @property
+    def z(self) -> Column:
+        """Height above the floor, m; numbers, never symbols."""
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Obstacles and free space, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
+
+    obstacles            upright prisms
+    raster               occupancy cells, or None
+    keep_out             shapely geometry, m: closed to the robot, invisible to the camera
+    extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
+                         bounding box of the obstacles
+    outside_is_obstacle  whether the camera counts all beyond the extent as obstacle (as high as the raster's
+                         cells; the whole height without a raster)
+    notes                what a reader left out or mended
+    source               how to build the same world again, see `describe`
+
+    Values derived from these are computed when first needed, kept, and not pickled.
+    """
+
+    obstacles: tuple[Obstacle, ...] = ()
+    raster: Raster | None = None
+    keep_out: BaseGeometry = field(default_factory=MultiPolygon)
+    extent: BaseGeometry = field(default_factory=MultiPolygon)
+    outside_is_obstacle: bool = False
+    notes: tuple[str, ...] = ()
+    source: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        """Fill in the extent and check the geometries."""
+        extent = self.extent
+        if extent.is_empty:
+            if self.raster is not None:
+                extent = self.raster.rectangle()
+            elif self.obstacles:
+                extent = shapely.box(*shapely.total_bounds([o.polygon for o in self.obstacles]))
+            else:
+                raise MapError("a world without obstacles needs extent=, where the robot must stay.")
+        for name, shape in (("extent", extent), ("keep_out", self.keep_out)):
+            if not isinstance(shape, Polygon | MultiPolygon) or not shape.is_valid:
+                raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shape!r:.80}.")
+            if not np.isfinite(shapely.get_coordinates(shape)).all():
+                raise MapError(f"{name} must have finite coordinates.")
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "_cache", {})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the fields without what was derived from them."""
+        return {key: value for key, value in self.__dict__.items() if key != "_cache"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the fields."""
+        self.__dict__.update(state, _cache={})
+
+    def _cached(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+        cache: dict[tuple[Any, ...], Any] = self.__dict__["_cache"]
+        if key not in cache:
+            cache[key] = make()
+        return cache[key]  # type: ignore[no-any-return]
+
+    # Constructors
+
+    @classmethod
+    def from_polygons(
+        cls,
+        obstacles: Iterable[BaseGeometry | tuple[BaseGeometry, Heights]],
+        *,
+        extent: BaseGeometry | None = None,
+        keep_out: BaseGeometry | None = None,
+    ) -> World:
+        """Build a world from shapely polygons, each alone or as (polygon, (z_min, z_max)), in metres.
+
+        >>> world = World.from_polygons([shapely.box(4, 0, 6, 3)], extent=shapely.box(0, 0, 10, 5))
+        >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
+        array([1. , 0.5, 0. ])
+        """
+        prisms = []
+        for item in obstacles:
+            shape, heights = item if isinstance(item, tuple) else (item, WHOLE)
+            if not isinstance(shape, Polygon | MultiPolygon):
+                raise MapError(f"an obstacle must be a shapely Polygon or MultiPolygon; got {shape!r:.80}.")
+            prisms += [Obstacle(part, *heights) for part in shapely.get_parts(shape)]
+        return cls(tuple(prisms), keep_out=_or_nothing(keep_out), extent=_or_nothing(extent))
+
+    @classmethod
+    def from_cells(
+        cls,
+        occupied: BoolArray,
+        resolution: float,
+        *,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        height: Heights = WHOLE,
+        keep_out: BaseGeometry | None = None,
+        outside_is_obstacle: bool = True,
+    ) -> World:
+        """Build a world from occupancy cells (H, W), row 0 at the bottom; see `Raster` for the rest.
+
+        >>> world = World.from_cells(np.eye(3, dtype=bool), 0.5)
+        >>> world.clearance(np.array([1.25]), np.array([0.25]))
+        array([0.25])
+        """
+        raster = Raster(occupied, resolution, origin, *height)
+        return cls(
+            raster=raster,
+            keep_out=_or_nothing(keep_out),
+            outside_is_obstacle=outside_is_obstacle,
+        )
+
+    @classmethod
+    def from_ros_map(
+        cls,
+        path: str | Path,
+        *,
+        unknown_is_free: bool = False,
+        keep_out: str | Path | None = None,
+        height: Heights | None = None,
+    ) -> World:
+        """Read a ROS map_server map; see `hpop.world.ros_map.read`."""
+        from hpop.world import ros_map
+
+        return ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
+
+    @classmethod
+    def from_movingai(cls, path: str | Path, *, resolution: float = 1.0) -> World:
+        """Read a grid map of the MovingAI benchmark; see `hpop.world.movingai.read`."""
+        from hpop.world import movingai
+
+        return movingai.read(path, resolution=resolution)
+
+    @classmethod
+    def from_geojson(
+        cls,
+        path: str | Path,
+        *,
+        scale: float = 1.0,
+        origin: tuple[float, float] = (0.0, 0.0),
+        polygons: Literal["obstacles", "free", "outline"] = "obstacles",
+    ) -> World:
+        """Read a vector floor plan; see `hpop.world.geojson.read`."""
+        from hpop.world import geojson
+
+        return geojson.read(path, scale=scale, origin=origin, polygons=polygons)
+
+    @classmethod
+    def from_image(
+        cls,
+        path: str | Path,
+        resolution: float,
+        *,
+        threshold: float = 0.5,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        height: Heights | None = None,
+        outside_is_obstacle: bool = True,
+    ) -> World:
+        """Read a blueprint image; see `hpop.world.image.read`."""
+        from hpop.world import image
+
+        return image.read(
+            path,
+            resolution,
+            threshold=threshold,
+            origin=origin,
+            height=height,
+            outside_is_obstacle=outside_is_obstacle,
+        )
+
+    # Geometry in the plane
+
+    def _active(self, z: Heights) -> tuple[tuple[int, ...], bool]:
+        """Which obstacles, and whether the raster, overlap a height range: the key of all cached geometry."""
+        low, high = float(z[0]), float(z[1])
+        if not low <= high:
+            raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {z!r}.")
+        prisms = tuple(i for i, o in enumerate(self.obstacles) if overlaps(o.heights, (low, high)))
+        return prisms, self.raster is not None and overlaps(self.raster.heights, (low, high))
+
+    def _raster_solid(self) -> BaseGeometry:
+        raster = self.raster
+        return self._cached(("raster",), lambda: MultiPolygon() if raster is None else raster.solid())
+
+    def _solid(self, active: tuple[tuple[int, ...], bool]) -> BaseGeometry:
+        def make() -> BaseGeometry:
+            prisms, cells = active
+            shapes: list[BaseGeometry] = [self.obstacles[i].polygon for i in prisms]
+            if cells and not shapes:
+                return self._raster_solid()
+            return shapely.union_all([*shapes, self._raster_solid()] if cells else shapes)
+
+        return self._cached(("solid", active), make)
+
+    def solid(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
+        """Union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
+        return self._solid(self._active((z_min, z_max)))
+
+    def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
+        """`solid` and the keep-out zones: where the robot must not be, m. The extent bounds it besides."""
+        active = self._active((z_min, z_max))
+        return self._cached(
+            ("blocked", active), lambda: shapely.union_all([self._solid(active), self.keep_out])
+        )
+
+    def free_space(self, z: Heights = WHOLE) -> FreeSpace:
+        """Return the extent without all that is blocked, its border indexed for exact distances."""
+        return self._cached(
+            ("free", self._active(z)),
+            lambda: FreeSpace(shapely.difference(self.extent, self.blocked(*z))),
+        )
+
+    def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
+        """Distance (M,), m, to the nearest obstacle, keep-out zone or border of the extent; 0 beyond them.
+
+        x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (6 us a point
+        on a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and smoothed.
+        """
+        if is_symbolic(x) or is_symbolic(y):
+            return self.clearance_field(z=z)(x, y)
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        return self.free_space(z).clearance(np.ravel(x), np.ravel(y)).reshape(x.shape)
+
+    def segments_free(
+        self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
+    ) -> BoolArray:
+        """Whether each segment (M,) stays in the extent and ``margin`` (m, within 1e-9) off all blocked."""
+        if not margin >= 0:
+            raise OptionError(f"margin must be a distance of at least 0 m; got {margin!r}.")
+        columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
+        ends = [np.ravel(c) for c in np.broadcast_arrays(*columns)]
+        return self.free_space(z).segments_free(ends[0], ends[1], ends[2], ends[3], float(margin))
+
+    @property
+    def contents(self) -> frozenset[str]:
+        """What this world has of that which a criterion may require."""
+        present = {
+            "obstacles": self.obstacles or self.raster is not None,
+            "keep_out": not self.keep_out.is_empty,
+        }
+        return frozenset(name for name, is_present in present.items() if is_present)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the extent, m."""
+        x0, y0, x1, y1 = shapely.bounds(self.extent)
+        return float(x0), float(y0), float(x1), float(y1)
+
+    @property
+    def cell(self) -> float:
+        """Longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        if self.raster is not None:
+            return min(self.raster.resolution, 2 * CELL)
+        x0, y0, x1, y1 = self.bounds
+        return min(CELL, min(x1 - x0, y1 - y0) / 50)
+
+    # Fields
+
+    def _spacing(self, limit: float) -> float:
+        x0, y0, x1, y1 = self.bounds
+        return max(min(self.cell, limit), math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+
+    def clearance_field(self, *, z: Heights = WHOLE) -> Field:
+        """Signed clearance as a `Field`: positive in free space, minus the distance to it elsewhere.
+
+        Sampled exactly every `cell` metres. Clearance changes by at most one metre a metre, so the field is
+        within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere in the extent, and usually far closer:
+        check a result with `clearance`, which is exact.
+        """
+
+        def make() -> Field:
+            spacing = self._spacing(math.inf)
+            border = max(4 * spacing, 0.5)
+            x0, y0, x1, y1 = self.bounds
+            xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
+            x, y = np.meshgrid(xs, ys)
+            values = self.free_space(z).signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
+            return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+        return self._cached(("clearance", self._active(z)), make)
+
+    def obstruction(self, pose: CameraPose, radius: float) -> Column:
+        """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
+
+        x and y are arrays or CasADi columns, z numbers. One `Field` is built for each radius and distinct
+        height, and kept; at most 16 heights a call. Worlds whose obstacles all have the whole height need
+        only one.
+        """
+        x, y, z = pose.x, pose.y, np.asarray(pose.z, dtype=np.float64)
+        heights = np.unique(z) if self._has_heights else np.zeros(1)
+        if heights.size > MAX_HEIGHTS:
+            raise OptionError(
+                f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "
+                f"{heights.size} distinct heights. Round the heights, or use obstacles of the whole height."
+            )
+        if heights.size == 1:
+            return self.obstruction_field(radius, float(heights[0]))(x, y)
+        if is_symbolic(x) or is_symbolic(y):
+            fields = [self.obstruction_field(radius, float(h))(x, y) for h in heights]
+            return sum(np.where(z == h, 1.0, 0.0) * f for h, f in zip(heights, fields, strict=True))
+        x, y, z = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64), z)
+        result = np.zeros(z.shape)
+        for h in heights:
+            at = z == h
+            result[at] = self.obstruction_field(radius, float(h))(x[at], y[at])
+        return result
+
+    @property
+    def _has_heights(self) -> bool:
+        ranges = [o.heights for o in self.obstacles] + ([self.raster.heights] if self.raster else [])
+        return any(r != WHOLE for r in ranges)
+
+    def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
+        """Obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
+
+        Samples are exact; between and at them the spline smooths. With a spacing of at most a tenth of the
+        radius the field is within .003 of phi beside straight walls; see `Field` for the general statement.
+        """
+        if not (math.isfinite(radius) and radius > 0):
+            raise OptionError(f"radius must be a finite length above 0 m; got {radius!r}.")
+        if not math.isfinite(z):
+            raise OptionError(f"a camera height must be finite; got {z!r}.")
+        z = z if self._has_heights else 0.0
+        make = self._sample_raster if self.raster is not None else self._sample_polygons
+        return self._cached(("obstruction", float(radius), z), lambda: make(float(radius), z))
+
+    def _sample_polygons(self, radius: float, z: float) -> Field:
+        spacing = self._spacing(radius / 10)
+        xs, ys = grid_points(self.bounds, spacing)
+        x, y = np.meshgrid(xs, ys)
+        obstacles = list(self.obstacles)
+        if self.outside_is_obstacle:
+            obstacles = [
+                part
+                for o in obstacles
+                for part in _prisms(shapely.intersection(o.polygon, self.extent), o.heights)
+            ]
+            around = shapely.box(*self.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
+            obstacles += _prisms(shapely.difference(around, self.extent), WHOLE)
+        values = polygon_obstruction(obstacles, x.ravel(), y.ravel(), z, radius).reshape(x.shape)
+        return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+    def _sample_raster(self, radius: float, z: float) -> Field:
+        raster = self.raster
+        assert raster is not None
+        finest = math.sqrt(MAX_NODES / raster.cells.size)
+        split = max(1, min(math.ceil(10 * raster.resolution / radius), int(finest)))
+        cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
+        fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
+        values = raster_obstruction(fine, radius, z, self.outside_is_obstacle, pad=_PAD)
+        first = fine.to_world(0.5 - _PAD, 0.5 - _PAD)
+        if self.obstacles:
+            prisms = [part for o in self.obstacles for part in self._beside_cells(o, raster)]
+            columns, rows = np.meshgrid(*(np.arange(n) + 0.5 - _PAD for n in values.shape[::-1]))
+            x, y = fine.to_world(columns.ravel(), rows.ravel())
+            values = values + polygon_obstruction(prisms, x, y, z, radius).reshape(values.shape)
+        origin = (float(first[0]), float(first[1]), raster.origin[2])
+        return Field(np.clip(values, 0, 1), fine.resolution, origin)
+
+    def _beside_cells(self, obstacle: Obstacle, raster: Raster) -> list[Obstacle]:
+        """Return what an obstacle adds to the raster: a volume that both fill counts once."""
+        bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
+        if bottom >= top:
+            return [obstacle]
+        rest = shapely.difference(obstacle.polygon, self._raster_solid())
+        if self.outside_is_obstacle:
+            rest = shapely.intersection(rest, raster.rectangle())
+        parts = _prisms(rest, (bottom, top))
+        if obstacle.z_min < bottom:
+            parts.append(Obstacle(obstacle.polygon, obstacle.z_min, bottom))
+        if top < obstacle.z_max:
+            parts.append(Obstacle(obstacle.polygon, top, obstacle.z_max))
+        return parts
+
+    # Saving
+
+    def describe(self) -> dict[str, Any]:
+        """Return a JSON-able description; `from_description` builds the identical world from it.
+
+        A world read from files stores the reader, its options, the absolute path and the files' SHA-256;
+        others store coordinates or compressed cells.
+        """
+        from hpop.world.description import describe
+
+        return describe(self)
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> World:
+        """Build the world that `describe` described; `MapError` if a file has changed since or is missing."""
+        from hpop.world.description import build
+
+        return build(description)
+
+
+def _or_nothing(geometry: BaseGeometry | None) -> BaseGeometry:
+    return MultiPolygon() if geometry is None else geometry
+
+
+def _prisms(geometry: BaseGeometry, heights: Heights) -> list[Obstacle]:
+    """Obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
+    parts = shapely.get_parts(geometry)
+    return [Obstacle(part, *heights) for part in parts if part.area > 0]
