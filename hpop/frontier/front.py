@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import index as as_index
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,7 +122,7 @@ class Front(Generic[T]):
         reported_units: Sequence[str] = (),
         provenance: Sequence[Mapping[str, Any]] | None = None,
         problem: Mapping[str, Any] | None = None,
-    ) -> Front[T]:
+    ) -> Self:
         """Build the front of any candidates: drop what is dominated, keep one of each cost vector, sort.
 
         Of candidates equal in whole quanta the one with the lexicographically smallest exact costs is kept,
@@ -196,7 +196,7 @@ provenance, problem
         criteria = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
         return f"<Front: {len(self)} points of {criteria}; {self.status}; {self.certificate}>"
 
-    def __or__(self, other: Front[T]) -> Front[T]:
+    def __or__(self, other: Self) -> Self:
         """Join two fronts of the same problem: the non-dominated points of both together.
 
         In costs the union is commutative, associative and idempotent. The status is "complete" if both are,
@@ -341,7 +341,7 @@ provenance, problem
         storage.write(path, stored)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], T] | None = None) -> Front[T]:
+    def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], T] | None = None) -> Self:
         """Read a front that :meth:`save` wrote.
 
         Parameters

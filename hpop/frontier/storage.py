@@ -117,7 +117,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
         found = f"schema {top.get('schema')!r}" if isinstance(top, dict) else f"a JSON {type(top).__name__}"
         _refuse(source, f'an object with "schema": "{SCHEMA}"', found, "name a file that Front.save wrote")
     version = top.get("version")
-    if type(version) is not int or version != VERSION:
+    if version != VERSION:
         newer = type(version) is int and version > VERSION
         advice = "update the library that reads it" if newer else "save the front again"
         _refuse(source, f"version {VERSION}", f"version {version!r}", advice)

@@ -71,6 +71,12 @@ def test_knee_without_a_plane_is_the_least_sum():
     assert knee(np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.4, 0.4]])) == 1
 
 
+def test_a_plane_that_falls_along_a_cost_is_not_used():
+    # (1,.8,.8), (0,1,0), (0,0,1) span -.6 x + y + z = 1, which rewards a large x: (.9,.82,.05) is deepest.
+    Y = np.array([[1, 0.8, 0.8], [0, 1, 0], [0, 0, 1], [0.9, 0.82, 0.05], [0.05, 0.83, 0.05]])
+    assert knee(Y) == 4  # the least plain sum, .93
+
+
 def test_knee_of_a_straight_front_is_its_middle():
     x = np.arange(11.0)
     assert knee(np.column_stack([x, 10 - x])) == 5
@@ -153,10 +159,27 @@ def test_nearest_may_name_a_reported_value():
     assert front.nearest({"duration": 29.0, "turns": 1.0}).costs["turns"] == 1.0
 
 
+def test_a_reported_value_that_varies_by_rounding_alone_decides_nothing():
+    front = front_of(
+        [[1.0, 9.0], [2.0, 0.0]], reported=[[0.1 + 0.2], [0.3]], reported_names=["rate"], reported_units=["1"]
+    )
+    assert front.nearest({"turns": 1.0, "rate": 0.3}).costs["turns"] == 1.0
+
+
 def test_an_aspiration_within_reach_is_improved_on():
     front = front_of([[0.0, 10.0], [4.0, 4.0], [8.0, 3.0], [10.0, 0.0]])
     assert front.nearest({"turns": 8.0, "length": 5.0}).item == (8.0, 3.0)
     assert front.reference_point({"turns": 8.0, "length": 8.0}).item == (4.0, 4.0)
+
+
+def test_a_reference_point_is_in_the_units_of_the_costs():
+    front = front_of([[0.0, 10.0], [4.0, 4.0], [8.0, 3.0], [10.0, 0.0]])
+    assert front.reference_point({"turns": 10.0, "length": 0.0}).item == (10.0, 0.0)
+
+
+def test_points_alike_in_what_is_aspired_to_are_settled_by_the_sum_of_all():
+    front = front_of([[1.0, 0.0, 9.0], [1.0, 1.0, 1.0], [2.0, 4.0, 0.0]])
+    assert front.reference_point({"turns": 0.0}).item == (1.0, 1.0, 1.0)
 
 
 def test_reference_points_reach_a_point_that_no_weights_reach():

@@ -206,6 +206,16 @@ def test_reported_values_are_joined_by_name():
     assert [p.reported for p in second | first] == [{"s": 3.0, "t": 4.0}, {"s": 5.0, "t": 6.0}]
 
 
+def test_equal_costs_are_settled_alike_whatever_the_order_of_the_reported_columns():
+    first = front_of([[1.0]], reported=[[1.0, 2.0]], reported_names=["s", "t"], reported_units=["m", "s"])
+    second = front_of([[1.0]], reported=[[1.0, 2.0]], reported_names=["t", "s"], reported_units=["s", "m"])
+    assert (first | second)[0].reported == (second | first)[0].reported == {"s": 1.0, "t": 2.0}
+
+
+def test_negative_zero_is_stored_as_zero():
+    assert not np.signbit(front_of([[-0.0, 1.0]]).costs).any()
+
+
 def test_a_front_joins_only_fronts():
     with pytest.raises(TypeError):
         front_of([[1.0]]) | [[1.0]]
