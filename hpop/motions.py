@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
-SYMBOLIC_PANELS = 3  # panels a phase on symbols, where lengths are unknown when the program is built
+SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
@@ -236,6 +236,7 @@ class Motions:
     start   states (M,) where each motion begins
     end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
     t0      (M,) s start time of each motion, or None on a graph without time
+    panels  quadrature panels a phase; None takes as many as the lengths ask for, which symbols cannot know (they get 3)
     """
 
     world: World
@@ -244,6 +245,7 @@ class Motions:
     start: States
     end: States
     t0: Column | None = None
+    panels: int | None = None
 
     def __len__(self) -> int:
         return self.start.size
@@ -323,7 +325,8 @@ class Motions:
 
     def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
         if self._symbolic:
-            nodes = [(i + g) / SYMBOLIC_PANELS for i in range(SYMBOLIC_PANELS) for g in GAUSS_NODES]
+            count = self.panels or SYMBOLIC_PANELS
+            nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
         owner, u, weight = self._nodes(phase, GAUSS_NODES)
         values = rate(self._instants(phase, u, owner))
@@ -332,7 +335,8 @@ class Motions:
     def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])
         if self._symbolic:
-            nodes = sorted({(i + e) / SYMBOLIC_PANELS for i in range(SYMBOLIC_PANELS) for e in ends_and_middles})
+            count = self.panels or SYMBOLIC_PANELS
+            nodes = sorted({(i + e) / count for i in range(count) for e in ends_and_middles})
             values = [rate(self._instants(phase, u, None)) for u in nodes]
             largest = values[0]
             for value in values[1:]:
@@ -345,18 +349,24 @@ class Motions:
 
     def _nodes(self, phase: Phase, within: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
-        share = phase.end - phase.begin
-        lengths = np.maximum(self.base.length, self.camera.length) * share / self.world.cell
-        angles = self.camera.turned * share / PANEL_ANGLE
-        # Constant acceleration covers up to twice the mean distance in a panel.
-        stretch = 2.0 if phase.shape in ("speed-up", "slow-down") else 1.0
-        panels = np.maximum(1, np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)).astype(np.int64)
+        panels = self._panels(phase)
         owner = np.repeat(np.arange(len(self)), panels)
         panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
         count = panels[owner]
         u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
         weight = np.repeat(1.0 / (count * within.size), within.size)
         return np.repeat(owner, within.size), u, weight
+
+    def _panels(self, phase: Phase) -> IntArray:
+        """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
+        if self.panels is not None:
+            return np.full(len(self), self.panels)
+        share = phase.end - phase.begin
+        lengths = np.maximum(self.base.length, self.camera.length) * share / self.world.cell
+        angles = self.camera.turned * share / PANEL_ANGLE
+        # Under constant acceleration the fastest panel covers up to twice the mean.
+        stretch = 2.0 if phase.shape in ("speed-up", "slow-down") else 1.0
+        return np.maximum(1, np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)).astype(np.int64)
 
     def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
         """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""

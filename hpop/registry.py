@@ -11,10 +11,12 @@ and ``hpop.registry.criteria["glare"]`` finds it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
+from typing import Any
 
-from hpop.errors import CriterionError, unknown_name
+from hpop.errors import CriterionError, ModelError, unknown_name
 
 
 class Registry(Mapping[str, type]):
@@ -68,3 +70,16 @@ class Registry(Mapping[str, type]):
 criteria = Registry("criterion", "hpop.criteria", "hpop.criteria")
 planners = Registry("planner", "hpop.planners", "hpop.planners")
 models = Registry("model", "hpop.models", "hpop.models")
+
+
+def make_model(spec: Mapping[str, Mapping[str, Any]]) -> Any:
+    """A model from ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
+    if len(spec) != 1:
+        raise ModelError(f"a model is given as one name with its parameters, got {dict(spec)!r}")
+    ((name, parameters),) = spec.items()
+    cls = models[name]
+    known = [field.name for field in fields(cls)]
+    strange = sorted(set(parameters or {}) - set(known))
+    if strange:
+        raise ModelError(f"model {name!r} has no parameter {', '.join(strange)}; it has {', '.join(known)}")
+    return cls(**(parameters or {}))

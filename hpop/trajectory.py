@@ -201,3 +201,22 @@ class Trajectory:
                 else:
                     out[0][name][at] = getattr(start, name)[chosen]
             elapsed = np.where(within, np.nan, elapsed - phase.duration)
+
+
+def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
+    """The motions of many trajectories of one model, grouped by law, each with the number of its trajectory."""
+    if not trajectories:
+        return
+    model = trajectories[0].model
+    names = model.state_names
+    starts, ends = (
+        {name: np.concatenate([getattr(t.states, name)[part] for t in trajectories]) for name in names}
+        for part in (slice(None, -1), slice(1, None))
+    )
+    owner = np.repeat(np.arange(len(trajectories)), [len(t) for t in trajectories])
+    t0 = np.concatenate([t.times[:-1] for t in trajectories])
+    kinds = np.array([kind for t in trajectories for kind in t.kinds], dtype=str)
+    for kind in dict.fromkeys(kinds.tolist()):
+        index = np.flatnonzero(kinds == kind)
+        start, end = States(**starts).take(index), States(**ends).take(index)
+        yield owner[index], Motions(world, model, model.laws[kind], start, end, t0=t0[index])

@@ -16,8 +16,9 @@ C comfort of the immersed user, R robot, O others near the robot.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
 
 import numpy as np
 
@@ -25,7 +26,10 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError
 from hpop.motions import Motions, missing
 from hpop.registry import criteria
-from hpop.trajectory import Trajectory
+from hpop.trajectory import Trajectory, batches
+
+if TYPE_CHECKING:
+    from hpop.world import World
 
 Group = Literal["P", "C", "R", "O"]
 Aggregate = Literal["sum", "time-mean", "max", "trajectory"]
@@ -177,20 +181,37 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     return costs
 
 
-def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: Any) -> float:
-    """The criterion's value on a whole trajectory; 0 where the start is the goal and nothing moves.
+def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
+    """The criterion's value on one trajectory; see :func:`trajectory_costs`."""
+    return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
 
-    A time-mean is its integral over the duration. With ``aggregate="trajectory"`` every stretch of motions under one law
-    is a batch in time order and the last running value counts.
+
+def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
+    """Values (n, k) of criteria on whole trajectories of one model; 0 where start is goal and nothing moves.
+
+    The motions of all trajectories are evaluated together, grouped by law. A time-mean is the integral over the duration.
+    With ``aggregate="trajectory"`` each trajectory is a batch of its own, and the last running value counts.
     """
+    values = np.zeros((len(trajectories), len(criteria)))
+    with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
+    for j, i in product(with_memory, range(len(trajectories))):
+        values[i, j] = _running(criteria[j], trajectories[i], world)
+    durations = np.array([trajectory.duration for trajectory in trajectories])
+    for owner, motions in batches(trajectories, world):
+        for j, criterion in enumerate(criteria):
+            if criterion.aggregate == "max":
+                np.maximum.at(values[:, j], owner, motion_costs(criterion, motions))
+            elif criterion.aggregate != "trajectory":
+                values[:, j] += np.bincount(owner, motion_costs(criterion, motions), minlength=len(trajectories))
+    for j, criterion in enumerate(criteria):
+        if criterion.aggregate == "time-mean":
+            values[:, j] = np.divide(values[:, j], durations, out=np.zeros(len(trajectories)), where=durations > 0)
+    return values
+
+
+def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
+    """Last running value of a criterion with memory."""
     costs = np.zeros(len(trajectory))
-    for index, motions in trajectory.batches(world):
-        costs[index] = motion_costs(criterion, motions)
-    if not costs.size:
-        return 0.0
-    if criterion.aggregate == "max":
-        return float(costs.max())
-    if criterion.aggregate == "trajectory":
-        return float(costs[-1])
-    total = float(costs.sum())
-    return total / trajectory.duration if criterion.aggregate == "time-mean" else total
+    for owner, motions in trajectory.batches(world):
+        costs[owner] = motion_costs(criterion, motions)
+    return float(costs[-1]) if costs.size else 0.0

@@ -25,6 +25,15 @@ class _Obstructed:
         return m.integrate(lambda s: m.world.obstruction(s.camera, self.radius))
 
 
+@criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",), quantum=1e-4)
+@dataclass(frozen=True)
+class Exposure(_Obstructed):
+    """S = ∫ phi(p(t)) dt: the time for which a fully obstructed camera would be as bad.
+
+    The additive part of the paper's V = S/T, so exact searches can minimise it.
+    """
+
+
 @criterion("obstruction", group="P", unit="1", aggregate="time-mean", requires=("camera",))
 @dataclass(frozen=True)
 class Obstruction(_Obstructed):
@@ -34,11 +43,7 @@ class Obstruction(_Obstructed):
     and report V. Floor and ceiling are no obstacles.
     """
 
-
-@criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",), quantum=1e-4)
-@dataclass(frozen=True)
-class Exposure(_Obstructed):
-    """S = ∫ phi(p(t)) dt: the time for which a fully obstructed camera would be as bad.
-
-    The additive part of the paper's V = S/T, so exact searches can minimise it.
-    """
+    @property
+    def integral(self) -> Exposure:
+        """What adds up in its place."""
+        return Exposure(self.radius)

@@ -1,0 +1,51 @@
+"""The front of trajectories: what a problem's solution is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hpop import frontier
+from hpop.errors import HpopError
+from hpop.frontier import FrontFileError
+from hpop.registry import make_model
+from hpop.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Front(frontier.Front[Trajectory]):
+    """Non-dominated trajectories, one a cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
+
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """The trajectories, in the order of the rows of ``costs``."""
+        return self.items
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        encode: Callable[[Trajectory], Any] | None = Trajectory.describe,
+        problem: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Write the front with its trajectories and the problem's description to a JSON file."""
+        super().save(path, encode=encode, problem=problem)
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], *, decode: Callable[[Any], Trajectory] | None = None
+    ) -> Front:
+        """Read a front that :meth:`save` wrote; the robot model is rebuilt from the problem's description.
+
+        Raises FrontFileError when the file does not hold a front of trajectories.
+        """
+        if decode is None:
+            problem = frontier.Front.load(path).problem
+            try:
+                model = make_model((problem or {})["model"])
+            except (KeyError, HpopError) as error:
+                raise FrontFileError(f"{path}: expected a front with its problem and model; {error}") from None
+            return super().load(path, decode=lambda item: Trajectory.from_description(model, item))  # type: ignore[return-value]
+        return super().load(path, decode=decode)  # type: ignore[return-value]

@@ -1,0 +1,205 @@
+"""A differential-drive robot that carries a camera on a mast."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from hpop.arrays import Column, FloatArray
+from hpop.errors import ModelError
+from hpop.models.laws import Move, Run, Spin, Turn
+from hpop.models.parts import Part, convex_parts
+from hpop.motions import Law, Pose, States
+from hpop.registry import models
+from hpop.trajectory import Trajectory
+
+MAST_RADIUS = 0.05  # m
+BODY_HEIGHT = 0.4  # m
+
+
+@dataclass(frozen=True)
+class RigidPose:
+    """Pose of a body mounted on the base: offset ahead and to the left of the axis, height above the floor, m."""
+
+    states: States
+    ahead: float
+    left: float
+    height: float
+
+    @property
+    def x(self) -> Column:
+        if not (self.ahead or self.left):
+            return self.states.x
+        return self.states.x + self.ahead * np.cos(self.states.yaw) - self.left * np.sin(self.states.yaw)
+
+    @property
+    def y(self) -> Column:
+        if not (self.ahead or self.left):
+            return self.states.y
+        return self.states.y + self.ahead * np.sin(self.states.yaw) + self.left * np.cos(self.states.yaw)
+
+    @property
+    def z(self) -> Column:
+        return np.full(self.states.size, self.height)
+
+    @property
+    def yaw(self) -> Column:
+        return self.states.yaw
+
+    @property
+    def pitch(self) -> Column:
+        return np.zeros(self.states.size)
+
+
+class WheelTrack(NamedTuple):
+    """Wheel speeds and accelerations at sample times: columns (N,) in s, m/s and m/s²."""
+
+    times: FloatArray
+    left_speed: FloatArray
+    right_speed: FloatArray
+    left_acceleration: FloatArray
+    right_acceleration: FloatArray
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """A base with two driven wheels and a 360-degree camera on a mast; states x, y (m) and yaw (rad).
+
+    radius             m       of a round footprint
+    footprint          m       or corners ((x, y), ...) of a polygon round the axis, x ahead; ``radius`` is then ignored
+    body_height        m       the footprint reaches from the floor to here
+    camera_height      m       of the camera above the floor; its mast reaches up to it
+    camera_offset      m       of the camera from the axis, (ahead, left)
+    mast_radius        m       of the mast
+    speed              m/s     cruise speed of straight moves
+    acceleration       m/s²    of straight moves
+    turn_rate          rad/s   of turns in place
+    turn_acceleration  rad/s²  of turns in place
+    wheel_base         m       distance between the wheels
+
+    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour (see FACTS in the
+    docs of the criteria); turns are fast on purpose, since faster fixed rotations shorten the sensory conflict.
+    """
+
+    radius: float = 0.3
+    footprint: tuple[tuple[float, float], ...] | None = None
+    body_height: float = BODY_HEIGHT
+    camera_height: float = 1.2
+    camera_offset: tuple[float, float] = (0.0, 0.0)
+    mast_radius: float = MAST_RADIUS
+    speed: float = 1.0
+    acceleration: float = 1.0
+    turn_rate: float = 1.5
+    turn_acceleration: float = 3.0
+    wheel_base: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "body_height", "camera_height", "mast_radius", "speed", "acceleration"):
+            self._check_positive(name)
+        for name in ("turn_rate", "turn_acceleration", "wheel_base"):
+            self._check_positive(name)
+        offset = tuple(float(value) for value in self.camera_offset)
+        if len(offset) != 2 or not all(map(math.isfinite, offset)):
+            raise ModelError(f"camera_offset is (ahead, left) in m, got {self.camera_offset!r}")
+        object.__setattr__(self, "camera_offset", offset)
+        if self.footprint is not None:
+            object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
+
+    def _check_positive(self, name: str) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+            raise ModelError(f"{name} of a differential drive must be a positive number, got {value!r}")
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "differential_drive"
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Bodies that criteria can ask for."""
+        return frozenset({"base", "camera"})
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """States in order."""
+        return ("x", "y", "yaw")
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """Planned ("move", "turn") and executed ("run", "spin") motion laws."""
+        return {
+            "move": Move(self.speed),
+            "turn": Turn(self.turn_rate, self.turn_acceleration, self.speed / self.acceleration),
+            "run": Run(self.speed, self.acceleration),
+            "spin": Spin(self.turn_rate, self.turn_acceleration),
+        }
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of "base" or "camera" in each of the states."""
+        if body == "camera":
+            return RigidPose(states, *self.camera_offset, self.camera_height)
+        if body == "base":
+            return RigidPose(states, 0.0, 0.0, 0.0)
+        raise ModelError(f"a differential drive has the bodies base and camera, not {body!r}")
+
+    def lever(self, body: str) -> float:
+        """Distance of a body from the axis, m."""
+        return math.hypot(*self.camera_offset) if body == "camera" else 0.0
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Collision geometry: the body on the floor, and the mast that carries the camera."""
+        body = (
+            (Part(((0.0, 0.0),), float(self.radius), 0.0, self.body_height),)
+            if self.footprint is None
+            else convex_parts(self.footprint, 0.0, self.body_height)
+        )
+        return (*body, Part((self.camera_offset,), self.mast_radius, 0.0, self.camera_height))
+
+    def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
+        """Wheel speeds v ± ω b/2 and accelerations along a trajectory; ask it of an execution.
+
+        Planned motions change speed at once, so only an execution has accelerations everywhere.
+        """
+        states, (velocity, change) = trajectory.at(times), trajectory.rates(times)
+        ahead, side = np.cos(states.yaw), np.sin(states.yaw)
+        v, a = velocity.x * ahead + velocity.y * side, change.x * ahead + change.y * side
+        half = 0.5 * self.wheel_base
+        return WheelTrack(
+            np.atleast_1d(times),
+            v - half * velocity.yaw,
+            v + half * velocity.yaw,
+            a - half * change.yaw,
+            a + half * change.yaw,
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able parameters, enough to build the same robot."""
+        return {
+            self.name: {
+                name: getattr(self, name) for name in self.__dataclass_fields__ if getattr(self, name) is not None
+            }
+        }
+
+
+def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
+    try:
+        points = tuple((float(x), float(y)) for x, y in corners)
+        polygon = shapely.Polygon(points)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"a footprint is at least three corners (x, y) in m, got {corners!r}: {error}") from None
+    if not polygon.is_valid or polygon.area == 0 or not np.isfinite(points).all():
+        raise ModelError(f"the footprint {points} is not a simple polygon: {shapely.is_valid_reason(polygon)}")
+    if not polygon.covers(shapely.Point(0, 0)):
+        raise ModelError("the footprint must contain the axis of the base, the origin of its corners")
+    return points
+
+
+models.add("differential_drive", DifferentialDrive)

@@ -1,0 +1,6 @@
+"""Planners: problem in, candidate trajectories out; importing this package registers those that come with hpop."""
+
+from hpop.planners.base import Candidates, Planner, make_planner, planner
+from hpop.planners.lattice import Lattice
+
+__all__ = ["Candidates", "Lattice", "Planner", "make_planner", "planner"]

@@ -1,0 +1,193 @@
+"""What every planner takes and gives, and how criteria become the costs that a graph search adds up."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.criteria.base import Criterion, Group
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.motions import Motions
+from hpop.registry import planners
+from hpop.status import ProgressCallback, Status
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+T = TypeVar("T", bound=type)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What a planner found.
+
+    objectives    the criteria that it optimised, in the order of the columns of ``planned``
+    trajectories  n of them
+    planned       (n, k) costs as the planner added them up, in the criteria's units
+    tolerance     (n, k) by how much a re-evaluated cost may differ from the planned one
+    status        how the planner ended
+    certificate   what is claimed, in words
+    provenance    one JSON-able dict a trajectory
+    notes         what the user should know: a snapped goal, an objective that stands in for another, what blocks the way
+    stats         counts and seconds
+    """
+
+    objectives: tuple[Criterion, ...]
+    trajectories: tuple[Trajectory, ...]
+    planned: FloatArray
+    tolerance: FloatArray
+    status: Status
+    certificate: str
+    provenance: tuple[dict[str, Any], ...]
+    notes: tuple[str, ...] = ()
+    stats: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Planner(Protocol):
+    """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options."""
+
+    @property
+    def name(self) -> str: ...
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Plan; raises QueryError, UnsupportedCriterion or OptionError where the question is wrong."""
+
+
+def planner(name: str) -> Callable[[T], T]:
+    """Register a planner class: a frozen dataclass with a method ``solve(problem, progress)``."""
+
+    def declare(cls: T) -> T:
+        if not dataclasses.is_dataclass(cls) or not callable(getattr(cls, "solve", None)):
+            raise OptionError(f"planner {name!r} must be a dataclass with a method solve(problem, progress)")
+        setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
+        planners.add(name, cls)
+        return cls
+
+    return declare
+
+
+def make_planner(spec: str | Planner, options: Mapping[str, Any] | None = None) -> Planner:
+    """A planner from its name and options, or itself.
+
+    Raises UnknownName for a name nobody registered and OptionError for options it does not have.
+    """
+    if not isinstance(spec, str):
+        if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
+            raise OptionError(f"a planner is a name or an object with solve(problem), got {spec!r}")
+        if options:
+            raise OptionError(f"options {sorted(options)} go into the planner object {spec!r} itself")
+        return spec
+    cls = planners[spec]
+    known = [option.name for option in dataclasses.fields(cls)]
+    strange = sorted(set(options or {}) - set(known))
+    if strange:
+        raise OptionError(
+            f"planner {spec!r} has no option {', '.join(map(repr, strange))}; it has {', '.join(known) or 'none'}"
+        )
+    return cast(Planner, cls(**(options or {})))
+
+
+@dataclass(frozen=True)
+class Integral:
+    """The time integral of a time-mean criterion, which adds up along edges as the mean does not."""
+
+    mean: Criterion
+
+    @property
+    def name(self) -> str:
+        return f"{self.mean.name} integral"
+
+    @property
+    def group(self) -> Group:
+        return self.mean.group
+
+    @property
+    def unit(self) -> str:
+        return "s" if self.mean.unit == "1" else f"{self.mean.unit} s"
+
+    @property
+    def aggregate(self) -> str:
+        return "sum"
+
+    @property
+    def requires(self) -> tuple[str, ...]:
+        return self.mean.requires
+
+    @property
+    def smooth(self) -> bool:
+        return self.mean.smooth
+
+    @property
+    def quantum(self) -> float:
+        return self.mean.quantum
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the mean's rate."""
+        return self.mean.cost(m)
+
+
+@dataclass(frozen=True)
+class Objectives:
+    """What a planner whose costs add up along edges makes of the criteria asked for.
+
+    optimised  criteria that add up or take the worst edge; the integral stands in for each time-mean
+    notes      one line for each stand-in
+    """
+
+    optimised: tuple[Criterion, ...]
+    notes: tuple[str, ...]
+    means: tuple[Criterion, ...]
+
+    @property
+    def certificate(self) -> str:
+        """What may be claimed for the means, FACTS section 2: an exposure optimum need not be a mean optimum.
+
+        With the duration among the minimised costs, a trajectory that is better in the mean and no worse in the rest
+        would also be better in the integral, so every trajectory found is optimal for the mean as well.
+        """
+        if not self.means:
+            return ""
+        names = ", ".join(mean.name for mean in self.means)
+        timed = any(c.name == "duration" for c in self.optimised)
+        optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
+        return f"; {names} reported, not optimised{optimal}"
+
+
+def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
+    """Split criteria into what adds up along edges and the means that are only reported."""
+    optimised: list[Criterion] = []
+    means, notes = [], []
+    for criterion in criteria:
+        if criterion.aggregate == "trajectory":
+            raise UnsupportedCriterion(
+                f"{planner_name} needs criteria that add up along edges; {criterion.name!r} has memory "
+                "(aggregate 'trajectory'). Leave it out and evaluate it on the front's trajectories."
+            )
+        stand_in = criterion
+        if criterion.aggregate == "time-mean":
+            stand_in = getattr(criterion, "integral", None) or cast(Criterion, Integral(criterion))
+            means.append(criterion)
+            notes.append(
+                f"{criterion.name} is a mean and does not add up: the search minimises {stand_in.name} "
+                f"(its integral, {stand_in.unit}); {criterion.name} is reported for every trajectory"
+            )
+        if stand_in not in optimised:
+            optimised.append(stand_in)
+    return Objectives(tuple(optimised), tuple(notes), tuple(means))
+
+
+def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
+    """Edge costs (M,) as integers of the criterion's quantum, rounded once; GraphError comes later if sums overflow."""
+    largest = float(costs.max(initial=0.0)) / criterion.quantum
+    if largest > 2**52:
+        raise OptionError(
+            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of {criterion.quantum}; "
+            "declare a coarser quantum"
+        )
+    return np.rint(costs / criterion.quantum).astype(np.int64)

@@ -1,0 +1,168 @@
+"""The lattice planner: every optimal trade-off on an SE(2) lattice, exactly."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import IntArray
+from hpop.errors import OptionError, QueryError
+from hpop.models.collision import why_blocked
+from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.grid import Headings
+from hpop.planners.lattice_graph import StateLattice
+from hpop.planners.search import ParetoPaths, pareto_paths
+from hpop.planners.separation import what_separates
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
+MAX_COSTS = 6
+
+
+@planner("lattice")
+@dataclass(frozen=True)
+class Lattice:
+    """All non-dominated paths of an SE(2) lattice (Becerra et al. 2020), found by exact multi-objective search.
+
+    step            m      between neighbouring positions
+    headings        4, 8 or 16
+    corner_cutting  whether a diagonal may pass between two blocked positions
+    time_limit      s      of the search; what is found until then is returned and called incomplete
+    max_labels      count  partial paths kept by the search
+    max_memory      bytes  allocated by the search
+
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is represented by
+    its integral. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs rounded
+    to the criteria's quanta edge by edge; every float Pareto vector is covered within quantum times number of edges.
+    The lattice is anchored at the start; the goal is the nearest free position within step / sqrt(2).
+    """
+
+    step: float = 0.25
+    headings: int = 8
+    corner_cutting: bool = False
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.step, int | float) and 0 < self.step < math.inf):
+            raise OptionError(f"the lattice's step must be a positive length in m, got {self.step!r}")
+        Headings(self.headings)
+        Budget(self.time_limit, self.max_labels, self.max_memory)
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Plan on the lattice.
+
+        Raises QueryError when start or goal is blocked, off the map or off the headings, UnsupportedCriterion for a
+        criterion with memory, CriterionError for a cost that is negative or not finite.
+        """
+        objectives = edge_objectives(problem.criteria, "lattice")
+        if len(objectives.optimised) > MAX_COSTS:
+            raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
+        began = time.perf_counter()
+        if progress:
+            progress(Progress("graph"))
+        lattice = self.lattice(problem)
+        start, goals, note = self._ends(lattice, problem)
+        graph = lattice.graph(objectives.optimised)
+        build = time.perf_counter() - began
+        budget = Budget(self.time_limit, self.max_labels, self.max_memory)
+        paths = pareto_paths(graph, start, goals, budget=budget, progress=progress)
+        notes = [*objectives.notes, *note]
+        if paths.status is Status.NO_PATH:
+            notes.append(what_separates(lattice, start, goals))
+        return _candidates(lattice, objectives, paths, tuple(notes), build, graph.heads.size)
+
+    def lattice(self, problem: Problem) -> StateLattice:
+        """The lattice anchored at the problem's start."""
+        anchor = (problem.start[0], problem.start[1])
+        return StateLattice(
+            problem.model, problem.world, anchor, float(self.step), Headings(self.headings), self.corner_cutting
+        )
+
+    def _heading(self, yaw: float, what: str) -> int:
+        headings = Headings(self.headings)
+        nearest, gap = headings.nearest(yaw)
+        if gap > HEADING_TOLERANCE:
+            order = np.argsort(np.abs((headings.yaw - yaw + math.pi) % (2 * math.pi) - math.pi))[:2]
+            names = " or ".join(f"{headings.yaw[i]:.6f} ({math.degrees(headings.yaw[i]):.2f} deg)" for i in order)
+            raise QueryError(
+                f"the {what} heading {yaw:.6f} rad ({math.degrees(yaw):.2f} deg) is not one of the lattice's "
+                f"{self.headings}; the nearest are {names}"
+            )
+        return nearest
+
+    def _ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], tuple[str, ...]]:
+        """State ids of the start and of the goal or goals, and a note on how far the goal was snapped."""
+        x, y, yaw = problem.start
+        heading = self._heading(yaw, "start")
+        start = lattice.state(-lattice.first[0], -lattice.first[1], heading)
+        if start < 0:
+            reason = why_blocked(lattice.model, lattice.world, x, y, yaw) or "the lattice does not reach it"
+            raise QueryError(f"the start ({x:.3f}, {y:.3f}) is not usable: {reason}. Move it, or take a smaller robot.")
+        gx, gy, goal_yaw = problem.goal
+        wanted = range(self.headings) if goal_yaw is None else [self._heading(goal_yaw, "goal")]
+        column, row = (gx - x) / self.step, (gy - y) / self.step
+        corners = [(math.floor(row) + i, math.floor(column) + j) for i in (0, 1) for j in (0, 1)]
+        corners.sort(key=lambda cell: math.hypot(cell[0] - row, cell[1] - column))
+        for i, j in corners:
+            distance = self.step * math.hypot(i - row, j - column)
+            ids = [lattice.state(i - lattice.first[0], j - lattice.first[1], h) for h in wanted]
+            ids = [one for one in ids if one >= 0]
+            if ids and distance <= self.step / math.sqrt(2) + 1e-9:
+                at = f"({x + j * self.step:.3f}, {y + i * self.step:.3f})"
+                note = f"the goal ({gx:.3f}, {gy:.3f}) was snapped to {at}, {distance:.3f} m away"
+                return start, ids, (note,) if distance > 1e-6 else ()
+        reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
+        reason = reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m is free; take a smaller step"
+        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {reason}. Move it, or take a smaller robot.")
+
+
+def _candidates(
+    lattice: StateLattice,
+    objectives: Objectives,
+    paths: ParetoPaths,
+    notes: tuple[str, ...],
+    build_seconds: float,
+    edges: int,
+) -> Candidates:
+    quanta = np.array([criterion.quantum for criterion in objectives.optimised])
+    nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
+    # A sum is rounded once an edge, a worst edge once.
+    summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
+    rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
+    names = ", ".join(criterion.name for criterion in objectives.optimised)
+    if paths.status.is_final:
+        claim = f"exact on this lattice for ({names}), edge costs rounded to their quanta"
+    else:
+        claim = f"incomplete ({paths.status}): every point is optimal on this lattice for ({names}), others are missing"
+    stats = paths.stats
+    return Candidates(
+        objectives=objectives.optimised,
+        trajectories=tuple(lattice.trajectory(n) for n in nodes),
+        planned=paths.costs * quanta,
+        tolerance=rounds * quanta,
+        status=paths.status,
+        certificate=f"lattice: {claim}{objectives.certificate}",
+        provenance=tuple({"planner": "lattice", "edges": int(n.size - 1)} for n in nodes),
+        notes=notes,
+        stats={
+            "states": lattice.size,
+            "edges": edges,
+            "build_seconds": build_seconds,
+            "method": stats.method,
+            "labels_generated": stats.labels_generated,
+            "labels_expanded": stats.labels_expanded,
+            "peak_memory": stats.peak_memory,
+            "bounds_seconds": stats.bounds_seconds,
+            "search_seconds": stats.search_seconds,
+        },
+    )
+

@@ -1,0 +1,210 @@
+"""The SE(2) lattice of a robot in a world: grid positions, headings, turns in place and steps, as a plain graph.
+
+Becerra et al. 2020 (arXiv 2002.10696): Type-A edges turn to any other heading at the same position, Type-B edges go one
+step along the heading. Everything is built in array operations; a state's id is position * H + heading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.errors import OptionError
+from hpop.math import wrap
+from hpop.models.collision import PlanarCollision
+from hpop.motions import Motions, States
+from hpop.planners.base import quantised
+from hpop.planners.grid import Headings, steps_from
+from hpop.planners.search import Graph
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.models import DifferentialDrive
+    from hpop.world import World
+
+MAX_STATES = 40_000_000
+BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
+
+
+@dataclass(frozen=True, eq=False)
+class StateLattice:
+    """Grid positions through an anchor point, axes along the world's, and the robot's free states on them.
+
+    model, world
+    anchor          (x, y) m of a grid position
+    step            m between neighbouring positions
+    headings        directions in which the robot stands and moves
+    corner_cutting  whether a diagonal may pass between two blocked positions
+    """
+
+    model: DifferentialDrive
+    world: World
+    anchor: tuple[float, float]
+    step: float
+    headings: Headings
+    corner_cutting: bool
+
+    def __post_init__(self) -> None:
+        rows, columns = self.shape
+        states = rows * columns * self.headings.count
+        if states > MAX_STATES:
+            x_min, y_min, x_max, y_max = self.world.bounds
+            raise OptionError(
+                f"a step of {self.step} m in a map of {x_max - x_min:.1f} x {y_max - y_min:.1f} m makes {states:,} "
+                f"states, more than {MAX_STATES:,}; take a larger step"
+            )
+
+    @cached_property
+    def first(self) -> tuple[int, int]:
+        """Grid coordinates (row, column) of the first cell in the extent; the anchor is (0, 0)."""
+        x_min, y_min, _, _ = self.world.bounds
+        return (
+            math.ceil((y_min - self.anchor[1]) / self.step - 1e-9),
+            math.ceil((x_min - self.anchor[0]) / self.step - 1e-9),
+        )
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the grid."""
+        _, _, x_max, y_max = self.world.bounds
+        last_row = math.floor((y_max - self.anchor[1]) / self.step + 1e-9)
+        last_column = math.floor((x_max - self.anchor[0]) / self.step + 1e-9)
+        return max(0, last_row - self.first[0] + 1), max(0, last_column - self.first[1] + 1)
+
+    @cached_property
+    def collision(self) -> PlanarCollision:
+        """What tells free states and motions."""
+        return PlanarCollision(self.model, self.world)
+
+    def position(self, rows: IntArray, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """World x, y (P,), m, of grid cells."""
+        x = self.anchor[0] + (columns + self.first[1]) * self.step
+        y = self.anchor[1] + (rows + self.first[0]) * self.step
+        return x, y
+
+    @cached_property
+    def clear(self) -> BoolArray:
+        """Positions (rows, columns) where the robot is free at every yaw, so that every turn is free too."""
+        rows, columns = np.indices(self.shape).reshape(2, -1)
+        return self.collision.clear(*self.position(rows, columns)).reshape(self.shape)
+
+    @cached_property
+    def free(self) -> BoolArray:
+        """States (rows, columns, H) in which the robot is free."""
+        free = np.repeat(self.clear[:, :, None], self.headings.count, axis=2)
+        if self.collision.yaw_matters:
+            rows, columns, heading = np.nonzero(~free)
+            x, y = self.position(rows, columns)
+            free[rows, columns, heading] = self.collision.states_free(
+                States(x=x, y=y, yaw=self.headings.yaw[heading])
+            )
+        return free
+
+    @cached_property
+    def cells(self) -> tuple[IntArray, IntArray]:
+        """Rows and columns (P,) of the positions where at least one heading is free."""
+        rows, columns = np.nonzero(self.free.any(axis=2))
+        return rows, columns
+
+    @cached_property
+    def number(self) -> IntArray:
+        """Position number (rows, columns), -1 where nothing is free."""
+        number = np.full(self.shape, -1, dtype=np.int64)
+        number[self.cells] = np.arange(self.cells[0].size)
+        return number
+
+    @property
+    def size(self) -> int:
+        """Number of states, P * H."""
+        return int(self.cells[0].size) * self.headings.count
+
+    def state(self, row: int, column: int, heading: int) -> int:
+        """Id of a state, -1 where it is not free or off the grid."""
+        inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
+        if not inside or not self.free[row, column, heading]:
+            return -1
+        return int(self.number[row, column]) * self.headings.count + heading
+
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws, in [0, 2 pi), of states (N,)."""
+        position, heading = np.divmod(ids, self.headings.count)
+        x, y = self.position(self.cells[0][position], self.cells[1][position])
+        return States(x=x, y=y, yaw=self.headings.yaw[heading])
+
+    @cached_property
+    def turns(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free Type-A edges."""
+        count = self.headings.count
+        a, b = (index.ravel() for index in np.indices((count, count)))
+        a, b = a[a != b], b[a != b]
+        base = np.arange(self.cells[0].size)[:, None] * count
+        tails, heads = (base + a).ravel(), (base + b).ravel()
+        if not self.collision.yaw_matters:
+            return tails, heads
+        sure = np.repeat(self.clear[self.cells], a.size)
+        free = self.free[self.cells].ravel()
+        open_ = np.flatnonzero(~sure & free[tails] & free[heads])
+        sure[open_] = self.collision.motions_free(self.motions("turn", tails[open_], heads[open_]))
+        return tails[sure], heads[sure]
+
+    @cached_property
+    def moves(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free Type-B edges."""
+        tails, heads = [], []
+        for heading, step in enumerate(self.headings.steps):
+            rows, columns, to_rows, to_columns = steps_from(
+                self.free[:, :, heading], step, corner_cutting=self.corner_cutting
+            )
+            tails.append(self.number[rows, columns] * self.headings.count + heading)
+            heads.append(self.number[to_rows, to_columns] * self.headings.count + heading)
+        tail, head = np.concatenate(tails), np.concatenate(heads)
+        free = self.collision.motions_free(self.motions("move", tail, head))
+        return tail[free], head[free]
+
+    def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
+        """Edges (M,) as motions; a turn goes the shorter way, a half turn counter-clockwise."""
+        start, end = self.states(tails), self.states(heads)
+        end.__dict__["yaw"] = start.yaw + wrap(end.yaw - start.yaw) if kind == "turn" else start.yaw
+        return Motions(self.world, self.model, self.model.laws[kind], start, end)
+
+    def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
+        """All edges in order, turns first, as tails, heads and motions, in batches of bounded size."""
+        for kind, (tails, heads) in (("turn", self.turns), ("move", self.moves)):
+            for begin in range(0, tails.size, BATCH):
+                part = slice(begin, begin + BATCH)
+                yield tails[part], heads[part], self.motions(kind, tails[part], heads[part])
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
+
+        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape.
+        """
+        tails, heads, costs = [], [], []
+        for tail, head, motions in self.batches():
+            tails.append(tail)
+            heads.append(head)
+            costs.append(np.stack([quantised(motion_costs(c, motions), c) for c in criteria], axis=1))
+        aggregates = tuple("max" if c.aggregate == "max" else "sum" for c in criteria)
+        nothing = np.zeros(0, dtype=np.int64)
+        return Graph.from_arcs(
+            self.size,
+            np.concatenate([nothing, *tails]),
+            np.concatenate([nothing, *heads]),
+            np.concatenate([np.zeros((0, len(criteria)), dtype=np.int64), *costs]),
+            aggregates=aggregates,
+        )
+
+    def trajectory(self, ids: IntArray) -> Trajectory:
+        """The trajectory through states (n+1,): one motion an edge, yaw continuous."""
+        states = self.states(ids)
+        yaw = states.yaw[0] + np.concatenate([[0.0], np.cumsum(wrap(np.diff(states.yaw)))])
+        same = np.diff(ids // self.headings.count) == 0
+        kinds = tuple("turn" if turned else "move" for turned in same)
+        return Trajectory(self.model, States(x=states.x, y=states.y, yaw=yaw), kinds)

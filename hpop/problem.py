@@ -1,0 +1,165 @@
+"""A planning problem: world, model, start, goal and criteria; what planners solve and fronts answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from typing import Any
+
+import numpy as np
+
+from hpop.criteria.base import Criterion, describe_criterion, make_criterion, trajectory_costs
+from hpop.errors import CriterionError, HpopError, QueryError
+from hpop.front import Front
+from hpop.models import DifferentialDrive
+from hpop.motions import missing
+from hpop.planners.base import Candidates, Planner, make_planner
+from hpop.registry import make_model
+from hpop.status import ProgressCallback
+from hpop.trajectory import Trajectory
+from hpop.world import World
+
+CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any]]
+PlannerSpec = str | Planner
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is asked: all non-dominated trajectories of a model in a world, from start to goal.
+
+    world     obstacles and free space
+    model     the robot with its camera
+    start     (x m, y m, yaw rad)
+    goal      (x m, y m, yaw rad); a yaw of None leaves the heading at the goal free
+    criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
+
+    Raises QueryError, CriterionError or UnknownName for what makes no sense.
+    """
+
+    world: World
+    model: DifferentialDrive
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float | None]
+    criteria: tuple[Criterion, ...]
+
+    def __init__(
+        self,
+        world: World,
+        model: DifferentialDrive,
+        start: Sequence[float],
+        goal: Sequence[float | None],
+        criteria: Sequence[CriterionSpec],
+    ) -> None:
+        if isinstance(criteria, str | Mapping) or not criteria:
+            raise CriterionError(f"criteria is a list such as ['obstruction', 'turns', 'length'], got {criteria!r}")
+        made = tuple(make_criterion(spec) for spec in criteria)
+        repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
+        if repeated:
+            raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
+        for criterion in made:
+            lacking = missing(criterion.requires, model, world)
+            if lacking:
+                raise CriterionError(
+                    f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the "
+                    "world has"
+                )
+        object.__setattr__(self, "world", world)
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "start", _checked_pose(start, "start"))
+        object.__setattr__(self, "goal", _checked_pose(goal, "goal"))
+        object.__setattr__(self, "criteria", made)
+        if self.start[2] is None:
+            raise QueryError("the start needs a yaw in rad; only the goal's may be free (None)")
+
+    def solve(
+        self,
+        planner: PlannerSpec | Sequence[PlannerSpec] = "lattice",
+        *,
+        progress: ProgressCallback | None = None,
+        **options: Any,
+    ) -> Front:
+        """The front of what one planner, or several together, find.
+
+        Parameters
+        ----------
+        planner : a name with its ``options``, a planner object, or a list of either
+        progress : called now and then with a :class:`hpop.status.Progress`
+        """
+        if not isinstance(planner, str) and isinstance(planner, Sequence):
+            if not planner:
+                raise HpopError("give at least one planner")
+            return reduce(or_, (self.solve(one, progress=progress, **options) for one in planner))
+        chosen = make_planner(planner, options)
+        return self.front(chosen.solve(self, progress))
+
+    def front(self, candidates: Candidates) -> Front:
+        """Re-evaluate candidates by the criteria and keep the non-dominated ones.
+
+        Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the
+        planner added up by more than the planner's tolerance, the certificate says so: that is a bug.
+        """
+        objectives = candidates.objectives
+        means = [c for c in self.criteria if c not in objectives]
+        costs = trajectory_costs(objectives, candidates.trajectories, self.world)
+        reported = trajectory_costs(means, candidates.trajectories, self.world)
+        off = np.abs(costs - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(costs)
+        certificate = candidates.certificate
+        if off.any():
+            names = [c.name for c, wrong in zip(objectives, off.any(axis=0), strict=True) if wrong]
+            certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+        return Front.of(
+            costs,
+            candidates.trajectories,
+            names=[c.name for c in objectives],
+            units=[c.unit for c in objectives],
+            quanta=[c.quantum for c in objectives],
+            groups=[c.group for c in objectives],
+            reported=reported,
+            reported_names=[c.name for c in means],
+            reported_units=[c.unit for c in means],
+            status=str(candidates.status),
+            certificate=certificate,
+            provenance=candidates.provenance,
+            problem=self.describe(),
+            notes=candidates.notes,
+            stats=candidates.stats,
+        )
+
+    def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
+        """Cost of a trajectory in each criterion, by name."""
+        values = trajectory_costs(self.criteria, [trajectory], self.world)[0]
+        return dict(zip((c.name for c in self.criteria), values.tolist(), strict=True))
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able description from which :meth:`from_description` builds the same problem."""
+        return {
+            "world": self.world.describe(),
+            "model": self.model.describe(),
+            "start": list(self.start),
+            "goal": list(self.goal),
+            "criteria": [describe_criterion(criterion) for criterion in self.criteria],
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Problem:
+        """Rebuild a problem; raises the error of the part that does not fit, QueryError when a part is missing."""
+        try:
+            world, model = description["world"], description["model"]
+            start, goal, criteria = description["start"], description["goal"], description["criteria"]
+        except (KeyError, TypeError) as error:
+            raise QueryError(f"not the description of a problem: {error!r} is missing") from None
+        return cls(World.from_description(world), make_model(model), start, goal, criteria)
+
+
+def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:
+    try:
+        x, y, yaw = pose
+        checked = (float(x), float(y), None if yaw is None else float(yaw))  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise QueryError(f"the {what} is (x m, y m, yaw rad), got {pose!r}") from None
+    if not all(math.isfinite(value) for value in checked if value is not None):
+        raise QueryError(f"the {what} must be finite numbers, got {pose!r}")
+    return checked

@@ -1,0 +1,195 @@
+"""Conformance checks for anyone's criterion: what planners and fronts rely on, shown on random worlds.
+
+``hpop check module:Name`` prints them; :func:`check_criterion` raises, for use in tests.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, motion_costs, trajectory_cost
+from hpop.errors import CriterionError
+from hpop.models import DifferentialDrive
+from hpop.motions import Motions, States
+from hpop.trajectory import Trajectory
+from hpop.world import World
+
+SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
+GRADIENT_STEP = 1e-5  # m or rad, of the central difference
+GRADIENT_TOLERANCE = 1e-3
+
+
+class Check(NamedTuple):
+    """One conformance check: what it claims, and what contradicts it ("" where it holds)."""
+
+    claim: str
+    fault: str
+
+
+def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
+    """Raise CriterionError that lists every check a criterion fails, on worlds drawn with a seed."""
+    faults = [f"{check.claim}: {check.fault}" for check in conformance(criterion, seed=seed) if check.fault]
+    if faults:
+        raise CriterionError(f"criterion {criterion.name!r} fails {len(faults)} checks:\n  " + "\n  ".join(faults))
+
+
+def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
+    """Check what a criterion promises, one check after the other."""
+    rng = np.random.default_rng(seed)
+    model = DifferentialDrive(camera_offset=(0.1, 0.05))
+    world = random_world(rng)
+    batches = [random_motions(rng, world, model, kind, size) for kind in ("move", "turn") for size in (1, 40)]
+    yield Check("survives pickling", _fault(lambda: _pickled(criterion, batches)))
+    yield Check("costs a finite number >= 0 for each motion", _fault(lambda: _evaluated(criterion, batches)))
+    yield Check("gives the same costs when asked again", _fault(lambda: _repeatable(criterion, batches)))
+    yield Check("costs the same on a trajectory as on its edges", _fault(lambda: _as_edges(criterion, world, model)))
+    if criterion.aggregate == "trajectory":
+        return
+    yield Check("costs a motion the same alone and in a batch", _fault(lambda: _alone(criterion, batches)))
+    yield Check("costs halves of a move as much as the whole", _fault(lambda: _halves(criterion, batches)))
+    if criterion.smooth:
+        yield Check("has the same value on CasADi symbols", _fault(lambda: _symbolic(criterion, batches)))
+        yield Check("has the gradient of its differences", _fault(lambda: _gradient(criterion, batches)))
+
+
+def random_world(rng: np.random.Generator) -> World:
+    """A room of 12 x 9 m with boxes of random places, sizes and heights."""
+    corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
+    sizes = rng.uniform(0.3, 1.5, size=(8, 2))
+    tops = rng.uniform(0.5, 2.5, size=8)
+    boxes = [(shapely.box(*c, *(c + s)), (0.0, float(top))) for c, s, top in zip(corners, sizes, tops, strict=True)]
+    return World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0))
+
+
+def random_motions(
+    rng: np.random.Generator, world: World, model: DifferentialDrive, kind: str, size: int
+) -> Motions:
+    """Short moves, or turns of up to half a turn either way across yaw = pi, at least 0.5 m from what is blocked."""
+    x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
+    x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
+    yaw = rng.uniform(-np.pi, np.pi, size)
+    length = rng.uniform(0.1, 0.4, size) if kind == "move" else np.zeros(size)
+    turn = rng.uniform(0.2, 3.1, size) * rng.choice([-1.0, 1.0], size) if kind == "turn" else np.zeros(size)
+    end = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw + turn)
+    return Motions(world, model, model.laws[kind], States(x=x, y=y, yaw=yaw), end, t0=rng.uniform(0, 60, size))
+
+
+def _fault(test: Callable[[], str]) -> str:
+    """What a check found; a criterion under test may raise anything, and that is a fault, not a crash."""
+    try:
+        return test()
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def _differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float) -> str:
+    gap = np.abs(expected - found)
+    allowed = tolerance * np.maximum(np.abs(expected), 1.0)
+    if np.all(gap <= allowed):  # not a number is a fault
+        return ""
+    worst = int(np.argmax(np.where(np.isnan(gap), np.inf, gap - allowed)))
+    return f"{what}: expected {expected.flat[worst]:.6g}, found {found.flat[worst]:.6g}"
+
+
+def _pickled(criterion: Criterion, batches: list[Motions]) -> str:
+    again = pickle.loads(pickle.dumps(criterion))
+    costs, same = (np.concatenate([motion_costs(c, m) for m in batches]) for c in (criterion, again))
+    return _differ("after pickling", costs, same, 0.0)
+
+
+def _evaluated(criterion: Criterion, batches: list[Motions]) -> str:
+    for motions in batches:
+        motion_costs(criterion, motions)
+    return ""
+
+
+def _repeatable(criterion: Criterion, batches: list[Motions]) -> str:
+    first, second = (np.concatenate([motion_costs(criterion, m) for m in batches]) for _ in range(2))
+    return _differ("the second time", first, second, 0.0)
+
+
+def _alone(criterion: Criterion, batches: list[Motions]) -> str:
+    for motions in batches:
+        together = motion_costs(criterion, motions)
+        apart = np.concatenate([motion_costs(criterion, _part(motions, slice(i, i + 1))) for i in range(len(motions))])
+        fault = _differ(f"a {motions.kind} alone", together, apart, 1e-9)
+        if fault:
+            return fault
+    return ""
+
+
+def _part(motions: Motions, index: slice) -> Motions:
+    t0 = None if motions.t0 is None else motions.t0[index]
+    return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
+
+
+def _halves(criterion: Criterion, batches: list[Motions]) -> str:
+    for motions in (m for m in batches if m.kind == "move"):
+        start, end = motions.start, motions.end
+        middle = States(x=(start.x + end.x) / 2, y=(start.y + end.y) / 2, yaw=start.yaw)
+        t_middle = motions.t0 + motions.duration / 2
+        first = motion_costs(criterion, replace(motions, end=middle))
+        second = motion_costs(criterion, replace(motions, start=middle, t0=t_middle))
+        halves = np.maximum(first, second) if criterion.aggregate == "max" else first + second
+        tolerance = motions.world.cell if criterion.aggregate == "max" else SPLIT_TOLERANCE
+        fault = _differ("in two halves", motion_costs(criterion, motions), halves, tolerance)
+        if fault:
+            return fault
+    return ""
+
+
+def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
+    """One trajectory's value against the sum (mean, maximum, last value) over its motions, law by law."""
+    trajectory = Trajectory.from_poses(model, [(1, 1, 0), (3, 1, 0), (4, 5, np.pi), (1, 8, -2.0)])
+    costs = np.zeros(len(trajectory))
+    for index, motions in trajectory.batches(world):
+        # On a graph without time; a criterion that asks for the time is only defined on trajectories.
+        timeless = motions if criterion.aggregate == "trajectory" else replace(motions, t0=None)
+        costs[index] = motion_costs(criterion, timeless)
+    expected = {
+        "sum": costs.sum(),
+        "time-mean": costs.sum() / trajectory.duration,
+        "max": costs.max(),
+        "trajectory": costs[-1],
+    }[criterion.aggregate]
+    return _differ("on the trajectory", np.array([expected]), np.array([trajectory_cost(criterion, trajectory, world)]), 1e-9)
+
+
+def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
+    from hpop.symbols import SymbolicMotions
+
+    for motions in (replace(m, panels=3) for m in batches):
+        symbols = SymbolicMotions.of(motions)
+        value, _ = symbols.values_and_jacobian(criterion.cost(symbols.motions))
+        # Fields that are exact on numbers (clearance) are sampled for symbols, to within a cell.
+        tolerance = motions.world.cell if criterion.aggregate == "max" else 1e-6
+        fault = _differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, tolerance)
+        if fault:
+            return fault
+    return ""
+
+
+def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
+    from hpop.symbols import SymbolicMotions
+
+    for motions in (replace(_part(m, slice(0, 3)), panels=3) for m in batches):
+        symbols = SymbolicMotions.of(motions)
+        cost = criterion.cost(symbols.motions)
+        _, jacobian = symbols.values_and_jacobian(cost)
+        for column in range(symbols.point.size):
+            ends = [symbols.point.copy() for _ in range(2)]
+            ends[0][column] -= GRADIENT_STEP
+            ends[1][column] += GRADIENT_STEP
+            below, above = (replace(symbols, point=point).values_and_jacobian(cost)[0] for point in ends)
+            slope = (above - below) / (2 * GRADIENT_STEP)
+            fault = _differ(f"d cost/d state of a {motions.kind}", slope, jacobian[:, column], GRADIENT_TOLERANCE)
+            if fault:
+                return fault
+    return ""
