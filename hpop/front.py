@@ -23,6 +23,11 @@ class Front(frontier.Front[Trajectory]):
         """The trajectories, in the order of the rows of ``costs``."""
         return self.items
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of the runs: a snapped goal, a stand-in objective, what blocks the way."""
+        return tuple(dict.fromkeys(note for run in self.runs for note in run.get("notes", ())))
+
     def save(
         self,
         path: str | os.PathLike[str],
@@ -47,5 +52,5 @@ class Front(frontier.Front[Trajectory]):
                 model = make_model((problem or {})["model"])
             except (KeyError, HpopError) as error:
                 raise FrontFileError(f"{path}: expected a front with its problem and model; {error}") from None
-            return super().load(path, decode=lambda item: Trajectory.from_description(model, item))  # type: ignore[return-value]
-        return super().load(path, decode=decode)  # type: ignore[return-value]
+            return super().load(path, decode=lambda item: Trajectory.from_description(model, item))
+        return super().load(path, decode=decode)

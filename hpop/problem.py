@@ -124,8 +124,7 @@ class Problem:
             certificate=certificate,
             provenance=candidates.provenance,
             problem=self.describe(),
-            notes=candidates.notes,
-            stats=candidates.stats,
+            runs=[{"notes": list(candidates.notes), **candidates.stats}],
         )
 
     def evaluate(self, trajectory: Trajectory) -> dict[str, float]:

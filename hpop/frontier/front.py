@@ -44,6 +44,7 @@ class Front(Generic[T]):
     certificate               what is claimed of the points, and of which search space
     provenance      n         how each point was found, as JSON
     problem                   what the front answers, as JSON, or None if that is not stated
+    runs                      what each search behind the front reports (notes, counts, seconds), as JSON
     integers        (n, k)    the costs as whole quanta, int64
 
     Examples
@@ -72,6 +73,7 @@ class Front(Generic[T]):
     certificate: str
     provenance: tuple[dict[str, Any], ...]
     problem: dict[str, Any] | None = None
+    runs: tuple[dict[str, Any], ...] = ()
     integers: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -102,6 +104,7 @@ class Front(Generic[T]):
         integers.setflags(write=False)
         object.__setattr__(self, "integers", integers)
         object.__setattr__(self, "provenance", tuple(_as_json("provenance", p) for p in self.provenance))
+        object.__setattr__(self, "runs", tuple(_as_json("runs", run) for run in self.runs))
         if self.problem is not None:
             object.__setattr__(self, "problem", _as_json("problem", self.problem))
 
@@ -122,6 +125,7 @@ class Front(Generic[T]):
         reported_units: Sequence[str] = (),
         provenance: Sequence[Mapping[str, Any]] | None = None,
         problem: Mapping[str, Any] | None = None,
+        runs: Sequence[Mapping[str, Any]] = (),
     ) -> Self:
         """Build the front of any candidates: drop what is dominated, keep one of each cost vector, sort.
 
@@ -136,7 +140,7 @@ class Front(Generic[T]):
         items : sequence of n
             The candidates.
         names, units, quanta, status, certificate, groups, reported, reported_names, reported_units, \
-provenance, problem
+provenance, problem, runs
             As the fields of the front, with a row or an entry a candidate where there is one a point.
             Groups default to "", reported values to none, provenance to {}.
         """
@@ -171,6 +175,7 @@ provenance, problem
             certificate=certificate,
             provenance=tuple(origins[i] for i in kept),
             problem=None if problem is None else dict(problem),
+            runs=tuple(dict(run) for run in runs),
         )
 
     def __len__(self) -> int:
@@ -224,6 +229,7 @@ provenance, problem
                 "problems", *({k: p.get(k) for k in differing} for p in (self.problem, other.problem))
             )
         columns = [other.reported_names.index(name) for name in self.reported_names]
+        runs = self.runs + other.runs
         return type(self).of(
             np.concatenate([self.costs, other.costs]),
             self.items + other.items,
@@ -238,6 +244,7 @@ provenance, problem
             certificate=_joined(self.certificate, other.certificate),
             provenance=self.provenance + other.provenance,
             problem=other.problem if self.problem is None else self.problem,
+            runs=[run for i, run in enumerate(runs) if run not in runs[:i]],
         )
 
     def ideal(self) -> FloatArray:
@@ -337,6 +344,7 @@ provenance, problem
             certificate=self.certificate,
             provenance=list(self.provenance),
             problem=self.problem if problem is None else _as_json("problem", problem),
+            runs=list(self.runs),
         )
         storage.write(path, stored)
 

@@ -27,6 +27,7 @@ _TOP = {
     "criteria": list,
     "reported": list,
     "problem": (dict, type(None)),
+    "runs": list,
     "points": list,
 }
 _CRITERION = {"name": str, "unit": str, "group": str, "quantum": (int, float)}
@@ -54,6 +55,7 @@ class StoredFront(TypedDict):
     certificate: str
     provenance: list[dict[str, Any]]
     problem: dict[str, Any] | None
+    runs: list[dict[str, Any]]
 
 
 def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
@@ -122,6 +124,9 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
         advice = "update the library that reads it" if newer else "save the front again"
         _refuse(source, f"version {VERSION}", f"version {version!r}", advice)
     _check_keys(source, "the file", top, _TOP)
+    for number, run in enumerate(top["runs"]):
+        if not isinstance(run, dict):
+            _refuse(source, f"runs[{number}] to be an object", type(run).__name__, "save the front again")
     for part, keys in (("criteria", _CRITERION), ("reported", _REPORTED), ("points", _POINT)):
         for number, entry in enumerate(top[part]):
             _check_keys(source, f"{part}[{number}]", entry, keys)
@@ -145,6 +150,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
         certificate=top["certificate"],
         provenance=[p["provenance"] for p in points],
         problem=top["problem"],
+        runs=top["runs"],
     )
 
 
@@ -171,6 +177,7 @@ def _document(stored: StoredFront) -> dict[str, Any]:
         "criteria": [dict(zip(_CRITERION, values, strict=True)) for values in criteria],
         "reported": [dict(zip(_REPORTED, values, strict=True)) for values in reported],
         "problem": stored["problem"],
+        "runs": stored["runs"],
         "points": [dict(zip(_POINT, values, strict=True)) for values in points],
     }
 

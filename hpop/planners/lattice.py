@@ -154,6 +154,7 @@ def _candidates(
         provenance=tuple({"planner": "lattice", "edges": int(n.size - 1)} for n in nodes),
         notes=notes,
         stats={
+            "planner": "lattice",
             "states": lattice.size,
             "edges": edges,
             "build_seconds": build_seconds,
@@ -161,8 +162,8 @@ def _candidates(
             "labels_generated": stats.labels_generated,
             "labels_expanded": stats.labels_expanded,
             "peak_memory": stats.peak_memory,
-            "bounds_seconds": stats.bounds_seconds,
-            "search_seconds": stats.search_seconds,
+            "bounds_seconds": stats.seconds_bounds,
+            "search_seconds": stats.seconds_search,
         },
     )
 

@@ -23,6 +23,7 @@ def front_of(costs=((1.0, 0.1 + 0.2), (0.0, 2.5)), *, items=None, **changes):
         "reported": [[i / 3] for i in range(len(costs))],
         "provenance": [{"planner": "gewählt", "weights": (0.1, 0.9)} for _ in costs],
         "problem": {"start": [0.0, 1.5], "map": None},
+        "runs": [{"planner": "lattice", "labels": 7}],
         **changes,
     }
     return Front.of(
@@ -217,6 +218,7 @@ def drop(mapping, key):
         (lambda document: drop(document, "certificate"), "missing keys ['certificate']"),
         (lambda document: document.update(extra=1), "unknown keys ['extra']"),
         (lambda document: document.update(status=None), "'status' to be of type str"),
+        (lambda document: document.update(runs=[7]), "runs[0] to be an object"),
         (lambda document: document.update(problem=[]), "'problem' to be of type dict or NoneType"),
         (lambda document: drop(document["points"][1], "item"), "points[1] to have the keys"),
         (lambda document: document["points"].append(7), "points[2] to be an object"),
