@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray
 from hpop.errors import MapError
-from hpop.world.shapes import Obstacle, Raster, check_size
+from hpop.world.shapes import Obstacle, Raster, check_size, shown
 from hpop.world.world import Heights, World
 
 READERS = ("ros_map", "movingai", "geojson", "image")
@@ -49,10 +49,17 @@ def build(description: Mapping[str, Any]) -> World:
             return _from_files(description, str(kind))
     except MapError:
         raise
-    except (KeyError, TypeError, ValueError, shapely.errors.ShapelyError) as error:
+    except (
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+        OverflowError,
+        shapely.errors.ShapelyError,
+    ) as error:
         raise MapError(f"the description of a world is malformed: {error!r}.") from None
     known = ", ".join(("geometry", *READERS))
-    raise MapError(f"a world's description must have a kind out of {known}; got {kind!r}.")
+    raise MapError(f"a world's description must have a kind out of {known}; got {shown(kind)}.")
 
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
@@ -94,7 +101,7 @@ def _raster(raster: Raster) -> dict[str, Any]:
 def _build_raster(data: Mapping[str, Any]) -> Raster:
     rows, columns = data["shape"]
     if type(rows) is not int or type(columns) is not int:
-        raise MapError(f"a raster's shape must be two integers; got {data['shape']!r}.")
+        raise MapError(f"a raster's shape must be two integers; got {shown(data['shape'])}.")
     cells = unpack_cells(data["cells"], rows, columns)
     return Raster(cells, data["resolution"], data["origin"], *_range(data["z"]))
 

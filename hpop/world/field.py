@@ -68,7 +68,8 @@ class Field:
         if is_symbolic(x) or is_symbolic(y):
             return self._symbolic(x, y)
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        return self._evaluate(x, y)[..., 0]
+        # Rounded weights may sum to 1 + 4e-16: keep the range exactly.
+        return np.clip(self._evaluate(x, y)[..., 0], self.values.min(), self.values.max())
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""

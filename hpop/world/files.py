@@ -14,13 +14,15 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
-from hpop.world.shapes import check_size
+from hpop.world.shapes import MAX_CELLS, check_size
 
 MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
+MAX_DEPTH = 20
+"""Deepest nesting of a yaml file."""
 
 
-def read_bytes(path: str | Path, what: str) -> bytes:
+def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
     """Return a file's bytes; `MapError` if it is missing, a directory, empty, too large or not readable."""
     try:
         info = os.stat(path)
@@ -31,8 +33,8 @@ def read_bytes(path: str | Path, what: str) -> bytes:
         raise MapError(f"{what} must be a file; {str(path)!r} is {kind}.")
     if info.st_size == 0:
         raise MapError(f"{what} {str(path)!r} is empty (0 bytes).")
-    if info.st_size > MAX_BYTES:
-        raise MapError(f"{what} {str(path)!r} has {info.st_size:,} bytes; at most {MAX_BYTES:,} are read.")
+    if info.st_size > limit:
+        raise MapError(f"{what} {str(path)!r} has {info.st_size:,} bytes; at most {limit:,} are read.")
     try:
         return Path(path).read_bytes()
     except OSError as error:
@@ -51,6 +53,28 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
         raise MapError(
             f"{what} {str(path)!r} must be UTF-8 text; byte {error.start} is not. Is it another kind of file?"
         ) from None
+
+
+def read_yaml(text: str, path: str | Path) -> Any:
+    """Load plain YAML; `MapError` for Python tags, wrong syntax, and nesting deeper than `MAX_DEPTH`.
+
+    Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    depth = 0
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                raise MapError(f"{path} nests values more than {MAX_DEPTH} deep: it is no map file.")
+        return yaml.load(text, Loader=loader)
+    except (yaml.YAMLError, ValueError) as error:
+        if isinstance(error, MapError):
+            raise
+        reason = " ".join(str(error).split())
+        raise MapError(f"{path} is not a yaml file that may be loaded: {reason}") from None
 
 
 def sha256(data: bytes) -> str:
@@ -73,21 +97,24 @@ def read_image(data: bytes, path: str | Path) -> tuple[FloatArray, FloatArray | 
 
     Grey images have one channel, coloured ones three. The size is checked before pixels are decoded.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             image = Image.open(io.BytesIO(data))
-    except Image.DecompressionBombError as error:
+    except Image.DecompressionBombError:
         raise MapError(
-            f"image {str(path)!r} is too large: {error} Crop it or lower its resolution."
+            f"image {str(path)!r} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its "
+            "resolution."
+        ) from None
+    except UnidentifiedImageError:
+        raise MapError(
+            f"image {str(path)!r} is no image that can be read; expected PGM (P2, P5), PNG or another format "
+            "that Pillow opens."
         ) from None
     except Exception as error:  # each decoder fails in its own way
-        raise MapError(
-            f"image {str(path)!r} cannot be read ({error}); expected PGM (P2, P5), PNG or another "
-            "format that Pillow opens."
-        ) from None
+        raise MapError(f"image {str(path)!r} cannot be read ({error}); is its header broken?") from None
     width, height = image.size
     check_size(height, width, f"image {str(path)!r}")
     try:

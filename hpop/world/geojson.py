@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Obstacle, check_heights, check_positive
+from hpop.world.shapes import Obstacle, check_heights, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
 Meaning = Literal["obstacles", "free", "outline"]
@@ -52,7 +52,7 @@ def read(
         If the file is missing or no GeoJSON, has no polygons, or a polygon or height makes no sense.
     """
     if polygons not in get_args(Meaning):
-        raise MapError(f"polygons must be one of {', '.join(get_args(Meaning))}; got {polygons!r}.")
+        raise MapError(f"polygons must be one of {', '.join(get_args(Meaning))}; got {shown(polygons)}.")
     scale = check_positive("scale", scale)
     x0, y0 = _point(origin)
     content = read_bytes(path, "GeoJSON file")
@@ -84,10 +84,10 @@ def read(
 def _point(origin: Any) -> tuple[float, float]:
     try:
         x, y = (float(value) for value in origin)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise MapError(f"origin must be two finite numbers (x, y) in the file's units; got {origin!r}.")
+        raise MapError(f"origin must be two finite numbers (x, y) in the file's units; got {shown(origin)}.")
     return x, y
 
 
@@ -104,18 +104,20 @@ def _features(data: Any, path: str | Path) -> Iterator[tuple[str, dict[str, Any]
     if kind == "FeatureCollection":
         features = data.get("features")
         if not isinstance(features, list):
-            raise MapError(f"{path}: a FeatureCollection must have a list of features; got {features!r:.60}.")
+            raise MapError(
+                f"{path}: a FeatureCollection must have a list of features; got {shown(features)}."
+            )
     elif kind == "Feature":
         features = [data]
     elif kind in ("Polygon", "MultiPolygon"):
         features = [{"type": "Feature", "properties": {}, "geometry": data}]
     else:
         raise MapError(
-            f"{path} must hold a GeoJSON FeatureCollection, Feature or Polygon; got type {kind!r}."
+            f"{path} must hold a GeoJSON FeatureCollection, Feature or Polygon; got type {shown(kind)}."
         )
     for number, feature in enumerate(features):
         if not isinstance(feature, dict):
-            raise MapError(f"{path}: feature {number} must be an object; got {feature!r:.60}.")
+            raise MapError(f"{path}: feature {number} must be an object; got {shown(feature)}.")
         yield f"feature {number}", feature
 
 
@@ -126,10 +128,11 @@ def _polygon(feature: dict[str, Any], where: str, notes: list[str]) -> BaseGeome
         return None
     kind = data.get("type") if isinstance(data, dict) else None
     if kind not in ("Polygon", "MultiPolygon"):
-        notes.append(f"{where} is a {kind}, not a polygon: left out.")
+        notes.append(f"{where} is a {shown(kind)}, not a polygon: left out.")
         return None
     try:
-        geometry = shapely.force_2d(shape(data))
+        with np.errstate(invalid="ignore"):
+            geometry = shapely.force_2d(shape(data))
     except Exception as error:  # shapely passes on whatever the coordinates provoke
         raise MapError(f"{where}: its coordinates make no {kind}: {error}.") from None
     if not np.isfinite(shapely.get_coordinates(geometry)).all():

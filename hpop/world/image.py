@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_image
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
 
@@ -43,7 +43,7 @@ def read(
         If the image is missing, broken or too large, or an option makes no sense.
     """
     if not (isinstance(threshold, int | float) and 0 <= threshold <= 1):
-        raise MapError(f"threshold must be a brightness from 0 to 1; got {threshold!r}.")
+        raise MapError(f"threshold must be a brightness from 0 to 1; got {shown(threshold)}.")
     resolution = check_positive("resolution", resolution)
     origin = check_pose(origin)
     heights = WHOLE if height is None else check_heights(height)

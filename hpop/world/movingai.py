@@ -8,11 +8,11 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Raster, check_positive, check_size
+from hpop.world.shapes import Raster, check_positive, check_size, shown
 from hpop.world.world import World
 
-PASSABLE = b".GS"
-TERRAIN = b".GS@OTW"
+PASSABLE = ".GS"
+TERRAIN = ".GS@OTW"
 
 
 def read(path: str | Path, *, resolution: float = 1.0) -> World:
@@ -33,7 +33,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     if names != ["type", "height", "width", "map"] or header[0][1:] != ["octile"]:
         raise MapError(
             f"{path} must begin with the lines 'type octile', 'height H', 'width W', 'map'; got "
-            f"{lines[:4]!r:.120}."
+            f"{shown(lines[:4])}."
         )
     height, width = (_count(path, words) for words in header[1:3])
     check_size(height, width, f"map {str(path)!r}")
@@ -46,16 +46,12 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
             f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of "
             f"{sorted(lengths)[:5]} cells."
         )
-    try:
-        cells = np.frombuffer("".join(rows).encode("ascii"), dtype=np.uint8).reshape(height, width)
-    except UnicodeEncodeError:
-        cells = np.zeros((1, 1), dtype=np.uint8)
-    unknown = cells[~np.isin(cells, np.frombuffer(TERRAIN, dtype=np.uint8))]
-    if unknown.size:
-        raise MapError(
-            f"{path}: cells must be out of {TERRAIN.decode()}; got {chr(unknown[0])!r} among them."
-        )
-    occupied = ~np.isin(cells, np.frombuffer(PASSABLE, dtype=np.uint8))
+    text = "".join(rows)
+    unknown = set(text) - set(TERRAIN)
+    if unknown:
+        raise MapError(f"{path}: cells must be out of {TERRAIN}; got {min(unknown)!r} among them.")
+    cells = np.frombuffer(text.encode("ascii"), dtype=np.uint8).reshape(height, width)
+    occupied = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
     resolution = check_positive("resolution", resolution)
     return World(
         raster=Raster(occupied[::-1], resolution),
@@ -67,6 +63,6 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
 def _count(path: str | Path, words: list[str]) -> int:
     if len(words) != 2 or not (words[1].isascii() and words[1].isdigit() and len(words[1]) < 10):
         raise MapError(
-            f"{path}: {words[0]} must be followed by one whole number; got {' '.join(words)!r:.60}."
+            f"{path}: {words[0]} must be followed by one whole number; got {shown(' '.join(words))}."
         )
     return int(words[1])

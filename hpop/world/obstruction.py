@@ -21,6 +21,8 @@ from hpop.world.shapes import Obstacle, Raster, overlaps
 
 NOISE = 1e-9
 """Rounding of the FFT: values below are 0."""
+ROUNDING = 1e-12
+"""Rounding of the closed form: values below are 0."""
 
 
 def raster_obstruction(
@@ -110,7 +112,7 @@ def polygon_obstruction(
         ball_volumes(edges, slab, heights[found], x[points], y[points], z[points], radius, part)
         volume[points] = part
     phi = volume / (4.0 / 3.0 * math.pi * radius**3)
-    phi[np.abs(phi) < NOISE] = 0.0
+    phi[np.abs(phi) < ROUNDING] = 0.0
     return np.clip(phi, 0.0, 1.0)
 
 

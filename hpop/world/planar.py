@@ -79,7 +79,7 @@ class FreeSpace:
         return free
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Whether shapely geometries (N,) lie in the free region, ``margin`` (>= 0, m) or more from its border."""
+        """Whether shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE:
             return np.asarray(shapely.covers(self.region, shapes), dtype=bool)
         # A border out of reach leaves a shape all inside or all outside: one of its points tells.

@@ -8,18 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
-from hpop.world.files import file_source, read_bytes, read_image, read_text
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive
+from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
+MAX_YAML = 1_000_000
+"""Largest yaml file, bytes: an image given by mistake is told apart from a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ def read(
 
 def load(path: str | Path) -> OccupancyMap:
     """Read a yaml file and its image, and classify the cells; `MapError` for anything that is not a map."""
-    content = read_bytes(path, "map file")
+    content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     try:
         resolution = check_positive("resolution", data["resolution"])
@@ -100,14 +101,16 @@ def load(path: str | Path) -> OccupancyMap:
             f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}."
         )
     negate = data["negate"]
-    if negate not in (0, 1):
-        raise MapError(f"{path}: negate must be 0, 1, true or false; got {negate!r}.")
+    if not isinstance(negate, int) or negate not in (0, 1):
+        raise MapError(f"{path}: negate must be 0, 1, true or false; got {shown(negate)}.")
     mode = data.get("mode", "trinary")
     if mode not in MODES:
-        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}; got {mode!r}.")
+        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}; got {shown(mode)}.")
     name = data["image"]
     if not isinstance(name, str) or not name:
-        raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {name!r}.")
+        raise MapError(
+            f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}."
+        )
     image_path = Path(path).parent / name
     image = read_bytes(image_path, "map image")
     colours, alpha = read_image(image, image_path)
@@ -153,22 +156,26 @@ def classify(
 
 
 def _mapping(text: str, path: str | Path) -> dict[str, Any]:
-    try:
-        data = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise MapError(f"{path} is not a yaml file that may be loaded: {reason}") from None
+    data = read_yaml(text, path)
     if not isinstance(data, dict):
         raise MapError(f"{path} must hold a yaml mapping with {', '.join(KEYS)}; got {type(data).__name__}.")
     missing = [key for key in KEYS if key not in data]
     if missing:
         raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.")
+    for key in KEYS:
+        value = data[key]
+        if isinstance(value, dict) or (isinstance(value, list) and any(map(_nested, value))):
+            raise MapError(f"{path}: {key} must be a plain value, not a nested one.")
     return data
+
+
+def _nested(value: Any) -> bool:
+    return isinstance(value, dict | list | set)
 
 
 def _threshold(path: str | Path, data: dict[str, Any], key: str) -> float:
     value = data[key]
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
         hint = " YAML 1.1 reads 1e-3 as text: write 0.001." if isinstance(value, str) else ""
-        raise MapError(f"{path}: {key} must be a number from 0 to 1; got {value!r}.{hint}")
+        raise MapError(f"{path}: {key} must be a number from 0 to 1; got {shown(value)}.{hint}")
     return float(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,23 @@ MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
 
 
+def shown(value: Any) -> str:
+    """Return a short repr for a message, whatever the value: it may be huge, or fail to print."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        text = f"a {type(value).__name__} too large to print"
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
 def check_heights(heights: Any) -> tuple[float, float]:
     """Return (z_min, z_max), m, as floats; None is no bound. `MapError` unless z_min < z_max."""
     try:
         low, high = heights
         z_min = -math.inf if low is None else float(low)
         z_max = math.inf if high is None else float(high)
-    except (TypeError, ValueError):
-        raise MapError(f"heights must be a pair (z_min, z_max) in metres; got {heights!r}.") from None
+    except (TypeError, ValueError, OverflowError):
+        raise MapError(f"heights must be a pair (z_min, z_max) in metres; got {shown(heights)}.") from None
     if not z_min < z_max:
         raise MapError(f"heights must satisfy z_min < z_max; got ({z_min}, {z_max}).")
     return z_min, z_max
@@ -35,10 +45,10 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
     """Return an origin (x, y, yaw), metres and radians, as three finite floats, or raise `MapError`."""
     try:
         pose = tuple(float(value) for value in origin)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pose = ()
     if len(pose) != 3 or not all(math.isfinite(value) for value in pose):
-        raise MapError(f"origin must be three finite numbers [x, y, yaw] (metres, radians); got {origin!r}.")
+        raise MapError(f"origin must be three finite numbers [x, y, yaw] (m, m, rad); got {shown(origin)}.")
     return pose[0], pose[1], pose[2]
 
 
@@ -46,9 +56,9 @@ def check_positive(name: str, value: Any) -> float:
     """Return a finite float above 0, or raise `MapError` naming the quantity."""
     hint = " YAML 1.1 reads 1e-3 as text: write 0.001 or 1.0e-3." if isinstance(value, str) else ""
     if isinstance(value, bool | str) or not isinstance(value, int | float | np.number):
-        raise MapError(f"{name} must be a number above 0; got {value!r}.{hint}")
-    if not (math.isfinite(value) and value > 0):
-        raise MapError(f"{name} must be a finite number above 0; got {value!r}.")
+        raise MapError(f"{name} must be a number above 0; got {shown(value)}.{hint}")
+    if not 0 < value <= sys.float_info.max:
+        raise MapError(f"{name} must be a finite number above 0; got {shown(value)}.")
     return float(value)
 
 

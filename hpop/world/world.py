@@ -18,7 +18,7 @@ from hpop.errors import MapError, OptionError
 from hpop.world.field import Field, grid_points, is_symbolic
 from hpop.world.obstruction import polygon_obstruction, raster_obstruction
 from hpop.world.planar import FreeSpace
-from hpop.world.shapes import Obstacle, Raster, overlaps
+from hpop.world.shapes import Obstacle, Raster, check_heights, overlaps
 
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
@@ -125,10 +125,12 @@ class World:
         """
         prisms = []
         for item in obstacles:
-            shape, heights = item if isinstance(item, tuple) else (item, WHOLE)
+            shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, WHOLE)
             if not isinstance(shape, Polygon | MultiPolygon):
                 raise MapError(f"an obstacle must be a shapely Polygon or MultiPolygon; got {shape!r:.80}.")
-            prisms += [Obstacle(part, *heights) for part in shapely.get_parts(shape)]
+            prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
+        if extent is not None and extent.is_empty:
+            raise MapError("extent is empty: the robot would have nowhere to be.")
         return cls(tuple(prisms), keep_out=_or_nothing(keep_out), extent=_or_nothing(extent))
 
     @classmethod
@@ -148,7 +150,7 @@ class World:
         >>> world.clearance(np.array([1.25]), np.array([0.25]))
         array([0.25])
         """
-        raster = Raster(occupied, resolution, origin, *height)
+        raster = Raster(occupied, resolution, origin, *check_heights(height))
         return cls(
             raster=raster,
             keep_out=_or_nothing(keep_out),
@@ -320,7 +322,8 @@ class World:
             xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
             x, y = np.meshgrid(xs, ys)
             values = self.free_space(z).signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
-            return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
+            limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
+            return Field(np.clip(values, -limit, limit), spacing, (float(xs[0]), float(ys[0]), 0.0))
 
         return self._cached(("clearance", self._active(z)), make)
 
@@ -331,8 +334,15 @@ class World:
         height, and kept; at most 16 heights a call. Worlds whose obstacles all have the whole height need
         only one.
         """
-        x, y, z = pose.x, pose.y, np.asarray(pose.z, dtype=np.float64)
-        heights = np.unique(z) if self._has_heights else np.zeros(1)
+        x, y = pose.x, pose.y
+        if not self._has_heights:
+            return self.obstruction_field(radius)(x, y)
+        if is_symbolic(pose.z):
+            raise OptionError(
+                "obstruction needs camera heights as numbers; in this world they are variables."
+            )
+        z = np.asarray(pose.z, dtype=np.float64)
+        heights = np.unique(z)
         if heights.size > MAX_HEIGHTS:
             raise OptionError(
                 f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "

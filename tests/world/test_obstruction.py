@@ -1,0 +1,129 @@
+"""Obstruction in closed form and on cells: against published values, Monte Carlo and each other."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from hpop.world import Obstacle, Raster
+from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, raster_obstruction
+
+
+def one(obstacles, radius=2.0, x=0.0, y=0.0, z=0.0):
+    return float(polygon_obstruction(obstacles, x, y, z, radius)[0])
+
+
+def monte_carlo(obstacles, radius, centre, samples=200_000, seed=0):
+    """Share of random points of the ball inside any obstacle."""
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(samples, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = centre + radius * rng.random((samples, 1)) ** (1 / 3) * directions
+    inside = np.zeros(samples, dtype=bool)
+    for o in obstacles:
+        level = (points[:, 2] > o.z_min) & (points[:, 2] < o.z_max)
+        inside |= level & shapely.contains_xy(o.polygon, points[:, 0], points[:, 1])
+    return inside.mean()
+
+
+@pytest.mark.parametrize("d", [0.0, 0.3, 1.0, 1.9, 2.0, 2.5])
+def test_a_half_space_takes_the_volume_of_a_spherical_cap(d):
+    r = 2.0
+    expected = (r - d) ** 2 * (2 * r + d) / (4 * r**3) if d < r else 0.0
+    assert one([Obstacle(shapely.box(d, -30, 30, 30))]) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_published_half_space_and_corridor_values():
+    walls = [Obstacle(shapely.box(1, -9, 9, 9)), Obstacle(shapely.box(-9, -9, -1, 9))]
+    assert one(walls[:1]) == pytest.approx(0.15625, abs=1e-12)
+    assert one(walls) == pytest.approx(0.3125, abs=1e-12)
+
+
+def test_the_published_triangle_value():
+    assert one([Obstacle(Polygon([(0.3, 0.4), (1.7, -0.2), (1.1, 1.5)]))]) == pytest.approx(
+        0.092505, abs=5e-7
+    )
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, math.inf), (-0.5, 0.5), (-1.5, 1.0), (1.2, 1.7)])
+def test_a_layer_round_the_camera_takes_the_volume_of_a_spherical_segment(low, high):
+    # Volume of a ball between two heights: pi (r^2 z - z^3 / 3).
+    r = 2.0
+    a, b = (min(max(v, -r), r) for v in (low, high))
+    expected = (r * r * (b - a) - (b**3 - a**3) / 3) * 3 / (4 * r**3)
+    assert one([Obstacle(shapely.box(-9, -9, 9, 9), low, high)]) == pytest.approx(expected, abs=1e-12)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=12, deadline=None)
+def test_random_prisms_agree_with_monte_carlo(seed):
+    rng = np.random.default_rng(seed)
+    prisms = []
+    for _ in range(5):
+        outline = shapely.convex_hull(shapely.multipoints(rng.normal(scale=1.2, size=(5, 2))))
+        z_min = rng.uniform(-2, 1)
+        prisms.append(Obstacle(outline, z_min, z_min + rng.uniform(0.2, 2)))
+    centre = rng.normal(scale=0.3, size=3)
+    expected = monte_carlo(prisms, 1.5, centre, seed=seed)
+    assert one(prisms, 1.5, *centre) == pytest.approx(expected, abs=0.006)  # > 5 standard errors
+
+
+def test_holes_are_free_and_overlaps_count_once():
+    ring = Polygon(shapely.box(-5, -5, 5, 5).exterior, [shapely.box(-1, -1, 1, 1).exterior])
+    plug = Obstacle(shapely.box(-1.5, -1.5, 1.5, 1.5))
+    assert 0 < one([Obstacle(ring)]) < 1
+    assert one([Obstacle(ring), plug]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_overlapping_prisms_become_disjoint_ones_of_the_same_volume():
+    a = Obstacle(shapely.box(0, 0, 2, 2), 0.0, 2.0)
+    b = Obstacle(shapely.box(1, 0, 3, 2), 1.0, 3.0)
+    geometries, heights = disjoint_prisms([a, b])
+    volume = sum(g.area * (top - bottom) for g, (bottom, top) in zip(geometries, heights, strict=True))
+    assert volume == pytest.approx(8 + 8 - 2)
+
+
+def test_far_parts_of_a_large_polygon_and_other_tiles_change_nothing():
+    long_wall = Obstacle(shapely.box(1, -500, 500, 500))
+    x = np.array([0.0, 3.7, -60.0])
+    expected = [one([Obstacle(shapely.box(1, v - 3, 9, v + 3))], x=u, y=v) for u, v in zip(x, x, strict=True)]
+    assert polygon_obstruction([long_wall], x, x, 0.0, 2.0) == pytest.approx(expected, abs=1e-12)
+
+
+def test_no_obstacles_and_no_points_are_fine():
+    assert polygon_obstruction([], np.zeros(3), np.zeros(3), 0.0, 1.0).tolist() == [0, 0, 0]
+    assert polygon_obstruction([Obstacle(shapely.box(0, 0, 1, 1))], [], [], [], 1.0).size == 0
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.25, 1.0])
+def test_cells_agree_with_the_polygons_of_their_squares_at_any_resolution(resolution):
+    rng = np.random.default_rng(3)
+    shape = (12, 17)
+    raster = Raster(rng.random(shape) < 0.3, resolution, (1.0, -2.0, 0.7), 0.1, 1.4)
+    radius = 3.3 * resolution
+    squares = [Obstacle(part, 0.1, 1.4) for part in shapely.get_parts(raster.solid())]
+    x, y = raster.to_world(*(c.ravel() + 0.5 for c in np.meshgrid(np.arange(17), np.arange(12))))
+    expected = polygon_obstruction(squares, x, y, 0.9, radius).reshape(shape)
+    assert raster_obstruction(raster, radius, 0.9, False) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_outside_of_an_image_is_obstacle_or_not_as_asked():
+    empty = Raster(np.zeros((9, 9), dtype=bool), 0.5)
+    assert raster_obstruction(empty, 1.0, 0.0, False).max() == 0.0
+    phi = raster_obstruction(empty, 1.0, 0.0, True)
+    assert phi[4, 4] == 0.0
+    d = 0.25
+    assert phi[4, 0] == pytest.approx((1 - d) ** 2 * (2 + d) / 4, abs=1e-9)
+
+
+def test_raster_values_are_exactly_zero_or_one_where_they_should_be():
+    cells = np.zeros((40, 80), dtype=bool)
+    cells[:, 40:] = True
+    phi = raster_obstruction(Raster(cells, 0.1), 0.5, 0.0, False)
+    assert (phi[10:30, :34] == 0.0).all()
+    assert phi[20, 60] == pytest.approx(1.0, abs=1e-12)
+    assert ((phi >= 0) & (phi <= 1)).all()

@@ -1,0 +1,155 @@
+"""Clearance and free segments: against brute-force shapely distances."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from hpop.errors import OptionError
+from hpop.world import World
+
+
+def a_world(seed, raster=False):
+    rng = np.random.default_rng(seed)
+    if raster:
+        return World.from_cells(rng.random((9, 13)) < 0.2, 0.4, origin=(1.0, -2.0, 0.5))
+    shapes = [
+        shapely.convex_hull(shapely.multipoints(rng.uniform(0, 10, 2) + rng.normal(size=(5, 2))))
+        for _ in range(6)
+    ]
+    zone = shapely.box(7, 7, 9, 11)
+    return World.from_polygons(shapes, extent=shapely.box(0, 0, 10, 10), keep_out=zone)
+
+
+def brute_clearance(world, x, y):
+    """Distance to the union of all that is closed, point by point."""
+    around = shapely.box(-50, -50, 50, 50)
+    closed = shapely.union_all([around.difference(world.extent), world.blocked()])
+    return shapely.distance(closed, shapely.points(x, y))
+
+
+def random_points(world, n, seed):
+    x0, y0, x1, y1 = world.bounds
+    return np.random.default_rng(seed).uniform((x0 - 1, y0 - 1), (x1 + 1, y1 + 1), (n, 2)).T
+
+
+@given(seed=st.integers(0, 1000), raster=st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_clearance_is_the_distance_to_all_that_is_closed(seed, raster):
+    world = a_world(seed, raster)
+    x, y = random_points(world, 200, seed)
+    assert world.clearance(x, y) == pytest.approx(brute_clearance(world, x, y), abs=1e-9)
+
+
+@given(seed=st.integers(0, 1000), raster=st.booleans(), margin=st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+@settings(max_examples=25, deadline=None)
+def test_segments_are_free_where_shapely_says_so(seed, raster, margin):
+    world = a_world(seed, raster)
+    a, b = random_points(world, 200, seed), random_points(world, 200, seed + 1)
+    b = np.where(np.arange(200) % 3 == 0, b, a + 0.2 * (b - a))
+    segments = shapely.linestrings(np.stack([a.T, b.T], axis=1))
+    region = world.extent.difference(world.blocked())
+    distance = shapely.distance(region.boundary, segments)
+    expected = shapely.covers(region, segments) & (distance >= margin)
+    sure = np.abs(distance - margin) > 1e-7
+    got = world.segments_free(*a, *b, margin)
+    assert (got[sure] == expected[sure]).all()
+
+
+def test_a_segment_that_just_keeps_its_margin_is_free():
+    world = World.from_polygons([shapely.box(0, 2, 10, 3)], extent=shapely.box(0, 0, 10, 3))
+    args = np.array([1.0]), np.array([1.0]), np.array([9.0]), np.array([1.0])
+    assert world.segments_free(*args, 1.0).tolist() == [True]
+    assert world.segments_free(*args, 1.0 + 1e-8).tolist() == [False]
+
+
+def test_a_segment_along_a_wall_is_free_without_a_margin_but_not_through_it():
+    world = World.from_polygons([shapely.box(4, 0, 6, 2)], extent=shapely.box(0, 0, 10, 5))
+    x0, y0, x1, y1 = np.array([[1, 2, 9, 2], [1, 1, 9, 1], [1, 0, 3, 0], [1, 1, 1, 1], [5, 1, 5, 1]]).T
+    assert world.segments_free(x0, y0, x1, y1, 0.0).tolist() == [True, False, True, True, False]
+
+
+def test_a_segment_that_jumps_over_a_thin_wall_is_not_free():
+    world = World.from_polygons([shapely.box(5, -1, 5.001, 11)], extent=shapely.box(0, 0, 10, 10))
+    assert world.segments_free(1.0, 5.0, 9.0, 5.0, 0.0).tolist() == [False]
+    assert world.segments_free(1.0, 5.0, 9.0, 5.0, 0.1).tolist() == [False]
+
+
+def test_hulls_are_free_only_inside_the_region():
+    world = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))
+    shapes = np.array(
+        [
+            shapely.box(1, 1, 2, 2),
+            shapely.box(4.5, 4.5, 5.5, 5.5),
+            shapely.box(3, 3, 7, 7),
+            shapely.box(20, 20, 21, 21),
+        ]
+    )
+    assert world.free_space().shapes_free(shapes, 0.2).tolist() == [True, False, False, False]
+    assert world.free_space().shapes_free(shapes, 0.0).tolist() == [True, False, False, False]
+    assert world.free_space().shapes_free(shapes[:1], 1.1).tolist() == [False]
+
+
+def test_nan_positions_have_nan_clearance_and_are_not_free():
+    world = a_world(1)
+    nan = np.array([np.nan])
+    assert np.isnan(world.clearance(nan, nan)).all()
+    assert not world.segments_free(nan, nan, nan, nan, 0.1).any()
+
+
+def test_a_world_that_is_all_blocked_has_no_clearance_anywhere():
+    world = World.from_polygons([shapely.box(-1, -1, 2, 2)], extent=shapely.box(0, 0, 1, 1))
+    assert world.clearance(np.array([0.5, 5.0]), np.array([0.5, 5.0])).tolist() == [0.0, 0.0]
+    assert world.segments_free(0.2, 0.2, 0.8, 0.8, 0.0).tolist() == [False]
+    assert (world.clearance_field().values <= 0).all()
+
+
+def test_rooms_that_touch_in_a_corner_are_not_connected():
+    cells = np.array([[1, 0], [0, 1]], dtype=bool)
+    world = World.from_cells(cells, 1.0)
+    assert world.clearance(np.array([1.0, 0.5]), np.array([1.0, 1.5])).tolist() == [0.0, 0.5]
+    assert world.segments_free(0.5, 1.5, 1.5, 0.5, 0.01).tolist() == [False]
+
+
+def test_solid_squares_have_exactly_the_area_of_their_cells():
+    cells = np.random.default_rng(2).random((30, 40)) < 0.4
+    world = World.from_cells(cells, 0.5, origin=(3, 4, 1.0))
+    assert world.solid().is_valid
+    assert world.solid().area == pytest.approx(cells.sum() * 0.25, rel=1e-12)
+
+
+def test_heights_choose_what_blocks():
+    table = shapely.box(1, 1, 2, 2)
+    lamp = shapely.box(3, 1, 4, 2)
+    world = World.from_polygons([(table, (0, 0.8)), (lamp, (2.0, 2.5))], extent=shapely.box(0, 0, 5, 5))
+    assert world.solid(0, 1).equals(table)
+    assert world.solid(0.8, 2.0).is_empty
+    assert world.solid().area == 2
+    on = np.array([1.5, 3.5]), np.array([1.5, 1.5])
+    assert (world.clearance(*on, z=(0, 1)) > 0).tolist() == [False, True]
+    assert (world.clearance(*on, z=(1, 3)) > 0).tolist() == [True, False]
+
+
+def test_the_blueprint_extent_may_have_any_shape():
+    el = Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)])
+    world = World.from_polygons([], extent=el)
+    assert world.clearance(np.array([0.5, 2.0]), np.array([0.5, 2.0])).tolist() == [0.5, 0.0]
+
+
+@pytest.mark.parametrize("margin", [-0.1, float("nan")])
+def test_a_margin_must_be_a_distance(margin):
+    with pytest.raises(OptionError, match="margin"):
+        a_world(0).segments_free(1, 1, 2, 2, margin)
+
+
+def test_a_height_range_must_be_ordered():
+    with pytest.raises(OptionError, match="z_min"):
+        a_world(0).clearance(np.zeros(1), np.zeros(1), z=(2, 1))
+
+
+def test_clearance_on_a_real_building_agrees_with_brute_force(shared_data):
+    world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
+    x, y = random_points(world, 300, 9)
+    assert world.clearance(x, y) == pytest.approx(brute_clearance(world, x, y), abs=1e-9)

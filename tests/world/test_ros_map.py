@@ -1,0 +1,246 @@
+"""ROS map_server maps: real ones with known counts, every mode, and every way to be broken."""
+
+import numpy as np
+import pytest
+import shapely
+from PIL import Image
+
+from hpop.errors import MapError
+from hpop.world import World
+from hpop.world.ros_map import load
+from hpop.world.shapes import MAX_CELLS
+
+YAML = {
+    "image": "map.pgm",
+    "resolution": 0.5,
+    "origin": "[1.0, 2.0, 0.0]",
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+}
+
+
+def write(folder, content=None, /, **changes):
+    """A map in a folder; a change to None removes the key."""
+    values = {key: value for key, value in {**YAML, **changes}.items() if value is not None}
+    path = folder / "map.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in values.items()))
+    if content is None:
+        content = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 254, 0, 0])
+    (folder / "map.pgm").write_bytes(content)
+    return path
+
+
+def three_states(grid):
+    """Occupied 100, free 0, unknown -1, as map_server publishes them; row 0 at the bottom."""
+    return np.where(grid.occupied, 100, np.where(grid.free, 0, -1)).tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "free", "occupied", "unknown"),  # from each folder's SOURCE.txt
+    [
+        ("pal_office/map.yaml", (520, 469), 230421, 13459, 0),
+        ("nav2_depot/depot.yaml", (604, 307), 179481, 5947, 0),
+        ("nav2_depot/depot_keepout.yaml", (604, 307), 154215, 31213, 0),
+        ("nav2_depot/depot_speed.yaml", (604, 307), 0, 0, 185428),
+        ("aws_bookstore/map.yaml", (384, 384), 61884, 4954, 80618),
+    ],
+)
+def test_real_maps_have_the_counts_of_their_source(shared_data, name, size, free, occupied, unknown):
+    folder, _, file = name.partition("/")
+    grid = load(shared_data(folder) / file)
+    assert grid.free.shape == size[::-1]
+    assert (grid.free.sum(), grid.occupied.sum()) == (free, occupied)
+    assert (~grid.free & ~grid.occupied).sum() == unknown
+
+
+def test_a_real_map_lies_where_its_yaml_says(shared_data):
+    world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
+    assert world.bounds == pytest.approx((-14.2, -12.2, -14.2 + 26.0, -12.2 + 23.45))
+    assert world.cell == 0.05
+    assert world.solid().area == pytest.approx(13459 * 0.05**2)
+
+
+def test_the_keep_out_mask_closes_the_plane_but_not_the_view(shared_data):
+    folder = shared_data("nav2_depot")
+    plain = World.from_ros_map(folder / "depot.yaml")
+    masked = World.from_ros_map(folder / "depot.yaml", keep_out=folder / "depot_keepout.yaml")
+    assert masked.keep_out.area == pytest.approx(31213 * 0.05**2)
+    assert masked.solid().equals(plain.solid())
+    point = shapely.point_on_surface(masked.keep_out.difference(plain.solid()).buffer(-0.1))
+    x, y = np.array([point.x]), np.array([point.y])
+    assert plain.clearance(x, y)[0] > 0
+    assert masked.clearance(x, y)[0] == 0
+    assert (masked.obstruction_field(1.0).values == plain.obstruction_field(1.0).values).all()
+
+
+def test_the_first_row_of_the_image_is_the_top_of_the_map(tmp_path):
+    assert three_states(load(write(tmp_path))) == [[0, 100, 100], [100, -1, 0]]
+
+
+def test_unknown_cells_are_obstacles_unless_asked_otherwise(tmp_path):
+    path = write(tmp_path)
+    assert World.from_ros_map(path).raster.cells.tolist() == [[False, True, True], [True, True, False]]
+    free = World.from_ros_map(path, unknown_is_free=True)
+    assert free.raster.cells.tolist() == [[False, True, True], [True, False, False]]
+    assert (World.from_ros_map(path).outside_is_obstacle, free.outside_is_obstacle) == (True, False)
+
+
+def test_the_origin_turns_the_map_about_its_lower_left_corner(tmp_path):
+    image = b"P5\n3 2\n255\n" + bytes([254, 254, 254, 254, 254, 0])  # lower right cell
+    world = World.from_ros_map(write(tmp_path, image, origin="[1.0, 2.0, 1.5707963267948966]"))
+    assert world.solid().bounds == pytest.approx((0.5, 3.0, 1.0, 3.5))
+
+
+def test_heights_apply_to_all_cells(tmp_path):
+    world = World.from_ros_map(write(tmp_path), height=(0, 1.5))
+    assert world.solid(1.5, 3).is_empty
+    assert not world.solid(1.0, 3).is_empty
+
+
+def test_negate_swaps_black_and_white(tmp_path):
+    assert three_states(load(write(tmp_path, negate="true"))) == [[100, 0, 0], [0, 100, 100]]
+
+
+def test_ascii_and_binary_pgm_and_comments_are_the_same_map(tmp_path):
+    binary = load(write(tmp_path, b"P5\n# CREATOR: map_saver\n3 2\n255\n" + bytes([0, 205, 254, 254, 0, 0])))
+    ascii_ = load(write(tmp_path, b"P2\n3 2\n255\n0 205 254\n254 0 0\n"))
+    assert three_states(binary) == three_states(ascii_)
+
+
+def test_a_pgm_with_another_maximum_is_scaled(tmp_path):
+    assert three_states(load(write(tmp_path, b"P2\n3 1\n100\n0 80 100\n"))) == [[100, -1, 0]]
+    deep = b"P5\n3 1\n65535\n" + np.array([0, 52000, 65535], dtype=">u2").tobytes()
+    assert three_states(load(write(tmp_path, deep))) == [[100, -1, 0]]
+
+
+def png(folder, pixels, **changes):
+    Image.fromarray(np.array(pixels, dtype=np.uint8)).save(folder / "map.png")
+    return load(write(folder, image="map.png", **changes))
+
+
+def test_colours_are_averaged(tmp_path):
+    pixels = [[[0, 0, 255], [255, 255, 255], [255, 255, 0]]]  # occ 2/3, 0, 1/3
+    assert three_states(png(tmp_path, pixels)) == [[100, 0, -1]]
+
+
+def test_alpha_is_averaged_in_trinary_mode(tmp_path):
+    # occ: opaque black 1 - 1/4, transparent black 1, transparent white 1/4, opaque white 0.
+    pixels = [[[0, 0, 0, 255], [0, 0, 0, 0], [255, 255, 255, 0], [255, 255, 255, 255]]]
+    assert three_states(png(tmp_path, pixels, free_thresh=0.2)) == [[100, 100, -1, 0]]
+
+
+def test_pixels_that_are_not_opaque_are_unknown_in_scale_mode(tmp_path):
+    pixels = [[[0, 0, 0, 255], [0, 0, 0, 254], [255, 255, 255, 255], [128, 128, 128, 255]]]
+    assert three_states(png(tmp_path, pixels, mode="scale")) == [[100, -1, 0, -1]]
+
+
+def test_raw_mode_takes_bytes_as_percent(tmp_path):
+    image = b"P5\n5 1\n255\n" + bytes([0, 50, 100, 101, 255])
+    assert three_states(load(write(tmp_path, image, mode="raw"))) == [[0, -1, 100, -1, -1]]
+
+
+def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_path, monkeypatch):
+    (tmp_path / "maps").mkdir()
+    write(tmp_path / "maps")
+    monkeypatch.chdir(tmp_path)
+    assert World.from_ros_map("maps/map.yaml").source["path"] == str(tmp_path / "maps" / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"resolution": 0}, "resolution must be a finite number above 0"),
+        ({"resolution": -0.05}, "above 0"),
+        ({"resolution": ".nan"}, "above 0"),
+        ({"resolution": ".inf"}, "above 0"),
+        ({"resolution": "fine"}, "resolution must be a number"),
+        ({"resolution": "true"}, "resolution must be a number"),
+        ({"resolution": "1e-3"}, "YAML 1.1 reads 1e-3 as text"),
+        ({"resolution": "0x" + "f" * 5000}, "too large to print"),
+        ({"origin": "[0, 0]"}, "origin must be three finite numbers"),
+        ({"origin": "[0, 0, .nan]"}, "origin"),
+        ({"origin": "here"}, "origin"),
+        ({"origin": "[0, 0, [1, 2]]"}, "nested"),
+        ({"origin": 7}, "origin"),
+        ({"occupied_thresh": 1.5}, "occupied_thresh must be a number from 0 to 1"),
+        ({"free_thresh": -0.1}, "free_thresh must be a number from 0 to 1"),
+        ({"free_thresh": ".nan"}, "free_thresh"),
+        ({"free_thresh": "1e-3"}, "YAML 1.1"),
+        ({"free_thresh": 0.8}, "must not exceed"),
+        ({"negate": 2}, "negate must be"),
+        ({"negate": "maybe"}, "negate must be"),
+        ({"mode": "ternary"}, "mode must be one of trinary, scale, raw"),
+        ({"mode": "[a, [b]]"}, "mode must be one of"),
+        ({"image": ""}, "image must be the path"),
+        ({"image": 5}, "image must be the path"),
+        ({"image": "nowhere.pgm"}, "map image .*nowhere.pgm.* cannot be opened"),
+        ({"image": "."}, "is a directory"),
+        ({"image": '"a\\0b"'}, "cannot be opened"),
+        ({"resolution": None}, "lacks resolution"),
+        ({"image": None, "origin": None}, "lacks image, origin"),
+        ({"origin": "!!python/object/apply:os.system ['true']"}, "not a yaml file that may be loaded"),
+        ({"origin": "[0, 0"}, "not a yaml file that may be loaded"),
+    ],
+)
+def test_every_wrong_value_is_named(tmp_path, changes, message):
+    with pytest.raises(MapError, match=message):
+        World.from_ros_map(write(tmp_path, **changes))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "empty"),
+        (b"- a\n- b\n", "mapping"),
+        (b"just text", "mapping"),
+        (b"\xff\xfe\x00\x80", "UTF-8"),
+        (b"[" * 100_000, "nests values"),
+        (b"[" * 100_000 + b"]" * 100_000, "nests values"),
+        (b"a: 9" + b"9" * 5000, "yaml"),
+        (b" " * 1_000_001, "at most"),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused(tmp_path, content, message):
+    path = tmp_path / "map.yaml"
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=message):
+        World.from_ros_map(path)
+
+
+def test_a_missing_file_and_a_directory_are_refused(tmp_path):
+    with pytest.raises(MapError, match="cannot be opened"):
+        World.from_ros_map(tmp_path / "none.yaml")
+    with pytest.raises(MapError, match="is a directory"):
+        World.from_ros_map(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (b"", "is empty"),
+        (b"not an image", "is no image that can be read"),
+        (b"P5\n3 2\n", "cannot be read"),
+        (b"P5\n3 2\n255\n\x00\x00", "cut off"),
+        (b"P2\n3 2\n255\n0 0 0", "cut off"),
+        (b"P5\n0 2\n255\n", "is no image that can be read"),
+        (b"P5\n50000 50000\n255\n\x00", f"too large: at most {MAX_CELLS:,}"),
+        (b"P5\n12000 12000\n255\n\x00", f"at most {MAX_CELLS:,}"),
+        (b"P5\n99999999999999999999 2\n255\n\x00", "is its header broken"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "read"),
+    ],
+)
+def test_every_broken_image_is_a_map_error(tmp_path, image, message):
+    with pytest.raises(MapError, match=message):
+        World.from_ros_map(write(tmp_path, image))
+
+
+def test_a_broken_mask_is_named(tmp_path):
+    path = write(tmp_path)
+    with pytest.raises(MapError, match=r"mask\.yaml"):
+        World.from_ros_map(path, keep_out=tmp_path / "mask.yaml")
+
+
+def test_a_wrong_height_is_refused(tmp_path):
+    with pytest.raises(MapError, match="z_min < z_max"):
+        World.from_ros_map(write(tmp_path), height=(2, 1))
