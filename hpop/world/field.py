@@ -52,6 +52,7 @@ class Field:
             raise ValueError(f"values must be a finite (H, W) array with samples; got shape {values.shape}.")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing", float(self.spacing))
+        object.__setattr__(self, "_range", (values.min(), values.max()))
         object.__setattr__(self, "_coefficients", frozen(np.pad(values, PAD, mode="edge")))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -69,7 +70,7 @@ class Field:
             return self._symbolic(x, y)
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         # Rounded weights may sum to 1 + 4e-16: keep the range exactly.
-        return np.clip(self._evaluate(x, y)[..., 0], self.values.min(), self.values.max())
+        return np.clip(self._evaluate(x, y)[..., 0], *self.__dict__["_range"])
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""

@@ -7,14 +7,18 @@ import io
 import os
 import stat
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
 from hpop.world.shapes import MAX_CELLS, check_size
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
@@ -92,10 +96,11 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
     }
 
 
-def read_image(data: bytes, path: str | Path) -> tuple[FloatArray, FloatArray | None]:
-    """Decode an image to (H, W, channels) in [0, 1], row 0 at the top, and its alpha (H, W) or None.
+def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
+    """Decode an image to (H, W, channels) integers, row 0 at the top, and its alpha (H, W) or None.
 
-    Grey images have one channel, coloured ones three. The size is checked before pixels are decoded.
+    Grey images have one channel, coloured ones three; white is the largest value of the type, 8 or 16 bits.
+    The size is checked before pixels are decoded.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -119,9 +124,8 @@ def read_image(data: bytes, path: str | Path) -> tuple[FloatArray, FloatArray | 
     check_size(height, width, f"image {str(path)!r}")
     try:
         if image.mode in ("I", "I;16", "I;16B", "F"):
-            limit = 65535.0
-            grey = np.asarray(image, dtype=np.float64)
-            return np.clip(grey / limit, 0.0, 1.0)[..., None], None
+            deep = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
+            return deep[..., None], None
         alpha = image.has_transparency_data
         mode = ("L" if image.mode in ("1", "L", "LA") else "RGB") + ("A" if alpha else "")
         pixels = np.asarray(image.convert(mode))
@@ -130,5 +134,16 @@ def read_image(data: bytes, path: str | Path) -> tuple[FloatArray, FloatArray | 
             f"image {str(path)!r} is {width} x {height} by its header, but its pixels cannot be read "
             f"({error}). Is the file cut off?"
         ) from None
-    shades = pixels.reshape(height, width, -1).astype(np.float64) / 255.0
-    return (shades[..., :-1], shades[..., -1]) if alpha else (shades, None)
+    pixels = pixels.reshape(height, width, -1)
+    return (pixels[..., :-1], pixels[..., -1]) if alpha else (pixels, None)
+
+
+def shades(pixels: Pixels) -> FloatArray:
+    """Pixels as brightness from 0 (black) to 1 (white)."""
+    return np.asarray(pixels / float(np.iinfo(pixels.dtype).max))
+
+
+def row_blocks(height: int, width: int) -> Iterator[slice]:
+    """Slices of rows of about a million pixels: brightness takes eight bytes a pixel and more."""
+    step = max(1, 1_000_000 // width)
+    return (slice(start, start + step) for start in range(0, height, step))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+
 from hpop.errors import MapError
-from hpop.world.files import file_source, read_bytes, read_image
+from hpop.world.files import file_source, read_bytes, read_image, row_blocks, shades
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
@@ -49,9 +51,13 @@ def read(
     heights = WHOLE if height is None else check_heights(height)
     content = read_bytes(path, "image")
     colours, alpha = read_image(content, path)
-    brightness = colours.mean(axis=-1)
-    if alpha is not None:
-        brightness = brightness * alpha + (1.0 - alpha)
+    dark = np.empty(colours.shape[:2], dtype=bool)
+    for rows in row_blocks(dark.shape[0], dark.shape[1]):
+        brightness = shades(colours[rows]).mean(axis=-1)
+        if alpha is not None:
+            opaque = shades(alpha[rows])
+            brightness = brightness * opaque + (1.0 - opaque)
+        dark[rows] = brightness < threshold
     options = {
         "resolution": resolution,
         "threshold": float(threshold),
@@ -60,7 +66,7 @@ def read(
         "outside_is_obstacle": bool(outside_is_obstacle),
     }
     return World(
-        raster=Raster((brightness < threshold)[::-1], resolution, origin, *heights),
+        raster=Raster(dark[::-1], resolution, origin, *heights),
         outside_is_obstacle=bool(outside_is_obstacle),
         source=file_source("image", path, options, content),
     )

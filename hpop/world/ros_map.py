@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
-from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml
+from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml, row_blocks, shades
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
@@ -114,7 +114,17 @@ def load(path: str | Path) -> OccupancyMap:
     image_path = Path(path).parent / name
     image = read_bytes(image_path, "map image")
     colours, alpha = read_image(image, image_path)
-    occupied, free = classify(colours, alpha, mode, bool(negate), occupied_thresh, free_thresh)
+    height, width = colours.shape[:2]
+    occupied, free = np.empty((2, height, width), dtype=bool)
+    for rows in row_blocks(height, width):
+        occupied[rows], free[rows] = classify(
+            shades(colours[rows]),
+            None if alpha is None else shades(alpha[rows]),
+            mode,
+            bool(negate),
+            occupied_thresh,
+            free_thresh,
+        )
     return OccupancyMap(occupied[::-1], free[::-1], resolution, origin, (content, image))
 
 
