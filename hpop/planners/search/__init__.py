@@ -1,0 +1,6 @@
+"""Exact multi-objective search on plain graphs: arrays in, the whole front out; knows nothing of robots."""
+
+from hpop.planners.search.graph import Graph
+from hpop.planners.search.pareto_paths import ParetoPaths, SearchStats, pareto_paths
+
+__all__ = ["Graph", "ParetoPaths", "SearchStats", "pareto_paths"]

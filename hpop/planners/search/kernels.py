@@ -1,0 +1,176 @@
+"""What the compiled kernels share: how they are compiled, and a 4-ary heap of keys of one or more words.
+
+Imported on first use only, because importing numba takes half a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numba
+import numpy as np
+
+from hpop.arrays import IntArray
+
+WORD_BITS = 62  # of a key word: non-negative as int64
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile on first call, cache the result on disk where a folder can be written.
+
+    numba looks for a folder beside the source, then in the user's cache (NUMBA_CACHE_DIR overrides both).
+    Where none can be written it refuses to decorate: then compile in every process.
+    """
+    try:
+        return numba.njit(function, cache=True, nogil=True)
+    except RuntimeError:
+        return numba.njit(function, nogil=True)
+
+
+def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Types of the arguments, as numba sees them."""
+    typeof: Callable[[Any], Any] = numba.typeof
+    return tuple(typeof(a) for a in arguments)
+
+
+def is_ready(compiled: Any, *arguments: Any) -> bool:
+    """Say whether a kernel is in memory for arguments of these types."""
+    return signature(arguments) in compiled.overloads
+
+
+def make_ready(compiled: Any, *arguments: Any) -> float:
+    """Compile a kernel for these arguments, or load it from the cache; return the seconds it took."""
+    begin = perf_counter()
+    compiled.compile(signature(arguments))
+    return perf_counter() - begin
+
+
+@kernel
+def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray, value: int) -> None:
+    """Add an entry to a heap of `size` entries. keys (capacity * words,), key (words,)."""
+    i = size
+    if words == 1:
+        first = key[0]
+        while i > 0:
+            p = (i - 1) >> 2
+            if keys[p] <= first:
+                break
+            keys[i] = keys[p]
+            values[i] = values[p]
+            i = p
+        keys[i] = first
+        values[i] = value
+        return
+    while i > 0:
+        p = (i - 1) >> 2
+        smaller = False
+        for w in range(words):
+            if key[w] != keys[p * words + w]:
+                smaller = key[w] < keys[p * words + w]
+                break
+        if not smaller:
+            break
+        for w in range(words):
+            keys[i * words + w] = keys[p * words + w]
+        values[i] = values[p]
+        i = p
+    for w in range(words):
+        keys[i * words + w] = key[w]
+    values[i] = value
+
+
+@kernel
+def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
+    """Remove the first entry of a heap of `size` entries."""
+    n = size - 1
+    value = values[n]
+    i = 0
+    if words == 1:
+        last = keys[n]
+        while True:
+            child = 4 * i + 1
+            if child >= n:
+                break
+            least = keys[child]
+            best = child
+            for j in range(child + 1, min(child + 4, n)):
+                if keys[j] < least:
+                    least = keys[j]
+                    best = j
+            if least >= last:
+                break
+            keys[i] = least
+            values[i] = values[best]
+            i = best
+        keys[i] = last
+        values[i] = value
+        return
+    while True:
+        child = 4 * i + 1
+        if child >= n:
+            break
+        best = child
+        for j in range(child + 1, min(child + 4, n)):
+            if precedes(keys, j, best, words):
+                best = j
+        if not precedes(keys, best, n, words):
+            break
+        for w in range(words):
+            keys[i * words + w] = keys[best * words + w]
+        values[i] = values[best]
+        i = best
+    for w in range(words):
+        keys[i * words + w] = keys[n * words + w]
+    values[i] = value
+
+
+@kernel
+def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
+    """Compare two entries of a heap lexicographically."""
+    for w in range(words):
+        a, b = keys[i * words + w], keys[j * words + w]
+        if a != b:
+            return bool(a < b)
+    return False
+
+
+def plan_keys(largest: list[int]) -> tuple[IntArray, IntArray, IntArray, int]:
+    """Pack columns of non-negative integers into as few key words as keep the lexicographic order.
+
+    Returns the word, the shift and the largest value of every column, and the number of words.
+
+    >>> word, shift, limit, words = plan_keys([1000, 63, 5])
+    >>> words, shift.tolist(), limit.tolist()
+    (1, [9, 3, 0], [1023, 63, 7])
+    """
+    bits = [min(WORD_BITS, max(1, value.bit_length())) for value in largest]
+    word = np.zeros(len(bits), np.int64)
+    shift = np.zeros(len(bits), np.int64)
+    used = 0
+    for j, width in enumerate(bits):
+        if j and used + width > WORD_BITS:
+            word[j:] += 1
+            used = 0
+        used += width
+        for i in range(j):
+            if word[i] == word[j]:
+                shift[i] += width
+    limit = np.array([2**width - 1 for width in bits], np.int64)
+    return word, shift, limit, int(word[-1]) + 1
+
+
+@kernel
+def repack(
+    keys: IntArray,
+    size: int,
+    old: tuple[IntArray, IntArray, IntArray, int],
+    new: tuple[IntArray, IntArray, IntArray, int],
+    out: IntArray,
+) -> None:
+    """Write the keys of a heap to `out` (zeros) in another packing; their order, so the heap, stays."""
+    for i in range(size):
+        for j in range(len(old[0])):
+            value = (keys[i * old[3] + old[0][j]] >> old[1][j]) & old[2][j]
+            out[i * new[3] + new[0][j]] |= value << new[1][j]

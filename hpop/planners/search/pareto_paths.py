@@ -1,0 +1,236 @@
+"""All non-dominated cost vectors from a source to a set of targets, one path each: the way in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import IntArray
+from hpop.errors import OptionError, QueryError
+from hpop.planners.search.graph import Graph
+from hpop.status import Budget, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.planners.search.slices import Clock, Search
+
+METHODS = ("auto", "staircase", "general")
+SMALL = 1024  # an index cost is small if good paths stay below it
+UNLIMITED = Budget()
+
+
+@dataclass(frozen=True)
+class SearchStats:
+    """What a search did and what it cost.
+
+    method            "staircase" or "general"; "auto" if a limit came before the choice
+    order             columns of the costs in the order of the search
+    labels_generated  count  partial paths put into the heap
+    labels_expanded   count  partial paths closed
+    peak_memory       bytes  arrays of the search
+    seconds_bounds    s      lower bounds
+    seconds_search    s      the search itself, tables included
+    seconds_compiled  s      compiling kernels or loading them; 0 when they were in memory
+    """
+
+    method: str
+    order: tuple[int, ...] = ()
+    labels_generated: int = 0
+    labels_expanded: int = 0
+    peak_memory: int = 0
+    seconds_bounds: float = 0.0
+    seconds_search: float = 0.0
+    seconds_compiled: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ParetoPaths:
+    """A front and its paths.
+
+    costs   (n, k)  int64  in the caller's columns, rows in lexicographic order
+    status  COMPLETE, NO_PATH, or what stopped the search: then costs is a subset of the exact front
+    stats   what the search did
+    """
+
+    costs: IntArray
+    status: Status
+    stats: SearchStats
+    _graph: Graph
+    _source: int
+    _paths: tuple[IntArray, ...]
+
+    def __len__(self) -> int:
+        return len(self.costs)
+
+    def nodes(self, i: int) -> IntArray:
+        """Nodes of path i, source and target included."""
+        heads = self._graph.heads[self._paths[i]].astype(np.int64)
+        return np.concatenate([np.array([self._source], np.int64), heads])
+
+    def arcs(self, i: int) -> IntArray:
+        """Arcs of path i, as indices into the arcs that the caller gave."""
+        return self._graph.arc[self._paths[i]]
+
+
+def pareto_paths(
+    graph: Graph,
+    source: int,
+    target: int | Sequence[int] | IntArray,
+    *,
+    budget: Budget = UNLIMITED,
+    progress: ProgressCallback | None = None,
+    method: str = "auto",
+) -> ParetoPaths:
+    """Find every non-dominated cost vector of the paths from source to target, each with one path.
+
+    Vectors are compared componentwise, smaller is better; of paths with equal vectors one is kept. With
+    several targets, a path may end at any of them and all compete in one front. A path of no arcs costs 0.
+
+    Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
+
+    Guarantees: exact in integers. If a limit of `budget` or Ctrl-C stops it, what is returned are vectors of
+    the exact front, the first ones in the order of the search.
+
+    Cost: `method` "staircase" (:mod:`.staircase`) needs one summed cost that is a small integer, and two or
+    three costs; "general" (:mod:`.general`) takes all. "auto" chooses, and so does the order of costs.
+
+    >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
+    >>> paths = pareto_paths(graph, 0, 2)
+    >>> paths.costs.tolist(), paths.nodes(0).tolist(), paths.arcs(1).tolist()
+    ([[2, 10], [9, 1]], [0, 1, 2], [2])
+    """
+    if method not in METHODS:
+        raise OptionError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    source = _node(graph, source, "source")
+    targets = _targets(graph, target)
+    from hpop.planners.search.slices import Clock  # numba: on first use
+
+    clock = Clock(budget, progress)
+    run = _Run(graph, source, targets, method)
+    try:
+        status = run.go(clock)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return run.result(clock, status)
+
+
+class _Run:
+    """One query: bounds, choice of the method and of the order, search."""
+
+    def __init__(self, graph: Graph, source: int, targets: IntArray, method: str) -> None:
+        self.graph, self.source, self.targets, self.method = graph, source, targets, method
+        self.search: Search | None = None
+        self.order: tuple[int, ...] = ()
+        self.after_bounds = 0.0
+
+    def go(self, clock: Clock) -> Status:
+        """Run the query; what it found is in `search`."""
+        prepared = self._prepare(clock)
+        if isinstance(prepared, Status):
+            return prepared
+        self.search = prepared
+        return prepared.run(clock)
+
+    def _prepare(self, clock: Clock) -> Search | Status:
+        """Set up the search with tables of its own, so that the bounds can be freed, or say why not."""
+        from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
+
+        h, samples, status = lower_bounds(self.graph, self.source, self.targets, clock)
+        self.after_bounds = clock.seconds()
+        if status is not None:
+            return status
+        index = self._index(samples)
+        if self.method == "auto":
+            self.method = "staircase" if index >= 0 and self.graph.criteria == 3 else "general"
+        if h[0, self.source] >= UNREACHABLE:
+            return Status.NO_PATH
+        by_spread = _by_spread(samples, h[:, self.source])
+        if self.method == "staircase":
+            from hpop.planners.search.staircase import Staircase
+
+            others = [j for j in by_spread if j != index]
+            turns = self.graph.costs[:, index] > 0
+            others.sort(key=lambda j: bool(self.graph.costs[:, j].max(where=turns, initial=0)))  # free first
+            self.order = (others[0], index, *others[1:])
+            three = (others[0], index, others[1] if len(others) > 1 else -1)
+            return Staircase(self.graph, self.source, self.targets, h, three, clock)
+        from hpop.planners.search.general import General
+
+        self.order = tuple(by_spread)
+        return General(self.graph, self.source, self.targets, h, self.order, clock)
+
+    def _index(self, samples: IntArray) -> int:
+        """Column of the smallest small-integer cost, -1 if there is none."""
+        graph = self.graph
+        reach = samples.max(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
+        fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
+        fit = [j for j in fit if graph.costs[:, j].max(initial=0) < SMALL]
+        if self.method == "staircase":
+            if graph.criteria not in (2, 3):
+                raise OptionError(
+                    f"method 'staircase' takes 2 or 3 costs, this graph has {graph.criteria}; use 'general'"
+                )
+            if not fit:
+                raise OptionError(
+                    "method 'staircase' needs a summed cost that is a small integer "
+                    f"(below {SMALL} along good paths), this graph has none; use 'general'"
+                )
+        return min(fit, key=lambda j: int(reach[j])) if fit else -1
+
+    def result(self, clock: Clock, status: Status) -> ParetoPaths:
+        k = self.graph.criteria
+        costs = np.zeros((0, k), np.int64)
+        paths: tuple[IntArray, ...] = ()
+        counts: dict[str, Any] = {}
+        end = clock.seconds()
+        if self.search is not None:
+            found, labels, generated, expanded = self.search.found()
+            costs = np.empty((len(found), k), np.int64)
+            costs[:, list(self.order)] = found[:, : len(self.order)]
+            rows = np.lexsort(costs.T[::-1])
+            costs = costs[rows]
+            paths = tuple(self.search.path(int(labels[i]), clock) for i in rows)
+            counts = {"labels_generated": generated, "labels_expanded": expanded}
+        costs.setflags(write=False)
+        stats = SearchStats(
+            self.method,
+            self.order,
+            peak_memory=clock.peak,
+            seconds_bounds=self.after_bounds,
+            seconds_search=end - self.after_bounds,
+            seconds_compiled=clock.compiled,
+            **counts,
+        )
+        return ParetoPaths(costs, status, stats, self.graph, self.source, paths)
+
+
+def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
+    """Order the costs: first the one that varies least, in proportion, over the paths optimal for each.
+
+    Where the first cost varies little, labels come in long runs of nearly equal first cost, each sorted by
+    the others, and few are closed that are dominated later.
+    """
+    spread = (samples.max(axis=0) + 1.0) / (least + 1.0)
+    return sorted(range(len(least)), key=lambda j: float(spread[j]))
+
+
+def _node(graph: Graph, node: Any, name: str) -> int:
+    if isinstance(node, bool | np.bool_) or not isinstance(node, int | np.integer):
+        raise QueryError(f"{name} must be the number of a node, got {node!r}; graph.node(label) gives it")
+    if not 0 <= node < graph.nodes:
+        raise QueryError(f"{name} must be a node from 0 to {graph.nodes - 1}, got {node}")
+    return int(node)
+
+
+def _targets(graph: Graph, target: Any) -> IntArray:
+    if isinstance(target, int | np.integer | str):
+        return np.array([_node(graph, target, "target")], np.int64)
+    try:
+        several = {_node(graph, t, "target") for t in target}
+    except TypeError:
+        raise QueryError(f"target must be a node or several nodes, got {target!r}") from None
+    if not several:
+        raise QueryError("target must name at least one node, got none")
+    return np.array(sorted(several), np.int64)

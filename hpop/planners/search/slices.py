@@ -1,0 +1,174 @@
+"""A search in slices: the kernel runs for a while, then Python reports, checks the budget, grows arrays.
+
+The kernels (:mod:`.general`, :mod:`.staircase`) keep one heap of labels still open, the labels closed so far
+and the front. A label is one int64: (closed parent + 1) << 32 | (arc + 1), and 0 is the source. Its costs are
+its key in the heap, so a closed label is eight bytes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import IntArray
+from hpop.planners.search.kernels import is_ready, make_ready, plan_keys, repack
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+# What a kernel returns: the first two, or the array that has no room left for the next expansion.
+DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS = range(8)
+# The counters that a kernel and its driver share.
+N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
+WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
+INT32_LIMIT = 2**30  # below it, costs and their sums are kept in 32 bits
+
+
+class Clock:
+    """The budget of one search. Compiling is reported and measured, but not charged to the time limit."""
+
+    def __init__(self, budget: Budget, progress: ProgressCallback | None) -> None:
+        self.budget = budget
+        self.progress = progress
+        self.begin = perf_counter()
+        self.compiled = 0.0
+        self.peak = 0
+
+    def seconds(self) -> float:
+        """Seconds since the search began, without compiling."""
+        return perf_counter() - self.begin - self.compiled
+
+    def report(self, stage: str, counters: Sequence[int] | IntArray | None = None, memory: int = 0) -> None:
+        """Tell the caller how far the search is."""
+        if self.progress is None:
+            return
+        c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
+        self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
+
+    def call(self, compiled: Any, *arguments: Any) -> Any:
+        """Call a kernel; report and measure its compilation first."""
+        if not is_ready(compiled, *arguments):
+            self.report("compiling")
+            self.compiled += make_ready(compiled, *arguments)
+        return compiled(*arguments)
+
+    def exceeded(self, labels: int, memory: int) -> Status | None:
+        """Return the limit that is passed, or None."""
+        self.peak = max(self.peak, memory)
+        limit = self.budget
+        if limit.max_memory is not None and memory > limit.max_memory:
+            return Status.MEMORY_LIMIT
+        if limit.max_labels is not None and labels >= limit.max_labels:
+            return Status.LABEL_LIMIT
+        if limit.time_limit is not None and self.seconds() >= limit.time_limit:
+            return Status.TIME_LIMIT
+        return None
+
+
+class Search(ABC):
+    """The arrays of one search, and its loop. A subclass adds the structure that dominance tests use."""
+
+    counters: IntArray
+    keys: IntArray
+    values: IntArray
+    closed: IntArray
+    front: IntArray  # (capacity, k)  costs in the order of the search
+    solutions: IntArray  # (capacity,)   the labels that reached a target
+
+    def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
+        """Start with one label: f (k,) its estimate; rise (k,) what f may grow by in one expansion."""
+        self.rise = rise
+        self.fan = fan
+        self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
+        self.counters = np.zeros(COUNTERS, np.int64)
+        self.keys = np.zeros(max(1024, 2 * fan) * self.plan[3], np.int64)
+        self.values = np.zeros(max(1024, 2 * fan), np.int64)
+        self.closed = np.zeros(1024, np.int64)
+        self.front = np.zeros((64, len(f)), np.int64)
+        self.solutions = np.zeros(64, np.int64)
+        for j, value in enumerate(f):
+            self.keys[self.plan[0][j]] |= value << int(self.plan[1][j])
+        self.counters[N_OPEN] = 1
+
+    @abstractmethod
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel for that much work; return why it stopped."""
+
+    @abstractmethod
+    def arrays(self) -> list[np.ndarray[Any, Any]]:
+        """List the arrays that the search allocated, for the memory count."""
+
+    @abstractmethod
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Say how many bytes the structure of the subclass needs for more room, and how to get it."""
+
+    def run(self, clock: Clock) -> Status:
+        """Search to the end, or to a limit; Ctrl-C leaves the front found so far."""
+        memory = self.memory()
+        status = clock.exceeded(0, memory)
+        while status is None:
+            code = self.advance(clock, self.slice_work(clock))
+            if code == DONE:
+                return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
+            if code != SLICE:
+                extra, grow = self._room(code)
+                clock.report("search", self.counters, memory)
+                status = clock.exceeded(0, memory + extra)
+                if status is Status.MEMORY_LIMIT:
+                    break
+                grow()
+                memory = self.memory()
+            else:
+                clock.report("search", self.counters, memory)
+            status = clock.exceeded(int(self.counters[N_GENERATED]), memory)
+        return status
+
+    def slice_work(self, clock: Clock) -> int:
+        """Work of the next slice: less when the label limit is near, so that it is kept closely."""
+        limit = clock.budget.max_labels
+        return WORK if limit is None else min(WORK, max(1, limit - int(self.counters[N_GENERATED])))
+
+    def memory(self) -> int:
+        """Bytes of all arrays."""
+        own = (self.keys, self.values, self.closed, self.front, self.solutions)
+        return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
+
+    def _room(self, code: int) -> tuple[int, Callable[[], None]]:
+        if code == HEAP:
+            return self.keys.nbytes + self.values.nbytes, self._grow_heap
+        if code == CLOSED:
+            return self.closed.nbytes, self._grow_closed
+        if code == FRONT:
+            return self.front.nbytes + self.solutions.nbytes, self._grow_front
+        if code == KEYS:
+            return self.keys.nbytes, self._widen_keys
+        return self.growth(code)
+
+    def _grow_heap(self) -> None:
+        self.keys.resize(2 * len(self.keys), refcheck=False)
+        self.values.resize(2 * len(self.values), refcheck=False)
+
+    def _grow_closed(self) -> None:
+        self.closed.resize(2 * len(self.closed), refcheck=False)
+
+    def _grow_front(self) -> None:
+        self.front.resize((2 * len(self.front), self.front.shape[1]), refcheck=False)
+        self.solutions.resize(2 * len(self.solutions), refcheck=False)
+
+    def _widen_keys(self) -> None:
+        new = plan_keys([2 * int(limit) for limit in self.plan[2]])
+        keys = np.zeros(len(self.values) * new[3], np.int64)
+        repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
+        self.keys, self.plan = keys, new
+
+    def found(self) -> tuple[IntArray, IntArray, int, int]:
+        """Costs (n, k) and labels (n,) of the front so far; labels generated and expanded."""
+        n = int(self.counters[N_FRONT])
+        generated, expanded = int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
+        return self.front[:n], self.solutions[:n], generated, expanded
+
+    @abstractmethod
+    def path(self, label: int, clock: Clock) -> IntArray:
+        """Places of the arcs of a solution in the graph, from the source on."""

@@ -1,0 +1,71 @@
+"""Graphs to search, and an oracle that shares nothing with the searches: closure of sets of vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hpop.planners.search import Graph
+
+Vector = tuple[int, ...]
+
+
+def nondominated(vectors: set[Vector]) -> set[Vector]:
+    return {
+        v
+        for v in vectors
+        if not any(w != v and all(a <= b for a, b in zip(w, v, strict=True)) for w in vectors)
+    }
+
+
+def front_by_closure(graph: Graph, source: int, targets: set[int]) -> list[Vector]:
+    """Bellman and Ford with sets: relax every arc until no node's set of non-dominated vectors changes."""
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr)).tolist()
+    arcs = list(zip(tails, graph.heads.tolist(), graph.costs.tolist(), strict=True))
+    sets: list[set[Vector]] = [set() for _ in range(graph.nodes)]
+    sets[source] = {(0,) * graph.criteria}
+    changed = True
+    while changed:
+        changed = False
+        for tail, head, cost in arcs:
+            longer = {
+                tuple(
+                    max(a, c) if how == "max" else a + c
+                    for a, c, how in zip(v, cost, graph.aggregates, strict=True)
+                )
+                for v in sets[tail]
+            }
+            merged = nondominated(sets[head] | longer)
+            if merged != sets[head]:
+                sets[head], changed = merged, True
+    return sorted(nondominated(set().union(*(sets[t] for t in targets))))
+
+
+@pytest.fixture(scope="session")
+def closure() -> Callable[[Graph, int, set[int]], list[Vector]]:
+    return front_by_closure
+
+
+def random_lattice(seed: int, width: int = 5, turn_rest: int = 1) -> Graph:
+    """Cells with four headings on a grid: turns (rest, 1, 0) and moves (rest, 0, length), small costs."""
+    rng = np.random.default_rng(seed)
+    rest = rng.integers(0, 4, (width, width))
+    steps = [(1, 0), (0, 1), (-1, 0), (0, -1)]
+    arcs = []
+    for x in range(width):
+        for y in range(width):
+            for t, (dx, dy) in enumerate(steps):
+                here = (x * width + y) * 4 + t
+                arcs += [(here, here - t + u, int(turn_rest * rest[x, y]), 1, 0) for u in range(4) if u != t]
+                if 0 <= x + dx < width and 0 <= y + dy < width and rng.random() < 0.8:
+                    there = ((x + dx) * width + y + dy) * 4 + t
+                    arcs.append((here, there, int(rest[x + dx, y + dy]), 0, int(rng.integers(1, 4))))
+    table = np.array(arcs)
+    return Graph.from_arcs(width * width * 4, table[:, 0], table[:, 1], table[:, 2:])
+
+
+@pytest.fixture(scope="session")
+def lattice() -> Callable[..., Graph]:
+    return random_lattice

@@ -1,0 +1,55 @@
+"""Claims: bounds are the exact scalar optimum a cost, for sums and bottlenecks, parallel arcs included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.planners.search import Graph
+from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
+from hpop.planners.search.moa_star import ideal_cost_to_go
+from hpop.planners.search.slices import Clock
+from hpop.status import Budget, Status
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_are_the_scalar_optima(seed):
+    rng = np.random.default_rng(seed)
+    n, m = 40, 120
+    graph = Graph.from_arcs(
+        n,
+        rng.integers(0, n, m),
+        rng.integers(0, n, m),
+        rng.integers(0, [2, 9, 10**12], (m, 3)),
+        aggregates=["sum", "max", "sum"],
+    )
+    targets = np.unique(rng.integers(0, n, 2))
+    h, samples, status = lower_bounds(graph, 3, targets, Clock(Budget(), None))
+    assert status is None
+    for j in range(3):
+        expected = ideal_cost_to_go(graph, set(targets.tolist()), j)
+        assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(n)]
+        if len(samples):
+            assert samples[j, j] == h[j, 3]
+            assert (samples[:, j] >= h[j, 3]).all()
+
+
+def test_parallel_arcs_do_not_add_up():
+    graph = Graph.from_arcs(2, [0, 0], [1, 1], [[3], [5]])
+    h, _, _ = lower_bounds(graph, 0, np.array([1]), Clock(Budget(), None))
+    assert h.tolist() == [[3, 0]]
+
+
+def test_a_hub_with_more_arcs_than_the_heap_has_room():
+    n = 5000
+    spokes = np.arange(1, n)
+    graph = Graph.from_arcs(n, spokes, np.zeros(n - 1, int), (spokes % 7)[:, None])
+    h, _, _ = lower_bounds(graph, 1, np.array([0]), Clock(Budget(), None))
+    np.testing.assert_array_equal(h[0, 1:], spokes % 7)
+    everywhere, _, _ = lower_bounds(graph, 1, np.arange(n), Clock(Budget(), None))
+    assert not everywhere.any()
+
+
+def test_a_limit_stops_between_costs():
+    graph = Graph.from_arcs(2, [0], [1], [[1, 1]])
+    assert lower_bounds(graph, 0, np.array([1]), Clock(Budget(max_memory=1), None))[2] is Status.MEMORY_LIMIT

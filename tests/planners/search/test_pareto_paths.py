@@ -1,0 +1,286 @@
+"""Claims: every method returns the exact front, with paths that cost that; limits leave a subset of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hpop.errors import OptionError, QueryError
+from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.planners.search.moa_star import namoa_star
+from hpop.status import Budget, Progress, Status
+
+FAST = settings(
+    max_examples=200,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    derandomize=True,
+)
+
+
+@st.composite
+def graphs(draw, criteria=(1, 6), most=3):
+    """Small graphs, costs 0 .. most, so that ties, zero-cost cycles, self-loops and parallel arcs abound."""
+    n = draw(st.integers(1, 6))
+    k = draw(st.integers(*criteria))
+    node = st.integers(0, n - 1)
+    arcs = draw(st.lists(st.tuples(node, node, *[st.integers(0, most)] * k), max_size=18))
+    table = np.array(arcs, np.int64).reshape(len(arcs), 2 + k)
+    how = draw(st.lists(st.sampled_from(["sum", "sum", "max"]), min_size=k, max_size=k))
+    return Graph.from_arcs(n, table[:, 0], table[:, 1], table[:, 2:], aggregates=how)
+
+
+@st.composite
+def queries(draw, **options):
+    graph = draw(graphs(**options))
+    node = st.integers(0, graph.nodes - 1)
+    return graph, draw(node), draw(st.sets(node, min_size=1, max_size=2))
+
+
+def check_paths(graph: Graph, paths: ParetoPaths, source: int, targets: set[int]) -> None:
+    """Each path runs along arcs of the graph, from source to a target, and costs what is claimed."""
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    place = np.argsort(graph.arc)
+    for i in range(len(paths)):
+        nodes, at = paths.nodes(i), place[paths.arcs(i)]
+        assert nodes[0] == source
+        assert nodes[-1] in targets
+        assert (tails[at] == nodes[:-1]).all()
+        assert (graph.heads[at] == nodes[1:]).all()
+        added = [
+            c.max(initial=0) if how == "max" else c.sum()
+            for c, how in zip(graph.costs[at].T, graph.aggregates, strict=True)
+        ]
+        assert added == paths.costs[i].tolist()
+
+
+def front(paths: ParetoPaths) -> list[tuple[int, ...]]:
+    return [tuple(row) for row in paths.costs.tolist()]
+
+
+@FAST
+@given(queries())
+def test_general_finds_the_front_of_the_closure(closure, query):
+    graph, source, targets = query
+    paths = pareto_paths(graph, source, sorted(targets), method="general")
+    expected = closure(graph, source, targets)
+    assert front(paths) == expected
+    assert paths.status is (Status.COMPLETE if expected else Status.NO_PATH)
+    check_paths(graph, paths, source, targets)
+
+
+@FAST
+@given(queries())
+def test_namoa_star_finds_the_front_of_the_closure(closure, query):
+    graph, source, targets = query
+    assert [g for g, _ in namoa_star(graph, source, targets)] == closure(graph, source, targets)
+
+
+@FAST
+@given(queries(criteria=(2, 3)))
+def test_staircase_finds_the_front_of_the_closure(closure, query):
+    graph, source, targets = query
+    if "sum" not in graph.aggregates:
+        with pytest.raises(OptionError, match="small integer"):
+            pareto_paths(graph, source, sorted(targets), method="staircase")
+        return
+    paths = pareto_paths(graph, source, sorted(targets), method="staircase")
+    assert front(paths) == closure(graph, source, targets)
+    check_paths(graph, paths, source, targets)
+
+
+@pytest.mark.parametrize("turn_rest", [0, 1, 3])
+@pytest.mark.parametrize("seed", range(6))
+def test_methods_agree_on_lattices_with_turns(closure, lattice, seed, turn_rest):
+    graph = lattice(seed, 4, turn_rest)
+    source, targets = 1, {graph.nodes - 1, graph.nodes - 6}
+    expected = closure(graph, source, targets)
+    for method in ("staircase", "general"):
+        paths = pareto_paths(graph, source, sorted(targets), method=method)
+        assert front(paths) == expected
+        check_paths(graph, paths, source, targets)
+
+
+@pytest.mark.parametrize("columns", [(0, 1), (1, 2), (2, 1, 0), (1, 0, 2)])
+@pytest.mark.parametrize("how", [("sum", "sum", "max"), ("max", "sum", "sum"), ("max", "sum", "max")])
+def test_turns_and_maxima_in_any_column(closure, lattice, columns, how):
+    full = lattice(7, 4)
+    graph = Graph.from_csr(
+        full.indptr, full.heads, full.costs[:, columns], aggregates=[how[j] for j in columns]
+    )
+    for target in (5, graph.nodes - 2):
+        paths = pareto_paths(graph, 0, target, method="staircase")
+        assert front(paths) == closure(graph, 0, {target})
+        check_paths(graph, paths, 0, {target})
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_turns_that_break_the_triangle_are_taken_twice(closure, lattice, seed):
+    """Where one turn may cost more than two, the staircase must not skip the second."""
+    full = lattice(seed, 4)
+    costs = full.costs.copy()
+    turns = costs[:, 1] > 0
+    costs[turns, 0] += np.random.default_rng(seed).integers(0, 6, turns.sum())
+    graph = Graph.from_csr(full.indptr, full.heads, costs)
+    paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
+    assert front(paths) == closure(graph, 0, {graph.nodes - 1})
+    check_paths(graph, paths, 0, {graph.nodes - 1})
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_source_equal_target_costs_nothing(method):
+    graph = Graph.from_arcs(2, [0, 1, 0], [1, 0, 0], [[1, 2, 3]] * 3, aggregates=["sum", "max", "sum"])
+    paths = pareto_paths(graph, 0, 0, method=method)
+    assert paths.costs.tolist() == [[0, 0, 0]]
+    assert paths.nodes(0).tolist() == [0]
+    assert paths.arcs(0).tolist() == []
+    assert paths.status is Status.COMPLETE
+
+
+def test_a_graph_without_arcs_has_no_path():
+    paths = pareto_paths(Graph.from_arcs(2, [], [], np.zeros((0, 2), np.int64)), 0, 1)
+    assert paths.status is Status.NO_PATH
+    assert paths.costs.shape == (0, 2)
+
+
+def test_equal_vectors_have_one_representative():
+    graph = Graph.from_arcs(4, [0, 0, 1, 2, 0], [1, 2, 3, 3, 3], [[1, 2], [1, 2], [1, 1], [1, 1], [2, 3]])
+    assert pareto_paths(graph, 0, 3).costs.tolist() == [[2, 3]]
+
+
+def staircase_graph(steps: int, index: int = 1, rest: int = 1) -> Graph:
+    """A chain of `steps` choices between (0, index, 0) and (1, 0, rest): steps + 1 vectors."""
+    tails = np.repeat(np.arange(steps), 2)
+    costs = np.tile([[0, index, 0], [1, 0, rest]], (steps, 1))
+    return Graph.from_arcs(steps + 1, tails, tails + 1, costs)
+
+
+@pytest.mark.parametrize("index", [1, 7])
+def test_the_staircase_grows_wider_than_it_begins(index):
+    paths = pareto_paths(staircase_graph(60, index, 5), 0, 60, method="staircase")
+    assert paths.costs.tolist() == [[i, index * (60 - i), 5 * i] for i in range(61)]
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+@pytest.mark.parametrize("scale", [10**6, 10**9, 10**12, 10**15])
+def test_costs_too_large_for_one_key_word(closure, lattice, method, scale):
+    full = lattice(3, 4)
+    costs = full.costs * np.array([scale, 1, scale]) + np.array([1, 0, 7]) * (full.costs > 0)
+    graph = Graph.from_csr(full.indptr, full.heads, costs)
+    paths = pareto_paths(graph, 0, graph.nodes - 1, method=method)
+    assert front(paths) == closure(graph, 0, {graph.nodes - 1})
+    check_paths(graph, paths, 0, {graph.nodes - 1})
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_keys_and_numbers_widen_while_the_search_runs(method):
+    """Bounds from the source are small, the paths of the front are not: the first cost avoids a dear way."""
+    steps, dear = 40, 2**27
+    tails = np.repeat(np.arange(steps), 2)
+    costs = np.tile([[1, 1, 0], [0, 0, dear]], (steps, 1))
+    graph = Graph.from_arcs(steps + 1, tails, tails + 1, costs)
+    paths = pareto_paths(graph, 0, steps, method=method)
+    assert paths.costs.tolist() == [[i, i, dear * (steps - i)] for i in range(steps + 1)]
+
+
+def hard(steps: int = 400) -> Graph:
+    """Enough work to be stopped: random costs along a chain of choices, three of them."""
+    rng = np.random.default_rng(5)
+    tails = np.repeat(np.arange(steps), 3)
+    return Graph.from_arcs(steps + 1, tails, tails + 1, rng.integers(0, [9, 3, 9], (3 * steps, 3)))
+
+
+@pytest.fixture(scope="module")
+def small_hard() -> tuple[Graph, set[tuple[int, ...]]]:
+    graph = hard(40)
+    return graph, set(front(pareto_paths(graph, 0, 40, method="general")))
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_a_label_limit_leaves_a_subset_of_the_front(small_hard, method):
+    graph, exact = small_hard
+    total = pareto_paths(graph, 0, 40, method=method).stats.labels_generated
+    found = set()
+    for limit in (1, total // 2, total - 1):
+        paths = pareto_paths(graph, 0, 40, method=method, budget=Budget(max_labels=limit))
+        assert paths.status is Status.LABEL_LIMIT
+        assert limit <= paths.stats.labels_generated < limit + 64
+        found = set(front(paths))
+        assert found < exact
+        check_paths(graph, paths, 0, {40})
+    assert found
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_a_time_limit_is_kept(method):
+    graph = hard()
+    pareto_paths(hard(3), 0, 3, method=method)
+    paths = pareto_paths(graph, 0, 400, method=method, budget=Budget(time_limit=0.3))
+    assert paths.status is Status.TIME_LIMIT
+    assert paths.stats.seconds_search < 2
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_a_memory_limit_is_kept(method):
+    paths = pareto_paths(hard(), 0, 400, method=method, budget=Budget(max_memory=3_000_000))
+    assert paths.status is Status.MEMORY_LIMIT
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_ctrl_c_leaves_the_front_so_far(method):
+    seen: list[Progress] = []
+
+    def interrupt(progress: Progress) -> None:
+        seen.append(progress)
+        if progress.stage == "search" and progress.labels > 0:
+            raise KeyboardInterrupt
+
+    paths = pareto_paths(hard(), 0, 400, method=method, progress=interrupt)
+    assert paths.status is Status.INTERRUPTED
+    assert paths.stats.labels_generated > 0
+    assert next(p.stage for p in seen if p.stage != "compiling") == "bounds"
+
+
+def test_progress_tells_open_labels_and_memory():
+    seen: list[Progress] = []
+    graph = hard()
+    pareto_paths(graph, 0, 400, progress=seen.append, budget=Budget(max_labels=2_000_000))
+    last = seen[-1]
+    assert last.stage == "search"
+    assert last.labels >= last.open > 0
+    assert last.memory > 0
+    assert last.seconds > 0
+
+
+def test_a_name_that_is_no_method_is_refused():
+    with pytest.raises(OptionError, match="auto, staircase, general"):
+        pareto_paths(hard(2), 0, 1, method="fast")
+
+
+def test_staircase_refuses_costs_that_are_not_small():
+    graph = Graph.from_arcs(2, [0], [1], [[5000, 70000]])
+    with pytest.raises(OptionError, match="use 'general'"):
+        pareto_paths(graph, 0, 1, method="staircase")
+    with pytest.raises(OptionError, match="2 or 3 costs"):
+        pareto_paths(Graph.from_arcs(2, [0], [1], [[1]]), 0, 1, method="staircase")
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "message"),
+    [
+        (-1, 0, "source must be a node from 0 to 2, got -1"),
+        (3, 0, "source must be a node"),
+        (0, 3, "target must be a node from 0 to 2, got 3"),
+        (0, [1, 7], "target must be a node"),
+        (0, [], "at least one node"),
+        ("hall", 0, "source must be the number of a node"),
+        (0, "hall", "target must be the number of a node"),
+        (0, 1.5, "target must be a node or several"),
+        (True, 0, "source must be the number"),
+    ],
+)
+def test_bad_queries_say_what_was_expected(source, target, message):
+    with pytest.raises(QueryError, match=message):
+        pareto_paths(hard(2), source, target)
