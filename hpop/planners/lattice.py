@@ -70,7 +70,7 @@ class Lattice:
         if progress:
             progress(Progress("graph"))
         lattice = self.lattice(problem)
-        start, goals, note = self._ends(lattice, problem)
+        start, goals, note = self.ends(lattice, problem)
         graph = lattice.graph(objectives.optimised)
         build = time.perf_counter() - began
         budget = Budget(self.time_limit, self.max_labels, self.max_memory)
@@ -99,7 +99,7 @@ class Lattice:
             )
         return nearest
 
-    def _ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], tuple[str, ...]]:
+    def ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], tuple[str, ...]]:
         """State ids of the start and of the goal or goals, and a note on how far the goal was snapped."""
         x, y, yaw = problem.start
         heading = self._heading(yaw, "start")

@@ -25,7 +25,7 @@ class _Obstructed:
         return m.integrate(lambda s: m.world.obstruction(s.camera, self.radius))
 
 
-@criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",), quantum=1e-4)
+@criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Exposure(_Obstructed):
     """S = ∫ phi(p(t)) dt: the time for which a fully obstructed camera would be as bad.

@@ -1,0 +1,44 @@
+"""Write a criterion in ten lines and plan with it: the camera should not look into the evening sun."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import hpop
+
+
+@hpop.criterion("glare", group="C", unit="s", aggregate="sum", requires=("camera",))
+@dataclass(frozen=True)
+class Glare:
+    """Seconds of glare: the view's centre is near the sun, weighted by the fourth power of the cosine between."""
+
+    azimuth: float = 0.0  # rad, where the sun stands
+
+    def cost(self, m: hpop.Motions) -> np.ndarray:
+        """Time integral (M,) of the weight, s."""
+        return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
+
+
+def main() -> hpop.Front:
+    """Check the criterion, plan with it beside two built-in ones, and look."""
+    from hpop.testing import check_criterion
+
+    check_criterion(Glare())  # finite, >= 0, the same on edges, trajectories and CasADi symbols
+
+    world = hpop.World.from_geojson(Path(__file__).parent / "museum.geojson")
+    problem = hpop.Problem(
+        world=world,
+        model=hpop.DifferentialDrive(),
+        start=(2.0, 10.0, 0.0),
+        goal=(28.0, 10.0, 0.0),
+        criteria=[Glare(), "turns", "length"],
+    )
+    front = problem.solve("lattice", step=0.5)
+    for point in front:
+        print(", ".join(f"{name} {value:.2f}" for name, value in point.costs.items()))
+    return front
+
+
+if __name__ == "__main__":
+    main()
