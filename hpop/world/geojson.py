@@ -68,7 +68,7 @@ def read(
         raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
     source = file_source("geojson", path, {"scale": scale, "origin": [x0, y0], "polygons": polygons}, content)
     if polygons == "obstacles":
-        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=tuple(notes), source=source)
+        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=tuple(notes)).read_from(source)
     free = shapes
     if polygons == "outline":
         free = [max(shapes, key=lambda part: part[0].area)]
@@ -77,8 +77,7 @@ def read(
         extent=shapely.union_all([p for p, _ in free]),
         outside_is_obstacle=True,
         notes=tuple(notes),
-        source=source,
-    )
+    ).read_from(source)
 
 
 def _point(origin: Any) -> tuple[float, float]:

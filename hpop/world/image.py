@@ -52,7 +52,7 @@ def read(
     content = read_bytes(path, "image")
     colours, alpha = read_image(content, path)
     dark = np.empty(colours.shape[:2], dtype=bool)
-    for rows in row_blocks(dark.shape[0], dark.shape[1]):
+    for rows in row_blocks(len(dark), dark[0].size):
         brightness = shades(colours[rows]).mean(axis=-1)
         if alpha is not None:
             opaque = shades(alpha[rows])
@@ -68,5 +68,4 @@ def read(
     return World(
         raster=Raster(dark[::-1], resolution, origin, *heights),
         outside_is_obstacle=bool(outside_is_obstacle),
-        source=file_source("image", path, options, content),
-    )
+    ).read_from(file_source("image", path, options, content))

@@ -56,8 +56,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     return World(
         raster=Raster(occupied[::-1], resolution),
         outside_is_obstacle=True,
-        source=file_source("movingai", path, {"resolution": resolution}, content),
-    )
+    ).read_from(file_source("movingai", path, {"resolution": resolution}, content))
 
 
 def _count(path: str | Path, words: list[str]) -> int:

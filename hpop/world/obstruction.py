@@ -147,9 +147,9 @@ def _tiles(x: FloatArray, y: FloatArray, radius: float) -> list[tuple[IntArray, 
     """Points by square tile of side 2 r, with the square that their balls can reach."""
     side = 2.0 * radius
     column, row = np.floor(x / side), np.floor(y / side)
-    _, label = np.unique(np.stack([column, row]), axis=1, return_inverse=True)
-    order = np.argsort(label, kind="stable")
-    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    order = np.lexsort((row, column))
+    new = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
+    cuts = np.flatnonzero(new) + 1
     tiles = []
     for points in np.split(order, cuts):
         if points.size:

@@ -1,7 +1,7 @@
 """Distances in the plane: how far points and segments are from the border of a free region, exactly.
 
 The free region is the extent without everything blocked; its border therefore holds the obstacles' outlines,
-the keep-out zones' and the extent's own. One tree over its edges answers all distance queries.
+the keep-out zones' and the extent's own. A grid over its edges answers for points, a tree for other shapes.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
+from hpop.world.edge_grid import EdgeGrid
 
 TOLERANCE = 1e-9
 """Metres by which a segment may miss its margin."""
@@ -25,6 +26,7 @@ class FreeSpace:
 
     region: BaseGeometry
     edges: FloatArray = field(init=False)  # (E, 2, 2) m
+    _grid: EdgeGrid = field(init=False, repr=False)
     _tree: shapely.STRtree = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -35,6 +37,8 @@ class FreeSpace:
         edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
         shapely.prepare(self.region)
         object.__setattr__(self, "edges", edges)
+        if len(edges):
+            object.__setattr__(self, "_grid", EdgeGrid.build(edges.reshape(-1, 4)))
         lines = np.asarray(shapely.linestrings(edges), dtype=object)
         object.__setattr__(self, "_tree", shapely.STRtree(lines))
 
@@ -42,8 +46,7 @@ class FreeSpace:
         """Distance (m) to the nearest edge of the border, inside and outside alike; inf without a border."""
         if not len(self.edges):
             return np.full(x.shape, np.inf)
-        _, distance = self._tree.query_nearest(shapely.points(x, y), all_matches=False, return_distance=True)
-        return distance
+        return self._grid.distance(x, y)
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether points are strictly inside the free region."""

@@ -82,8 +82,7 @@ def read(
         raster=Raster(cells, grid.resolution, grid.origin, *heights),
         keep_out=zone,
         outside_is_obstacle=not unknown_is_free,
-        source=file_source("ros_map", path, options, *contents),
-    )
+    ).read_from(file_source("ros_map", path, options, *contents))
 
 
 def load(path: str | Path) -> OccupancyMap:

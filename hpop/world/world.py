@@ -15,9 +15,9 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
-from hpop.world.field import Field, grid_points, is_symbolic
-from hpop.world.obstruction import polygon_obstruction, raster_obstruction
+from hpop.world.field import Field, is_symbolic
 from hpop.world.planar import FreeSpace
+from hpop.world.sampling import sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_heights, overlaps
 
 WHOLE = (-math.inf, math.inf)
@@ -25,9 +25,6 @@ CELL = 0.1
 """Field cell of a polygon world, m."""
 MAX_HEIGHTS = 16
 """Distinct camera heights that one call of `World.obstruction` may ask for."""
-MAX_NODES = 25_000_000
-"""Samples of a field; a larger world is sampled more coarsely."""
-_PAD = 3
 
 T = TypeVar("T")
 Heights = tuple[float, float]
@@ -72,7 +69,7 @@ class World:
     extent: BaseGeometry = field(default_factory=MultiPolygon)
     outside_is_obstacle: bool = False
     notes: tuple[str, ...] = ()
-    source: Mapping[str, Any] | None = None
+    source: Mapping[str, Any] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         """Fill in the extent and check the geometries."""
@@ -215,6 +212,11 @@ class World:
             outside_is_obstacle=outside_is_obstacle,
         )
 
+    def read_from(self, source: Mapping[str, Any]) -> World:
+        """Note, as a reader does, which files this world comes from; `dataclasses.replace` drops the note."""
+        object.__setattr__(self, "source", source)
+        return self
+
     # Geometry in the plane
 
     def _active(self, z: Heights) -> tuple[tuple[int, ...], bool]:
@@ -225,7 +227,8 @@ class World:
         prisms = tuple(i for i, o in enumerate(self.obstacles) if overlaps(o.heights, (low, high)))
         return prisms, self.raster is not None and overlaps(self.raster.heights, (low, high))
 
-    def _raster_solid(self) -> BaseGeometry:
+    def raster_solid(self) -> BaseGeometry:
+        """Union (m) of the occupied cells, whatever their heights; empty without a raster."""
         raster = self.raster
         return self._cached(("raster",), lambda: MultiPolygon() if raster is None else raster.solid())
 
@@ -234,8 +237,8 @@ class World:
             prisms, cells = active
             shapes: list[BaseGeometry] = [self.obstacles[i].polygon for i in prisms]
             if cells and not shapes:
-                return self._raster_solid()
-            return shapely.union_all([*shapes, self._raster_solid()] if cells else shapes)
+                return self.raster_solid()
+            return shapely.union_all([*shapes, self.raster_solid()] if cells else shapes)
 
         return self._cached(("solid", active), make)
 
@@ -260,8 +263,9 @@ class World:
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
         """Distance (M,), m, to the nearest obstacle, keep-out zone or border of the extent; 0 beyond them.
 
-        x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (6 us a point
-        on a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and smoothed.
+        x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (about 1 us a
+        point in a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and
+        smoothed.
         """
         if is_symbolic(x) or is_symbolic(y):
             return self.clearance_field(z=z)(x, y)
@@ -303,29 +307,16 @@ class World:
 
     # Fields
 
-    def _spacing(self, limit: float) -> float:
-        x0, y0, x1, y1 = self.bounds
-        return max(min(self.cell, limit), math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
-
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
         """Signed clearance as a `Field`: positive in free space, minus the distance to it elsewhere.
 
-        Sampled exactly every `cell` metres. Clearance changes by at most one metre a metre, so the field is
-        within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere in the extent, and usually far closer:
-        check a result with `clearance`, which is exact.
+        Sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
+        most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
+        in the extent, and usually far closer: check a result with `clearance`, which is exact.
         """
-
-        def make() -> Field:
-            spacing = self._spacing(math.inf)
-            border = max(4 * spacing, 0.5)
-            x0, y0, x1, y1 = self.bounds
-            xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
-            x, y = np.meshgrid(xs, ys)
-            values = self.free_space(z).signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
-            limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
-            return Field(np.clip(values, -limit, limit), spacing, (float(xs[0]), float(ys[0]), 0.0))
-
-        return self._cached(("clearance", self._active(z)), make)
+        return self._cached(
+            ("clearance", self._active(z)), lambda: sample_clearance(self, self.free_space(z))
+        )
 
     def obstruction(self, pose: CameraPose, radius: float) -> Column:
         """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
@@ -341,7 +332,7 @@ class World:
             raise OptionError(
                 "obstruction needs camera heights as numbers; in this world they are variables."
             )
-        z = np.asarray(pose.z, dtype=np.float64)
+        z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
         heights = np.unique(z)
         if heights.size > MAX_HEIGHTS:
             raise OptionError(
@@ -376,56 +367,9 @@ class World:
         if not math.isfinite(z):
             raise OptionError(f"a camera height must be finite; got {z!r}.")
         z = z if self._has_heights else 0.0
-        make = self._sample_raster if self.raster is not None else self._sample_polygons
-        return self._cached(("obstruction", float(radius), z), lambda: make(float(radius), z))
-
-    def _sample_polygons(self, radius: float, z: float) -> Field:
-        spacing = self._spacing(radius / 10)
-        xs, ys = grid_points(self.bounds, spacing)
-        x, y = np.meshgrid(xs, ys)
-        obstacles = list(self.obstacles)
-        if self.outside_is_obstacle:
-            obstacles = [
-                part
-                for o in obstacles
-                for part in _prisms(shapely.intersection(o.polygon, self.extent), o.heights)
-            ]
-            around = shapely.box(*self.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
-            obstacles += _prisms(shapely.difference(around, self.extent), WHOLE)
-        values = polygon_obstruction(obstacles, x.ravel(), y.ravel(), z, radius).reshape(x.shape)
-        return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
-
-    def _sample_raster(self, radius: float, z: float) -> Field:
-        raster = self.raster
-        assert raster is not None
-        finest = math.sqrt(MAX_NODES / raster.cells.size)
-        split = max(1, min(math.ceil(10 * raster.resolution / radius), int(finest)))
-        cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
-        fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
-        values = raster_obstruction(fine, radius, z, self.outside_is_obstacle, pad=_PAD)
-        first = fine.to_world(0.5 - _PAD, 0.5 - _PAD)
-        if self.obstacles:
-            prisms = [part for o in self.obstacles for part in self._beside_cells(o, raster)]
-            columns, rows = np.meshgrid(*(np.arange(n) + 0.5 - _PAD for n in values.shape[::-1]))
-            x, y = fine.to_world(columns.ravel(), rows.ravel())
-            values = values + polygon_obstruction(prisms, x, y, z, radius).reshape(values.shape)
-        origin = (float(first[0]), float(first[1]), raster.origin[2])
-        return Field(np.clip(values, 0, 1), fine.resolution, origin)
-
-    def _beside_cells(self, obstacle: Obstacle, raster: Raster) -> list[Obstacle]:
-        """Return what an obstacle adds to the raster: a volume that both fill counts once."""
-        bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
-        if bottom >= top:
-            return [obstacle]
-        rest = shapely.difference(obstacle.polygon, self._raster_solid())
-        if self.outside_is_obstacle:
-            rest = shapely.intersection(rest, raster.rectangle())
-        parts = _prisms(rest, (bottom, top))
-        if obstacle.z_min < bottom:
-            parts.append(Obstacle(obstacle.polygon, obstacle.z_min, bottom))
-        if top < obstacle.z_max:
-            parts.append(Obstacle(obstacle.polygon, top, obstacle.z_max))
-        return parts
+        return self._cached(
+            ("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z)
+        )
 
     # Saving
 
@@ -449,9 +393,3 @@ class World:
 
 def _or_nothing(geometry: BaseGeometry | None) -> BaseGeometry:
     return MultiPolygon() if geometry is None else geometry
-
-
-def _prisms(geometry: BaseGeometry, heights: Heights) -> list[Obstacle]:
-    """Obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
-    parts = shapely.get_parts(geometry)
-    return [Obstacle(part, *heights) for part in parts if part.area > 0]

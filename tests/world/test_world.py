@@ -5,6 +5,7 @@ import math
 import pickle
 import zlib
 from base64 import b64encode
+from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi
@@ -283,6 +284,12 @@ def test_worlds_from_files_survive_their_description(shared_data, name, build):
     folder, _, rest = name.partition("/")
     world = build(shared_data(folder) / rest)
     same(through_json(world), world)
+
+
+def test_a_map_that_was_added_to_is_described_with_what_was_added(shared_data):
+    world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
+    table = Obstacle(shapely.box(0, 0, 1, 1), 0, 0.8)
+    same(through_json(replace(world, obstacles=(table,))), replace(world, obstacles=(table,)))
 
 
 def test_a_changed_map_is_noticed(tmp_path):

@@ -1,0 +1,70 @@
+"""Exact distances from many points to many edges: a grid of buckets, searched ring by ring."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeGrid:
+    """Edges filed by the square buckets that they cross.
+
+    edges    (E, 4)    m   x0, y0, x1, y1; at least one
+    corner   (x, y)    m   lower-left corner of bucket [0, 0]
+    side     float     m   of a bucket
+    start    (R C + 1,)    the edges of bucket [i, j] are members[start[i C + j]:start[i C + j + 1]]
+    members  (K,)
+    rings    (R, C)        how many rings of empty buckets surround a bucket, itself included
+    """
+
+    edges: FloatArray
+    corner: tuple[float, float]
+    side: float
+    start: IntArray
+    members: IntArray
+    rings: IntArray
+
+    @classmethod
+    def build(cls, edges: FloatArray) -> EdgeGrid:
+        """File edges (E, 4), m, at about two a bucket."""
+        from scipy.ndimage import distance_transform_cdt
+
+        corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
+        size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
+        side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() / 2000.0, 1e-9)
+        columns, rows = np.floor(size / side).astype(np.int64) + 1
+        bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
+        start = np.searchsorted(bucket, np.arange(rows * columns + 1))
+        empty = (np.diff(start) == 0).reshape(rows, columns)
+        rings = distance_transform_cdt(empty, metric="chessboard").astype(np.int64)
+        return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, rings)
+
+    def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Distance (M,), m, of points to the nearest edge (under 1 us a point in a building at 0.05 m)."""
+        from hpop.world._nearest import nearest
+
+        out = np.empty(x.shape)
+        nearest(self.edges, self.start, self.members, self.rings, *self.corner, self.side, x, y, out)
+        return out
+
+
+def _crossings(
+    edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]
+) -> tuple[IntArray, IntArray]:
+    """Pairs (bucket, edge), sorted: long edges are cut, and each piece filed where its bounding box is."""
+    length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
+    pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), pieces)
+    number = np.arange(edge.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    step = (edges[edge, 2:] - edges[edge, :2]) / pieces[edge, None]
+    ends = edges[edge, :2] + step * number[:, None]
+    cells = np.floor((np.stack([ends, ends + step]) - corner) / side).astype(np.int64)  # (2, P, 2)
+    cells = np.clip(cells, 0, np.array(shape[::-1]) - 1)
+    buckets = [cells[i, :, 1] * shape[1] + cells[j, :, 0] for i in (0, 1) for j in (0, 1)]
+    pairs = np.unique(np.stack([np.concatenate(buckets), np.tile(edge, 4)], axis=1), axis=0)
+    return pairs[:, 0], pairs[:, 1]

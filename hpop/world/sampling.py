@@ -1,0 +1,99 @@
+"""Fill the fields of a world: obstruction and clearance at the nodes of a grid."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hpop.world.field import Field, grid_points
+from hpop.world.obstruction import polygon_obstruction, raster_obstruction
+from hpop.world.planar import FreeSpace
+from hpop.world.shapes import Obstacle, Raster
+
+if TYPE_CHECKING:
+    from hpop.world.world import World
+
+MAX_NODES = 25_000_000
+"""Samples of a field: a larger polygon world is sampled more coarsely, coarse cells are split less."""
+FINENESS = 10
+"""Samples of the obstruction a ball's radius, at least."""
+PAD = 3
+
+
+def sample_clearance(world: World, free: FreeSpace) -> Field:
+    """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`."""
+    spacing = _spacing(world, math.inf)
+    border = max(4 * spacing, 0.5)
+    x0, y0, x1, y1 = world.bounds
+    xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
+    x, y = np.meshgrid(xs, ys)
+    values = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
+    limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
+    return Field(np.clip(values, -limit, limit), spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+
+def sample_obstruction(world: World, radius: float, z: float) -> Field:
+    """Sample the obstruction of a ball at height z, m; see `World.obstruction_field`."""
+    if world.raster is None:
+        return _sample_polygons(world, radius, z)
+    return _sample_raster(world, world.raster, radius, z)
+
+
+def _spacing(world: World, limit: float) -> float:
+    x0, y0, x1, y1 = world.bounds
+    return max(min(world.cell, limit), math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+
+
+def _sample_polygons(world: World, radius: float, z: float) -> Field:
+    spacing = _spacing(world, radius / FINENESS)
+    xs, ys = grid_points(world.bounds, spacing)
+    x, y = np.meshgrid(xs, ys)
+    obstacles = list(world.obstacles)
+    if world.outside_is_obstacle:
+        inside = [(shapely.intersection(o.polygon, world.extent), o) for o in obstacles]
+        obstacles = [part for geometry, o in inside for part in _prisms(geometry, o.z_min, o.z_max)]
+        around = shapely.box(*world.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
+        obstacles += _prisms(shapely.difference(around, world.extent))
+    values = polygon_obstruction(obstacles, x.ravel(), y.ravel(), z, radius).reshape(x.shape)
+    return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+
+def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Field:
+    finest = int(math.sqrt(MAX_NODES / raster.cells.size))
+    split = max(1, min(math.ceil(FINENESS * raster.resolution / radius), finest))
+    cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
+    fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
+    values = raster_obstruction(fine, radius, z, world.outside_is_obstacle, pad=PAD)
+    if world.obstacles:
+        prisms = [part for o in world.obstacles for part in _beside_cells(world, raster, o)]
+        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 - PAD for n in values.shape[::-1]))
+        x, y = fine.to_world(columns.ravel(), rows.ravel())
+        values = values + polygon_obstruction(prisms, x, y, z, radius).reshape(values.shape)
+    x, y = fine.to_world(0.5 - PAD, 0.5 - PAD)
+    return Field(np.clip(values, 0, 1), fine.resolution, (float(x), float(y), raster.origin[2]))
+
+
+def _beside_cells(world: World, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
+    """Return what an obstacle adds to the raster: a volume that both fill counts once."""
+    bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
+    if bottom >= top:
+        return [obstacle]
+    rest = shapely.difference(obstacle.polygon, world.raster_solid())
+    if world.outside_is_obstacle:
+        rest = shapely.intersection(rest, raster.rectangle())
+    parts = _prisms(rest, bottom, top)
+    if obstacle.z_min < bottom:
+        parts.append(Obstacle(obstacle.polygon, obstacle.z_min, bottom))
+    if top < obstacle.z_max:
+        parts.append(Obstacle(obstacle.polygon, top, obstacle.z_max))
+    return parts
+
+
+def _prisms(geometry: BaseGeometry, z_min: float = -math.inf, z_max: float = math.inf) -> list[Obstacle]:
+    """Obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
+    parts = shapely.get_parts(geometry)
+    return [Obstacle(part, z_min, z_max) for part in parts if part.area > 0]
