@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+import re
+import stat
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
 from hpop.errors import ScenarioError
 
 MAX_BYTES = 4_000_000
+MAX_DEPTH = 20
+TAG = "tag:yaml.org,2002:"
+DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*|\d*\.\d*(e[-+]\d+)?|\.inf|\.nan)", re.IGNORECASE)
 Place = tuple[str | int, ...]
 
 
 class Document:
     """A YAML file as plain values, with the line of every key.
 
+    Keys are words, each given once; numbers are decimal; dates, tags, anchors and aliases are refused.
+
     values  dict
     path    of the file
+
+    Raises ScenarioError, with the line where there is one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -25,21 +34,16 @@ class Document:
         text = _read(path)
         self._lines: dict[Place, int] = {(): 1}
         try:
-            for event in yaml.parse(text, Loader=yaml.CSafeLoader):
-                if isinstance(event, yaml.AliasEvent):
-                    line = event.start_mark.line + 1
-                    raise ScenarioError(f"{path}, line {line}: anchors and aliases are not read; write the values out")
-            root = yaml.compose(text, Loader=yaml.CSafeLoader)
-            self._walk(root, ())
+            self._check_events(text)
+            self._walk(yaml.compose(text, Loader=yaml.CSafeLoader), ())
             self.values = yaml.load(text, Loader=yaml.CSafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            where = f", line {mark.line + 1}" if mark else ""
-            raise ScenarioError(f"{path}{where}: not plain YAML: {error.problem}") from None
-        except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise ScenarioError(f"{path}: not plain YAML: {error}") from None
+            self._refuse(mark.line + 1 if mark else None, f"not plain YAML: {error.problem}")
+        except yaml.YAMLError as error:
+            self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):
-            raise ScenarioError(f"{path}: expected keys such as world, start and goal, got {_shown(self.values)}")
+            self._refuse(None, f"expected keys such as world, start and goal, got {_shown(self.values)}")
 
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
@@ -49,34 +53,69 @@ class Document:
         dotted = ".".join(str(key) for key in place)
         return f"{self.path}, line {self._lines[known]}" + (f", {dotted}" if dotted else "")
 
+    def _refuse(self, line: int | None, text: str) -> NoReturn:
+        raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
+
+    def _check_events(self, text: str) -> None:
+        """Refuse aliases, tags and deep nesting before anything is built: the C loader recurses."""
+        depth = 0
+        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+            line = event.start_mark.line + 1
+            if getattr(event, "anchor", None):
+                self._refuse(line, "anchors and aliases are not read; write the values out")
+            if getattr(event, "tag", None):
+                self._refuse(line, f"tags such as {event.tag} are not read; write a plain value")
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                self._refuse(line, f"values are nested more than {MAX_DEPTH} deep; a scenario needs fewer")
+
     def _walk(self, node: Any, place: Place) -> None:
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
+                line = key.start_mark.line + 1
+                if key.tag != TAG + "str":
+                    got = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or keys"
+                    self._refuse(line, f"a key must be a word, got {got}; put it in quotes if it is one")
                 here = (*place, key.value)
                 if here in self._lines:
-                    raise ScenarioError(f"{self.path}, line {key.start_mark.line + 1}: {key.value!r} is given twice")
-                self._lines[here] = key.start_mark.line + 1
+                    self._refuse(line, f"{key.value!r} is given twice; keep one")
+                self._lines[here] = line
                 self._walk(value, here)
         elif isinstance(node, yaml.SequenceNode):
             for index, value in enumerate(node.value):
                 self._lines[(*place, index)] = value.start_mark.line + 1
                 self._walk(value, (*place, index))
+        elif isinstance(node, yaml.ScalarNode):
+            kind, got, line = node.tag.removeprefix(TAG), node.value[:40], node.start_mark.line + 1
+            # YAML 1.1 reads 010 as 8, 1:30 as 90 and 1_0 as 10, which nobody means here.
+            if kind in ("int", "float") and (len(node.value) > 400 or not DECIMAL.fullmatch(node.value)):
+                self._refuse(line, f"{got!r} is not a plain decimal number; write one")
+            if kind not in ("str", "int", "float", "bool", "null"):
+                self._refuse(line, f"YAML reads {got!r} as a {kind}; put it in quotes")
 
 
 def _read(path: Path) -> str:
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise ScenarioError(f"{path}: {size:,} bytes are no scenario; at most {MAX_BYTES:,} are read")
-        return path.read_text(encoding="utf-8")
+        info = path.stat()
+        if stat.S_ISDIR(info.st_mode):
+            raise ScenarioError(f"{path} is a folder; give the path of a scenario (YAML) in it")
+        if not stat.S_ISREG(info.st_mode):
+            raise ScenarioError(f"{path} is no regular file; give the path of a scenario (YAML)")
+        if info.st_size > MAX_BYTES:
+            raise ScenarioError(
+                f"{path}: {info.st_size:,} bytes are no scenario; at most {MAX_BYTES:,} are read"
+            )
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ScenarioError(f"{path}: no such file; give the path of a scenario (YAML)") from None
-    except IsADirectoryError:
-        raise ScenarioError(f"{path} is a folder; give the path of a scenario (YAML) in it") from None
-    except UnicodeDecodeError:
-        raise ScenarioError(f"{path}: not a text file in UTF-8") from None
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(
+            f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8"
+        ) from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, ScenarioError):
+            raise
+        raise ScenarioError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _shown(value: object) -> str:
