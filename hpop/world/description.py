@@ -57,7 +57,7 @@ def build(description: Mapping[str, Any]) -> World:
         OverflowError,
         shapely.errors.ShapelyError,
     ) as error:
-        raise MapError(f"the description of a world is malformed: {error!r}.") from None
+        raise MapError(f"the description of a world is malformed: {shown(error)}.") from None
     known = ", ".join(("geometry", *READERS))
     raise MapError(f"a world's description must have a kind out of {known}; got {shown(kind)}.")
 

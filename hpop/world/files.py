@@ -22,6 +22,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
+FORMATS = ("PPM", "PNG", "BMP", "GIF", "JPEG")
+"""Pillow's names of the formats that are read; PPM includes PGM."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
 
@@ -107,7 +109,7 @@ def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(data))
+            image = Image.open(io.BytesIO(data), formats=FORMATS)
     except Image.DecompressionBombError:
         raise MapError(
             f"image {str(path)!r} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its "
@@ -115,8 +117,7 @@ def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
         ) from None
     except UnidentifiedImageError:
         raise MapError(
-            f"image {str(path)!r} is no image that can be read; expected PGM (P2, P5), PNG or another format "
-            "that Pillow opens."
+            f"image {str(path)!r} is no image that can be read; expected PGM (P2, P5), PNG, BMP, GIF or JPEG."
         ) from None
     except Exception as error:  # each decoder fails in its own way
         raise MapError(f"image {str(path)!r} cannot be read ({error}); is its header broken?") from None

@@ -1,8 +1,12 @@
 """ROS map_server maps: real ones with known counts, every mode, and every way to be broken."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from hpop.errors import MapError
@@ -244,3 +248,26 @@ def test_a_broken_mask_is_named(tmp_path):
 def test_a_wrong_height_is_refused(tmp_path):
     with pytest.raises(MapError, match="z_min < z_max"):
         World.from_ros_map(write(tmp_path), height=(2, 1))
+
+
+@given(
+    head=st.sampled_from(
+        [b"", b"P5\n3 2\n255\n", b"P2\n3 2\n255\n", b"\x89PNG\r\n\x1a\n", b"GIF89a", b"BM", b"\xff\xd8\xff"]
+    ),
+    tail=st.binary(max_size=60),
+)
+@settings(deadline=None, max_examples=150)
+def test_any_bytes_are_an_image_or_a_map_error(tmp_path_factory, head, tail):
+    path = write(tmp_path_factory.mktemp("map"), head + tail)
+    with suppress(MapError):
+        World.from_ros_map(path)
+
+
+@given(key=st.sampled_from(sorted(YAML)), value=st.text(max_size=20))
+@settings(deadline=None, max_examples=150)
+def test_any_text_for_a_value_is_a_map_or_a_map_error(tmp_path_factory, key, value):
+    folder = tmp_path_factory.mktemp("map")
+    path = write(folder)
+    path.write_text(path.read_text().replace(f"{key}: {YAML[key]}", f"{key}: {value}"), encoding="utf-8")
+    with suppress(MapError):
+        World.from_ros_map(path)
