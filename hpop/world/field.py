@@ -114,7 +114,8 @@ class Field:
         coefficients = self.__dict__["_coefficients"]
         rows, columns = coefficients.shape
         knots = [np.arange(-2.0, count + 2.0) for count in (columns, rows)]
-        return casadi.Function.bspline("field", knots, coefficients.ravel(), [3, 3], 1)
+        lookup = {"lookup_mode": ["exact", "exact"]}  # the knots are uniform
+        return casadi.Function.bspline("field", knots, coefficients.ravel(), [3, 3], 1, lookup)
 
 
 @lru_cache(maxsize=1)

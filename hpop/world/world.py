@@ -360,7 +360,8 @@ class World:
         """Obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
 
         Samples are exact; between and at them the spline smooths. With a spacing of at most a tenth of the
-        radius the field is within .003 of phi beside straight walls; see `Field` for the general statement.
+        radius the field is within .003 of phi beside straight walls, and within .005 among cells no larger
+        than the radius; see `Field` for the general statement.
         """
         if not (math.isfinite(radius) and radius > 0):
             raise OptionError(f"radius must be a finite length above 0 m; got {radius!r}.")
