@@ -4,7 +4,7 @@
     python benchmarks/lattice.py --instance FOLDER     a graph in binary files; one JSON line, and FOLDER/front_hpop.txt
 
 An instance folder holds indptr.bin (int64), heads.bin (int32), costs.bin (int32, edges x 3: phi, turns, length) and
-meta.txt (width height start goal). The ratio of a museum is the search's time to that of one scipy Dijkstra on its graph.
+meta.txt (width height start goal). A museum's ratio is the search's time over one scipy Dijkstra's on its graph.
 """
 
 from __future__ import annotations

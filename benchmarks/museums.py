@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 import hpop
@@ -25,19 +27,20 @@ def museum(side: int, seed: int) -> BoolArray:
         occupied[y, :] = True
     edges = [0, *walls, side - 1]
     for wall in walls:
-        for low, high in zip(edges, edges[1:], strict=False):
+        for low, high in pairwise(edges):
             for line in (occupied[:, wall], occupied[wall, :]):
                 door = rng.integers(low + 1, max(low + 2, high - DOOR))
                 line[door : min(door + DOOR, high)] = False
     for x, y, width, height in np.c_[
-        rng.integers(2, side - 4, size=(side * side // 350, 2)), rng.integers(1, 4, size=(side * side // 350, 2))
+        rng.integers(2, side - 4, size=(side * side // 350, 2)),
+        rng.integers(1, 4, size=(side * side // 350, 2)),
     ]:
         occupied[y : y + height, x : x + width] = True
     return occupied
 
 
 def problem(name: str) -> hpop.Problem:
-    """Exposure, turns and length from corner to corner, both ends heading along +x, at the free cells nearest to them."""
+    """Exposure, turns and length between the free cells nearest to two corners, heading along +x at both."""
     side, seed = SIZES[name]
     world = hpop.World.from_cells(museum(side, seed), CELL)
     model = hpop.DifferentialDrive(radius=0.3)

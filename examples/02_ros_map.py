@@ -1,6 +1,6 @@
 """Plan on a map of a real building, as a robot's map_server has it: pass the map's YAML file, start and goal.
 
-    python examples/02_ros_map.py map.yaml 2.0 3.0 21.0 9.0
+python examples/02_ros_map.py map.yaml 2.0 3.0 21.0 9.0
 """
 
 import sys
@@ -11,7 +11,10 @@ from hpop.view import save_pictures
 
 
 def main(
-    map_file: Path, start: tuple[float, float], goal: tuple[float, float], folder: Path = Path("out/02_ros_map")
+    map_file: Path,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    folder: Path = Path("out/02_ros_map"),
 ) -> hpop.Front:
     """Plan from a pose that heads along +x to a position with any heading."""
     # World: unknown cells count as obstacles; a keep-out mask would be keep_out="mask.yaml".

@@ -35,8 +35,13 @@ def main() -> hpop.Front:
         criteria=[Glare(), "turns", "length"],
     )
     front = problem.solve("lattice", step=0.5)
-    for point in front:
-        print(", ".join(f"{name} {value:.2f}" for name, value in point.costs.items()))
+    print(f"{len(front)} optimal trajectories")
+    for label, point in {
+        "knee": front.knee(),
+        "least glare": front.best("glare"),
+        "shortest": front.best("length"),
+    }.items():
+        print(f"{label}: " + ", ".join(f"{name} {value:.2f}" for name, value in point.costs.items()))
     return front
 
 

@@ -1,4 +1,4 @@
-"""The structure of the paper's example (Becerra et al. 2020): a front from V = 0, N = 8 to the shortest path with N = 0.
+"""The structure of the paper's example (Becerra et al. 2020): from V = 0 with N = 8 to the shortest path with N = 0.
 
 Three walls with a narrow slit each stand between start and goal, both heading along +x. Straight through the slits is
 shortest and needs no turn, but the camera comes close to the walls. Round all three walls its 2 m ball meets nothing,

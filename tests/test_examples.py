@@ -1,0 +1,74 @@
+"""The examples run, and show what they say."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from hpop.planners.lattice import Lattice
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples"
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("example_" + Path(name).stem, EXAMPLES / name)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # pickling a criterion needs an importable module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_museum_tour_has_a_complete_front_and_three_pictures(tmp_path):
+    front = example("01_museum.py").main(tmp_path)
+    assert front.status == "complete"
+    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "trace.png"}
+
+
+def test_a_ros_map_is_planned_with_any_heading_at_the_goal(tmp_path, shared_data):
+    main = example("02_ros_map.py").main
+    front = main(shared_data("pal_office") / "map.yaml", (-2.0, 0.0), (2.0, 1.0), tmp_path)
+    assert len(front) > 0
+    assert "optimal for it as well" in front.certificate
+
+
+def test_ones_own_criterion_is_planned_with(capsys):
+    front = example("03_own_criterion.py").main()
+    assert front.names == ("glare", "turns", "length")
+    # The shortest path heads straight into the sun for 26 s: cos(0)^4 = 1.
+    shortest = front.best("length")
+    assert shortest.costs["glare"] == pytest.approx(26.0, abs=1e-3)
+    assert front.best("glare").costs["glare"] < 26.0
+
+
+def test_the_papers_structure_is_reproduced(tmp_path):
+    """One optimum with V = 0 and N = 8; one with N = 0 that is the shortest; others between."""
+    front = example("paper_figure/paper_figure.py").main(tmp_path)
+    clear, straight = front.lexicographic(["exposure", "turns"]), front.best("turns")
+    assert clear.reported["obstruction"] == 0.0
+    assert clear.costs["turns"] == 8
+    assert straight.costs["turns"] == 0
+    assert straight.index == front.best("length").index
+    assert straight.costs["length"] == pytest.approx(19.75 - 4.0)
+    between = (front.costs[:, 1] > 0) & (front.costs[:, 0] > 0) & (front.costs[:, 2] < clear.costs["length"])
+    assert between.any()
+
+
+def test_no_path_of_the_papers_figure_keeps_everything_clear_with_fewer_turns():
+    """V = 0 is impossible with seven turns: a second search, on turns and exposure alone, agrees."""
+    museum = example("paper_figure/paper_figure.py").museum
+    import hpop
+
+    problem = hpop.Problem(
+        museum(), hpop.DifferentialDrive(), (4.0, 10.0, 0.0), (19.75, 10.0, 0.0), ["exposure", "turns"]
+    )
+    front = problem.solve(Lattice(step=0.25))
+    fewer = front.costs[front.costs[:, 1] < 8]
+    assert np.all(fewer[:, 0] > 0)
