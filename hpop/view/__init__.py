@@ -1,0 +1,15 @@
+"""Pictures of a problem and its front: the map, the front itself, one trajectory in time.
+
+What is drawn is a ``matplotlib.figure.Figure`` that no global state knows of:
+``draw_map(problem, front).savefig("map.pdf")``.
+The core never imports this package.
+"""
+
+from __future__ import annotations
+
+from hpop.view.front_plot import draw_front
+from hpop.view.map import draw_map
+from hpop.view.save import save_pictures
+from hpop.view.trace import draw_trace
+
+__all__ = ["draw_front", "draw_map", "draw_trace", "save_pictures"]

@@ -1,0 +1,226 @@
+"""The front: what each trajectory costs, and which trade-offs there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from hpop.arrays import FloatArray
+from hpop.errors import OptionError
+from hpop.front import Front
+from hpop.view.style import (
+    HALO,
+    LARGE,
+    NORMAL,
+    POINT,
+    QUIET,
+    SMALL,
+    Mark,
+    Quantity,
+    marks,
+    new_figure,
+    quantities,
+    whole_ticks,
+)
+
+MOST_IN_MATRIX = 4
+WRAP = 32  # characters a line in a legend beside each empty panel
+WIDE = 110  # characters a line in a legend below
+ROOM = 0.06  # share of an axis left free at both ends
+
+
+def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figure:
+    """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
+
+    Parameters
+    ----------
+    front : Front
+        Any number of points, at least one.
+    chosen : mapping from label to row, optional
+        Points to mark and name, as on the map; by default the knee and the best of each criterion.
+
+    Raises
+    ------
+    OptionError
+        If the front has no points, or a chosen row is not one of them.
+    """
+    if not len(front):
+        raise OptionError(f"a front without points cannot be drawn; its search ended with {front.status!r}")
+    columns = quantities(front)[: len(front.names)]
+    named = marks(front, chosen)
+    if 2 <= len(columns) <= MOST_IN_MATRIX:
+        return _scatter_matrix(columns, named)
+    return _parallel(columns, named)
+
+
+def limits(values: FloatArray) -> tuple[float, float]:
+    """Axis limits round the values; a constant gets room on both sides.
+
+    >>> limits(np.array([5.0, 5.0]))
+    (4.5, 5.5)
+    """
+    low, high = float(values.min()), float(values.max())
+    room = ROOM * (high - low) or 0.1 * abs(low) or 0.5
+    return low - room, high + room
+
+
+def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
+    """Panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
+    size = len(columns) - 1
+    figure = new_figure(6.4, 5.6) if size == 1 else new_figure(2.7 * size + 1.2, 2.5 * size + 0.9)
+    panels = figure.subplots(size, size, squeeze=False)
+    for i in range(size):
+        for j in range(size):
+            if j > i:
+                panels[i, j].set_axis_off()
+                continue
+            x, y = columns[j], columns[i + 1]
+            _scatter(panels[i, j], x, y, named)
+            if size == 1:
+                _staircase(panels[i, j], x, y)
+            if i == size - 1:
+                panels[i, j].set_xlabel(x.label, fontsize=NORMAL)
+            else:
+                panels[i, j].tick_params(labelbottom=False)
+            if j == 0:
+                panels[i, j].set_ylabel(y.label, fontsize=NORMAL)
+            else:
+                panels[i, j].tick_params(labelleft=False)
+    figure.suptitle(_title(columns, "less is better on every axis: best is lower left"), fontsize=LARGE)
+    if size == 1:
+        _legend(figure, columns, named)
+    else:
+        handles = [_handle(mark, columns, WRAP * (size - 1)) for mark in named]
+        panels[0, 1].legend(
+            handles=handles,
+            loc="upper left",
+            bbox_to_anchor=(-0.06, 1.04),
+            fontsize=SMALL,
+            frameon=False,
+            handlelength=1.2,
+        ).set_in_layout(False)
+    return figure
+
+
+def _scatter(axes: Axes, x: Quantity, y: Quantity, named: Sequence[Mark]) -> None:
+    count = x.values.size
+    axes.scatter(
+        x.values,
+        y.values,
+        s=np.clip(2000 / count, 5, 26),
+        color=POINT,
+        alpha=np.clip(15.0 / np.sqrt(count), 0.25, 0.9),
+        linewidths=0,
+        rasterized=count > 1000,
+        label="trajectories",
+        zorder=2,
+    )
+    for layer, mark in enumerate(named):
+        axes.plot(
+            x.values[mark.row],
+            y.values[mark.row],
+            linestyle="none",
+            marker=mark.marker,
+            markersize=max(6.5, 10.0 - layer),  # equal points show each other
+            markerfacecolor=mark.colour,
+            markeredgecolor="white",
+            label=mark.label,
+            zorder=3,
+        )
+    axes.set(xlim=limits(x.values), ylim=limits(y.values))
+    whole_ticks(axes.xaxis, x.counts)
+    whole_ticks(axes.yaxis, y.counts)
+    axes.tick_params(labelsize=SMALL)
+    axes.grid(color="#e4e4e4", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
+    """Shade what some point of a two-criteria front is better than in both."""
+    order = np.argsort(x.values, kind="stable")
+    right, top = axes.get_xlim()[1], axes.get_ylim()[1]
+    across = np.append(x.values[order], right)
+    down = np.append(y.values[order], y.values[order][-1])
+    axes.fill_between(across, down, top, step="post", color="#efefef", linewidth=0, zorder=0.4, label="dominated")
+    axes.text(0.98, 0.97, "dominated", transform=axes.transAxes, ha="right", va="top", fontsize=SMALL, color=QUIET)
+
+
+def _parallel(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
+    """One vertical axis a criterion, its least value at the bottom; one line a trajectory."""
+    count = columns[0].values.size
+    bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
+    table = np.stack([column.values for column in columns], axis=1)  # (n, k)
+    scaled = (table - bounds[:, 0]) / (bounds[:, 1] - bounds[:, 0])
+    figure = new_figure(max(5.0, 1.55 * len(columns) + 1.0), 5.6)
+    axes = figure.add_subplot(label="parallel")
+    at = np.arange(len(columns))
+    alpha = float(np.clip(60.0 / count, 0.03, 0.7))  # lines cover far more than points
+    lines = [np.stack([at, row], axis=1) for row in scaled]
+    axes.add_collection(
+        LineCollection(
+            lines,
+            colors=POINT,
+            linewidths=0.5 + alpha,
+            alpha=alpha,
+            rasterized=count > 1000,
+            label="trajectories",
+        )
+    )
+    for mark in named:
+        axes.plot(
+            at,
+            scaled[mark.row],
+            color=mark.colour,
+            linestyle=mark.dashes,
+            linewidth=2.0,
+            marker=mark.marker,
+            markersize=8,
+            markeredgecolor="white",
+            label=mark.label,
+            zorder=3,
+        )
+    axes.set(xlim=(-0.3, len(columns) - 0.5), ylim=(0, 1), yticks=[])
+    axes.set_xticks(at, [column.label.replace(" (", "\n(") for column in columns], fontsize=NORMAL)
+    axes.spines[:].set_visible(False)
+    for j, column in enumerate(columns):
+        scale = axes.twinx()
+        scale.set_label(column.label)
+        scale.spines[:].set_visible(False)
+        scale.spines["right"].set(visible=True, position=("data", j), color=QUIET)
+        scale.set_ylim(*bounds[j])
+        whole_ticks(scale.yaxis, column.counts, most=6)
+        scale.tick_params(labelsize=SMALL, color=QUIET)
+        for text in scale.get_yticklabels():
+            text.set_path_effects(list(HALO))
+    figure.suptitle(_title(columns, "less is better on every axis: best is at the bottom"), fontsize=LARGE)
+    _legend(figure, columns, named)
+    return figure
+
+
+def _title(columns: Sequence[Quantity], reading: str) -> str:
+    count = columns[0].values.size
+    return f"{count} non-dominated {'trajectory' if count == 1 else 'trajectories'}\n{reading}"
+
+
+def _legend(figure: Figure, columns: Sequence[Quantity], named: Sequence[Mark]) -> None:
+    handles = [_handle(mark, columns, WIDE) for mark in named]
+    figure.legend(handles=handles, loc="outside lower center", fontsize=SMALL, frameon=False, handlelength=4.0)
+
+
+def _handle(mark: Mark, columns: Sequence[Quantity], width: int) -> Line2D:
+    """Legend entry of a mark with its costs, as a line where lines are drawn."""
+    return Line2D(
+        [],
+        [],
+        color=mark.colour,
+        linestyle="none" if 2 <= len(columns) <= MOST_IN_MATRIX else mark.dashes,
+        marker=mark.marker,
+        markersize=8,
+        markeredgecolor="white",
+        label=mark.legend(columns, width),
+    )

@@ -1,0 +1,199 @@
+"""The ground of a map: obstacles, keep-out zones, the obstruction field and a scale bar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, PowerNorm
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray, FloatArray
+from hpop.criteria import Exposure, Obstruction
+from hpop.motions import States
+from hpop.problem import Problem
+from hpop.view.style import HALO, QUIET, SMALL
+from hpop.world import World
+from hpop.world.shapes import Raster
+
+OBSTACLE = "#4a4a4a"
+OFF_CAMERA = "#b4b4b4"
+KEEP_OUT = "#8c4a6b"
+# White to sand, one hue and evenly falling lightness: trajectories stand out on it.
+FIELD_COLOURS = LinearSegmentedColormap.from_list("obstruction", ["#ffffff", "#dac69b"])
+MOST_SEEN = 0.99  # share of the free places whose obstructed fraction the colours resolve
+GROWTH = 0.6  # exponent of the colours of the obstructed fraction
+PIXELS = 700  # of the field along the longer side of the map
+MARGIN = 0.4  # m round the free space
+
+
+@dataclass(frozen=True)
+class View:
+    """The rectangle that a map shows, m."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+    @property
+    def width(self) -> float:
+        """Extent along x, m."""
+        return self.x_max - self.x_min
+
+    @property
+    def height(self) -> float:
+        """Extent along y, m."""
+        return self.y_max - self.y_min
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The ball round the camera of which obstacles take a share: radius and height of its centre, m."""
+
+    radius: float
+    z: float
+
+
+def view_of(problem: Problem) -> View:
+    """Show free space, start and goal, with a margin: a map file's unknown surroundings are cut off."""
+    ends = shapely.MultiPoint([problem.start[:2], problem.goal[:2]])
+    x0, y0, x1, y1 = shapely.total_bounds([_open(problem.world), ends])
+    return View(x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN)
+
+
+def ball_of(problem: Problem) -> Ball:
+    """Take the radius from the problem's obstruction criterion (else 2 m), the height from the camera."""
+    measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
+    radius = measured[0].radius if measured else Obstruction().radius
+    x, y, yaw = (np.array([value]) for value in problem.start)
+    here = States(**dict(zip(problem.model.state_names, (x, y, yaw), strict=True)))
+    return Ball(radius, float(problem.model.pose("camera", here).z[0]))
+
+
+def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
+    """Draw the obstructed fraction of the ball over the extent.
+
+    Colours range from 0 to what 99 in 100 free places stay below, and grow faster at first: the corners of a
+    room are several times as obstructed as the places where a robot drives.
+    """
+    pixel = max(view.width, view.height) / PIXELS
+    x = np.arange(view.x_min + pixel / 2, view.x_max, pixel)
+    y = np.arange(view.y_min + pixel / 2, view.y_max, pixel)
+    X, Y = np.meshgrid(x, y)  # (h, w)
+    phi: FloatArray = world.obstruction_field(ball.radius, ball.z)(X.ravel(), Y.ravel()).reshape(X.shape)
+    free = _open(world)
+    shapely.prepare(free)
+    seen = phi[shapely.contains_xy(free, X, Y)]
+    image = axes.imshow(
+        phi,
+        cmap=FIELD_COLOURS,
+        norm=PowerNorm(GROWTH, 0.0, (float(np.quantile(seen, MOST_SEEN)) if seen.size else 0.0) or 1.0),
+        origin="lower",
+        extent=(view.x_min, view.x_min + pixel * x.size, view.y_min, view.y_min + pixel * y.size),
+        interpolation="bilinear",
+        zorder=0,
+    )
+    image.set_clip_path(outline(world.extent), transform=axes.transData)
+    return image
+
+
+def draw_obstacles(axes: Axes, world: World, camera_z: float) -> list[Patch]:
+    """Draw obstacles and keep-out zones; returns the legend entries of what there is.
+
+    Obstacles at the camera's height are dark; those that it looks over or under are light and hatched.
+    """
+    axes.set_facecolor(OBSTACLE if world.outside_is_obstacle else "white")
+    below_or_above = f"obstacle below or above\nthe camera (at {camera_z:.3g} m)"
+    dark = Patch(facecolor=OBSTACLE, label="obstacle")
+    light = Patch(facecolor=OFF_CAMERA, edgecolor=OBSTACLE, hatch="////", label=below_or_above)
+    zone = Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="keep-out zone")
+    entries: list[Patch] = []
+    for patch in (dark, light):
+        shapes = [o.polygon for o in world.obstacles if (o.z_min <= camera_z <= o.z_max) is (patch is dark)]
+        raster = world.raster
+        if raster is not None and (raster.z_min <= camera_z <= raster.z_max) is (patch is dark):
+            _draw_raster(axes, raster, OBSTACLE if patch is dark else OFF_CAMERA)
+            entries.append(patch)
+        if shapes:
+            _fill(axes, shapely.union_all(shapes), patch, zorder=2.0 if patch is dark else 1.8)
+            entries += [patch] * (patch not in entries)
+    if not world.keep_out.is_empty:
+        _fill(axes, world.keep_out, zone, zorder=1.6)
+        entries.append(zone)
+    border = PathPatch(outline(world.extent), facecolor="none", edgecolor=QUIET, linewidth=0.6, zorder=2.2)
+    axes.add_patch(border)
+    return entries
+
+
+def draw_scale_bar(axes: Axes, view: View) -> None:
+    """Draw a bar of a round length (1, 2 or 5 times a power of ten) above the map's upper right corner."""
+    longest = view.width / 4
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = power * max(step for step in (1, 2, 5) if step * power <= longest)
+    right, above = view.x_max, axes.get_xaxis_transform()
+    axes.plot(
+        [right - length, right],
+        [1.02, 1.02],
+        transform=above,
+        color="black",
+        linewidth=2.5,
+        solid_capstyle="butt",
+        clip_on=False,
+        gid="scale bar",
+    )
+    axes.text(
+        right - length / 2, 1.03, f"{length:g} m", transform=above, ha="center", va="bottom", fontsize=SMALL
+    ).set_path_effects(list(HALO))
+
+
+def outline(geometry: BaseGeometry) -> Path:
+    """Matplotlib path of the polygons of a geometry; holes run the other way round, so they stay empty."""
+    return Path.make_compound_path(*(Path(ring, closed=True) for ring in _rings(geometry)))
+
+
+def _rings(geometry: BaseGeometry) -> Iterator[FloatArray]:
+    for part in shapely.get_parts(shapely.orient_polygons(geometry)):
+        if part.geom_type == "Polygon":
+            yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
+
+
+def _open(world: World) -> BaseGeometry:
+    """Take obstacles of any height off the extent; the extent if they leave nothing."""
+    rest = shapely.difference(world.extent, world.solid())
+    return world.extent if rest.is_empty else rest
+
+
+def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> None:
+    patch = PathPatch(outline(geometry), linewidth=0.5, zorder=zorder)
+    patch.set_facecolor(like.get_facecolor())
+    patch.set_edgecolor(like.get_edgecolor())
+    patch.set_label(like.get_label())
+    if like.get_hatch():
+        patch.set_hatch(like.get_hatch())
+        patch.set_hatch_linewidth(0.6)
+    axes.add_patch(patch)
+
+
+def _draw_raster(axes: Axes, raster: Raster, colour: str) -> None:
+    cells: BoolArray = raster.cells
+    rows, columns = cells.shape
+    to_world = (
+        Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
+    )
+    axes.imshow(
+        np.ma.masked_equal(cells.astype(np.uint8), 0),
+        cmap=ListedColormap([colour]),
+        origin="lower",
+        extent=(0, columns, 0, rows),
+        transform=to_world + axes.transData,
+        interpolation="nearest",
+        zorder=1.9,
+    )

@@ -1,0 +1,283 @@
+"""The map: where the trajectories of a front lead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from hpop.arrays import FloatArray
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.front import Front
+from hpop.frontier.choosing import column_index
+from hpop.problem import Problem
+from hpop.status import Status
+from hpop.trajectory import Trajectory
+from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
+from hpop.view.sheet import Box, Sheet
+from hpop.view.style import (
+    LARGE,
+    NORMAL,
+    QUIET,
+    SMALL,
+    Mark,
+    Quantity,
+    marks,
+    new_figure,
+    quantities,
+    whole_ticks,
+)
+
+WRAP = 60  # characters a line of costs in the legend
+CURVE_PIECES = 12  # a motion that moves and turns at once is drawn as so many straight pieces
+# Without the palest yellow, which is lost on a light ground.
+COST_COLOURS: Colormap = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)), name="cost")
+Handle = Line2D | Patch
+Corner = Literal["upper left", "upper center"]
+
+
+@dataclass(frozen=True, eq=False)
+class Bar:
+    """A colour bar to come: what it explains, in which words."""
+
+    of: ScalarMappable
+    words: str
+    counts: bool
+    extend: str = "neither"
+
+
+def draw_map(
+    problem: Problem,
+    front: Front,
+    *,
+    chosen: Mapping[str, int] | None = None,
+    colour: str | None = None,
+    figure: Figure | None = None,
+) -> Figure:
+    """Draw a front's trajectories over the obstacles and the obstructed fraction.
+
+    Parameters
+    ----------
+    problem : Problem
+        World, model, start and goal; the ball of its obstruction criterion (2 m without one) gives the field.
+    front : Front
+        Its trajectories, coloured by a criterion, the least on top. Without any, the title says that and why.
+    chosen : mapping from label to row, optional
+        Trajectories to draw thick and name; by default the knee and the best of each criterion.
+    colour : str, optional
+        The criterion or reported value that colours the trajectories; by default the length, else the first.
+    figure : Figure, optional
+        Where to draw; by default a new figure that fits the map.
+
+    Raises
+    ------
+    UnknownColumnError
+        If the front has no criterion or reported value called ``colour``.
+    OptionError
+        If a chosen row is not one of the front's.
+    """
+    view, ball = view_of(problem), ball_of(problem)
+    named = marks(front, chosen)
+    scale = _scale(front, colour) if len(front) else None
+    own = figure is None
+    figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="map")
+    symbols: list[Handle] = [*draw_obstacles(axes, problem.world, ball.z)]
+    bars: list[Bar] = []
+    if scale is not None:
+        bars += _draw_all(axes, front, scale)
+    field = draw_field(axes, problem.world, view, ball)
+    bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
+    lines = _draw_named(axes, front, named)
+    if any(_turn_places(front.trajectories[mark.row]).size for mark in named):
+        symbols.append(_dot(QUIET, label="turn in place"))
+    symbols += _draw_ends(axes, problem, view)
+    _draw_frame(axes, view)
+    sheet = Sheet.of(view, bars=len(bars), lines=max(_height(lines), _height(symbols)))
+    if own:
+        figure.set_size_inches(sheet.width, sheet.height)
+    axes.set_position(sheet.map_box())
+    for place, bar in enumerate(bars):
+        _draw_bar(figure, sheet.bar_box(place), bar)
+    figure.suptitle(_title(front, scale), x=sheet.title[0], y=sheet.title[1], va="top", fontsize=LARGE)
+    if lines:
+        _draw_legend(figure, lines, sheet.legends[0], "upper left")
+        _draw_legend(figure, symbols, sheet.legends[1], "upper left")
+    else:
+        _draw_legend(figure, symbols, (0.5, sheet.legends[0][1]), "upper center")
+    return figure
+
+
+def path_points(trajectory: Trajectory) -> FloatArray:
+    """Points (N, 2), m, of the base's path: ends of motions, and more where one moves and turns at once."""
+    curved = np.array([{"x", "yaw"} <= trajectory.model.laws[kind].varies for kind in trajectory.kinds], dtype=bool)
+    states = trajectory.states
+    if curved.any():
+        pieces = np.where(curved, CURVE_PIECES, 1)
+        owner = np.repeat(np.arange(len(trajectory)), pieces)
+        share = np.concatenate([np.arange(count) / count for count in pieces])
+        times = trajectory.times[owner] + share * trajectory.durations[owner]
+        states = trajectory.at(np.append(times, trajectory.duration))
+    return np.stack([states.x, states.y], axis=1)
+
+
+def _turn_places(trajectory: Trajectory) -> FloatArray:
+    """Where (N, 2), m, the base turns without moving."""
+    s = trajectory.states
+    still = np.hypot(np.diff(s.x), np.diff(s.y)) == 0.0
+    turns = still & (np.abs(np.diff(s.yaw)) > LEAST_TURN)
+    return np.stack([s.x[1:][turns], s.y[1:][turns]], axis=1)
+
+
+def _scale(front: Front, colour: str | None) -> Quantity:
+    """Find the column that colours the trajectories."""
+    columns = quantities(front)
+    names = [column.name for column in columns]
+    if colour is None:
+        colour = "length" if "length" in names else names[0]
+    return columns[column_index(colour, names)]
+
+
+def _draw_all(axes: Axes, front: Front, scale: Quantity) -> list[Bar]:
+    """Draw every trajectory, the least on top; returns the colour bar, or none where all are alike."""
+    order = np.argsort(-scale.values, kind="stable")
+    norm = Normalize(float(scale.values.min()), float(scale.values.max()))
+    alpha = float(np.clip(7.0 / np.sqrt(len(front)), 0.15, 0.9))
+    axes.add_collection(
+        LineCollection(
+            [path_points(front.trajectories[row]) for row in order],
+            colors=COST_COLOURS(norm(scale.values[order])),
+            linewidths=0.6 + alpha,
+            alpha=alpha,
+            capstyle="round",
+            zorder=3,
+            label="trajectories",
+        ),
+        autolim=False,
+    )
+    if norm.vmin == norm.vmax:
+        return []
+    return [Bar(ScalarMappable(norm, COST_COLOURS), f"{scale.label} of a trajectory", scale.counts)]
+
+
+def _draw_bar(figure: Figure, box: Box, bar: Bar) -> None:
+    cax = figure.add_axes(box, label=bar.words)
+    drawn = figure.colorbar(bar.of, cax=cax, extend=bar.extend, extendfrac=0.025)
+    drawn.set_label(bar.words, fontsize=NORMAL)
+    cax.tick_params(labelsize=SMALL)
+    whole_ticks(cax.yaxis, bar.counts, most=8)
+
+
+def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, float], corner: Corner) -> None:
+    figure.legend(
+        handles=list(handles),
+        loc=corner,
+        bbox_to_anchor=at,
+        fontsize=SMALL,
+        frameon=False,
+        handlelength=4.0,
+        borderaxespad=0.0,
+    )
+
+
+def _height(handles: Sequence[Handle]) -> int:
+    """Lines of text in a legend."""
+    return sum(1 + str(handle.get_label()).count("\n") for handle in handles)
+
+
+def _draw_named(axes: Axes, front: Front, named: Sequence[Mark]) -> list[Handle]:
+    handles: list[Handle] = []
+    for layer, mark in enumerate(named):
+        trajectory = front.trajectories[mark.row]
+        x, y = path_points(trajectory).T
+        (line,) = axes.plot(
+            x,
+            y,
+            color=mark.colour,
+            linestyle=mark.dashes,
+            linewidth=2.2,
+            label=mark.legend(quantities(front)[: len(front.names)], WRAP),
+            zorder=4 + 0.1 * layer,
+            solid_capstyle="round",
+        )
+        line.set_path_effects([withStroke(linewidth=3.8, foreground="white")])
+        x, y = _turn_places(trajectory).T
+        axes.add_line(_dot(mark.colour, x, y, zorder=5 + 0.1 * layer, gid=f"turns of {mark.label}"))
+        handles.append(line)
+    return handles
+
+
+def _dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
+    """Points where a trajectory turns; without coordinates the legend entry for them."""
+    nowhere = np.zeros(0)
+    return Line2D(
+        nowhere if x is None else x,
+        nowhere if y is None else y,
+        linestyle="none",
+        marker="o",
+        markersize=5,
+        markerfacecolor=colour,
+        markeredgecolor="white",
+        markeredgewidth=0.8,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
+    """Start and goal: a letter in a circle, and an arrow along the heading where there is one."""
+    reach = 0.055 * max(view.width, view.height)
+    handles: list[Handle] = []
+    for name, letter, pose, fill in (
+        ("start", "S", problem.start, "white"),
+        ("goal", "G", problem.goal, "#F0E442"),
+    ):
+        x, y, yaw = pose
+        if yaw is not None:
+            tip = (x + reach * np.cos(yaw), y + reach * np.sin(yaw))
+            arrow = axes.annotate(
+                "",
+                tip,
+                (x, y),
+                arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.6},
+                zorder=7,
+            )
+            arrow.set_gid(f"{name} heading")
+        look = {"marker": "o", "markersize": 12, "markerfacecolor": fill, "markeredgecolor": "black"}
+        axes.plot([x], [y], linestyle="none", zorder=8, gid=name, **look)  # type: ignore[arg-type]
+        axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)
+        heading = "any heading" if yaw is None else "heading along the arrow"
+        look["markersize"] = 8
+        handles.append(Line2D([], [], linestyle="none", label=f"{letter}: {name}, {heading}", **look))  # type: ignore[arg-type]
+    return handles
+
+
+def _draw_frame(axes: Axes, view: View) -> None:
+    axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
+    axes.set_xlabel("x (m)", fontsize=NORMAL)
+    axes.set_ylabel("y (m)", fontsize=NORMAL)
+    axes.tick_params(labelsize=SMALL)
+    draw_scale_bar(axes, view)
+
+
+def _title(front: Front, scale: Quantity | None) -> str:
+    if scale is None:
+        if front.status == Status.NO_PATH:
+            return "No path from start to goal"
+        return f"No path found: the search ended with {front.status!r}"
+    ended = "" if front.status == Status.COMPLETE else f" (search ended: {front.status})"
+    count = f"{len(front)} trajectories{ended}, none better than another in all of"
+    if len(front) == 1:
+        count = f"1 trajectory{ended}, the best in"
+    criteria = ", ".join(column.label for column in quantities(front)[: len(front.names)])
+    return f"{count}\n{criteria}"

@@ -1,0 +1,61 @@
+"""Write the pictures of a front to files, whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import os
+import uuid
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from hpop.errors import OutputError
+from hpop.front import Front
+from hpop.problem import Problem
+from hpop.view.front_plot import draw_front
+from hpop.view.map import draw_map
+from hpop.view.trace import draw_trace
+
+DPI = 200
+
+
+def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI) -> list[Path]:
+    """Write ``map.png``, ``front.png`` and ``trace.png`` (of the knee); of an empty front the map alone.
+
+    The folder is made if it is missing; pictures that are there are replaced. All are drawn before the
+    first is written.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made or written to; no picture is then half-written.
+    """
+    figures = {"map.png": draw_map(problem, front)}
+    if len(front):
+        figures["front.png"] = draw_front(front)
+        figures["trace.png"] = draw_trace(problem, front.knee().item, name="the knee")
+    pictures = {name: _png(figure, dpi) for name, figure in figures.items()}
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        return [_write(target / name, data) for name, data in pictures.items()]
+    except OSError as error:
+        raise OutputError(f"the pictures cannot be written to {target}: {error}") from error
+
+
+def _png(figure: Figure, dpi: float) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
+
+
+def _write(path: Path, data: bytes) -> Path:
+    """Replace a file by a complete one."""
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    try:
+        with partial.open("xb") as file:
+            file.write(data)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path

@@ -1,0 +1,68 @@
+"""Where the parts of a map's picture go, in inches: title, map, colour bars, legends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hpop.view.ground import View
+
+Box = tuple[float, float, float, float]  # left, bottom, width, height, as shares of the figure
+
+MOST_WIDE, MOST_HIGH = 6.4, 6.2  # of the map
+LEAST = 1.6
+LEFT, TOP, BELOW = 0.75, 0.88, 0.62  # round the map: ticks and label, title and scale bar, ticks and label
+BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next, from the map to the first
+LEGEND = 7.6  # width of the two legends
+SYMBOLS = 4.95  # where the second one begins
+LINE = 0.205  # height of a line of the legends
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A page: sizes in inches, places as shares of the figure.
+
+    width, height          of the figure
+    map_width, map_height  of the map, in the proportions of what it shows where these are not extreme
+    left, bottom           of the map
+    """
+
+    width: float
+    height: float
+    map_width: float
+    map_height: float
+    left: float
+    bottom: float
+
+    @classmethod
+    def of(cls, view: View, *, bars: int, lines: int) -> Sheet:
+        """Lay out a map of a view with so many colour bars and lines of legend."""
+        scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
+        map_width, map_height = max(LEAST, scale * view.width), max(LEAST, scale * view.height)
+        with_bars = LEFT + map_width + GAP + bars * PITCH
+        width = max(with_bars, LEGEND)
+        bottom = BELOW + LINE * lines + 0.1
+        left = LEFT + (width - with_bars) / 2
+        return cls(width, bottom + map_height + TOP, map_width, map_height, left, bottom)
+
+    @property
+    def title(self) -> tuple[float, float]:
+        """Middle of the title's upper edge."""
+        return 0.5, 1.0 - 0.1 / self.height
+
+    @property
+    def legends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Upper left corners of the two legends."""
+        margin = (self.width - LEGEND) / 2 + 0.1
+        top = (self.bottom - BELOW) / self.height
+        return (margin / self.width, top), ((margin + SYMBOLS) / self.width, top)
+
+    def map_box(self) -> Box:
+        """Place the map."""
+        return self._box(self.left, self.map_width)
+
+    def bar_box(self, position: int) -> Box:
+        """Place a colour bar, counted from the map outwards."""
+        return self._box(self.left + self.map_width + GAP + position * PITCH, BAR)
+
+    def _box(self, left: float, width: float) -> Box:
+        return left / self.width, self.bottom / self.height, width / self.width, self.map_height / self.height

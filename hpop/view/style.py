@@ -1,0 +1,161 @@
+"""What all pictures share: colours, words for units, and the trajectories that are named.
+
+Colours of named trajectories are those of Okabe and Ito (2008, "Color universal design"), which remain
+distinct for colour-blind readers; line styles and markers repeat the distinction for print without colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import cycle
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+
+from hpop.arrays import FloatArray
+from hpop.errors import OptionError
+from hpop.front import Front
+
+COLOURS = ("#000000", "#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
+DASHES: tuple[tuple[float, tuple[float, ...]], ...] = (
+    (0, ()),
+    (0, (5, 2.5)),
+    (0, (1.2, 1.6)),
+    (0, (6, 2, 1.2, 2)),
+    (0, (2.5, 2.5)),
+    (0, (8, 4)),
+    (0, (6, 2, 1.2, 2, 1.2, 2)),
+)
+MARKERS = ("D", "s", "o", "^", "v", "P", "X")
+POINT = "#6d7f8f"
+QUIET = "#555555"
+HALO = (withStroke(linewidth=2.5, foreground="white"),)
+SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A named trajectory of a front, drawn alike in every picture.
+
+    names   what it is: "knee", "least turns"
+    row     row of the front
+    colour  of its line and marker
+    dashes  offset and on-off pattern, points
+    marker  of its point
+    """
+
+    names: tuple[str, ...]
+    row: int
+    colour: str
+    dashes: tuple[float, tuple[float, ...]]
+    marker: str
+
+    @property
+    def label(self) -> str:
+        """Its names: "knee, least turns"."""
+        return ", ".join(self.names)
+
+    def legend(self, columns: Iterable[Quantity], width: int) -> str:
+        """Names and costs, in lines of at most so many characters, broken only between names and costs."""
+        values = ", ".join(_unbroken(column.text(column.values[self.row])) for column in columns)
+        return fill(", ".join(map(_unbroken, self.names)) + ": " + values, width, break_long_words=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A column of a front, to be put on an axis.
+
+    values  (n,)  in the unit
+    counts  whether the values are whole numbers by nature
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+    counts: bool
+
+    @property
+    def label(self) -> str:
+        """Name and unit: "length (m)", "turns (count)"."""
+        return label(self.name, self.unit, self.counts)
+
+    def text(self, value: float) -> str:
+        """Put a value in words: "length 12.3 m", "turns 4"."""
+        return f"{self.name} {written(value, self.unit, self.counts)}"
+
+
+def label(name: str, unit: str, counts: bool) -> str:
+    """Axis label of a quantity.
+
+    >>> label("length", "m", False), label("turns", "1", True), label("obstruction", "1", False)
+    ('length (m)', 'turns (count)', 'obstruction (share)')
+    """
+    return f"{name} ({('count' if counts else 'share') if unit == '1' else unit})"
+
+
+def written(value: float, unit: str, counts: bool) -> str:
+    """Write a value with its unit, to three figures.
+
+    >>> written(16.0, "m", False), written(4.0, "1", True), written(1234.5, "s", False)
+    ('16.0 m', '4', '1234 s')
+    """
+    number = f"{value:.0f}" if counts or abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def quantities(front: Front) -> tuple[Quantity, ...]:
+    """List the criteria of a front, then what is reported beside them."""
+    whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
+    return tuple(
+        Quantity(name, unit, values, counts)
+        for name, unit, values, counts in zip(
+            front.names + front.reported_names,
+            front.units + front.reported_units,
+            np.hstack([front.costs, front.reported]).T,
+            whole + [False] * len(front.reported_names),
+            strict=True,
+        )
+    )
+
+
+def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, ...]:
+    """Name trajectories: those ``chosen`` (label: row), or the knee and the best of each criterion.
+
+    A row with several names is one mark. Raises OptionError for a row that the front does not have.
+    """
+    if chosen is None:
+        chosen = _knee_and_bests(front) if len(front) else {}
+    names: dict[int, list[str]] = {}
+    for name, row in chosen.items():
+        if not 0 <= row < len(front):
+            raise OptionError(f"chosen[{name!r}] must be a row of the front, 0 to {len(front) - 1}; got {row!r}")
+        names.setdefault(int(row), []).append(name)
+    looks = zip(cycle(COLOURS), cycle(DASHES), cycle(MARKERS), strict=False)
+    return tuple(Mark(tuple(names[row]), row, *look) for row, look in zip(names, looks, strict=False))
+
+
+def _knee_and_bests(front: Front) -> dict[str, int]:
+    return {"knee": front.knee().index} | {f"least {name}": front.best(name).index for name in front.names}
+
+
+def new_figure(width: float, height: float, layout: Any = "constrained") -> Figure:
+    """Make a white figure of a size in inches that no global state knows of."""
+    figure = Figure(figsize=(width, height), layout=layout, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
+    """At most so many ticks, on whole numbers where the quantity is a count."""
+    axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
+
+
+def _unbroken(text: str) -> str:
+    return text.replace(" ", "\N{NO-BREAK SPACE}")

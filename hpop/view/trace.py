@@ -1,0 +1,187 @@
+"""One trajectory in time: how each criterion comes about, and how fast the camera moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.problem import Problem
+from hpop.trajectory import Trajectory
+from hpop.view.style import COLOURS, LARGE, NORMAL, QUIET, SMALL, label, new_figure, whole_ticks, written
+from hpop.world import World
+
+PIECE = 0.1  # s: motions at constant speed are drawn in pieces of about this duration
+MOST_PIECES = 4000
+SAMPLES = 3000  # of the speeds
+AGREES = 0.02  # a running value that ends farther off the cost, as a share of it, is drawn motion by motion
+PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
+TURN = "#e6e6e6"
+
+
+def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory") -> Figure:
+    """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
+
+    A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst
+    moment as the running worst over each piece's, a criterion with memory as its running value. Planned turns
+    in place are shaded; the execution, from rest to rest, makes them a little earlier or later.
+
+    Parameters
+    ----------
+    problem : Problem
+        World and criteria.
+    trajectory : Trajectory
+        A planned trajectory of the problem's model.
+    name : str
+        What the title calls it.
+    """
+    executed = trajectory.execution()
+    rows = len(problem.criteria) + 2
+    figure = new_figure(7.2, 1.25 * rows + 1.3)
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    fine = _in_pieces(trajectory)
+    costs = problem.evaluate(trajectory)
+    for axes, criterion in zip(panels, problem.criteria, strict=False):
+        _draw_criterion(axes, criterion, (fine, trajectory), problem.world, costs[criterion.name])
+    for axes, what, unit, column in (
+        (panels[-2], "camera speed", "m/s", 0),
+        (panels[-1], "camera yaw rate", "rad/s", 1),
+    ):
+        for motion, look in ((trajectory, _look(PLANNED, 2.4)), (executed, _look(EXECUTED, 1.2))):
+            times = _moments(motion)
+            axes.plot(times, camera_rates(motion, times)[column], **look)
+        _name_row(axes, what, unit, "")
+    for axes in panels:
+        _shade_turns(axes, trajectory)
+        axes.tick_params(labelsize=SMALL)
+    panels[0].set_xlim(0.0, max(trajectory.duration, executed.duration) or 1.0)
+    panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
+    figure.align_ylabels(panels)
+    figure.suptitle(
+        f"Along {name}: planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s",
+        fontsize=LARGE,
+    )
+    handles = [
+        Patch(color=TURN, label="planned turn in place"),
+        Line2D([], [], label="planned", **_look(PLANNED, 2.4)),
+        Line2D([], [], label="executed, from rest to rest", **_look(EXECUTED, 1.2)),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
+    return figure
+
+
+def running(criterion: Criterion, trajectory: Trajectory, world: World) -> tuple[FloatArray, FloatArray]:
+    """Value (n,) of a criterion over the motions so far, at the end of each, and (n,) of each by itself.
+
+    By itself: its cost; of a time-mean, the mean over the motion.
+    """
+    costs = np.zeros(len(trajectory))
+    for place, motions in trajectory.batches(world):
+        costs[place] = motion_costs(criterion, motions)
+    duration = trajectory.durations
+    if criterion.aggregate == "time-mean":
+        total, elapsed = np.cumsum(costs), np.cumsum(duration)
+        return _ratio(total, elapsed), _ratio(costs, duration)
+    accumulate: dict[str, Callable[[FloatArray], FloatArray]] = {
+        "sum": np.cumsum,
+        "max": np.maximum.accumulate,
+    }
+    return accumulate.get(criterion.aggregate, np.copy)(costs), costs
+
+
+def camera_rates(trajectory: Trajectory, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Speed (N,), m/s, and yaw rate (N,), rad/s, of the camera, rigidly mounted on the base."""
+    states, (velocity, _) = trajectory.at(times), trajectory.rates(times)
+    camera, base = (trajectory.model.pose(body, states) for body in ("camera", "base"))
+    across, along = camera.y - base.y, camera.x - base.x
+    return np.hypot(velocity.x - velocity.yaw * across, velocity.y + velocity.yaw * along), velocity.yaw
+
+
+def _ratio(total: FloatArray, duration: FloatArray) -> FloatArray:
+    return np.divide(total, duration, out=np.zeros_like(total), where=duration > 0)
+
+
+def _in_pieces(trajectory: Trajectory) -> Trajectory:
+    """Cut motions at constant speed into short ones, as a finer lattice would have them."""
+    if not len(trajectory):
+        return trajectory
+    steady = np.zeros(len(trajectory), dtype=bool)
+    for i, kind in enumerate(trajectory.kinds):
+        ends = trajectory.states.take(slice(i, i + 1)), trajectory.states.take(slice(i + 1, i + 2))
+        steady[i] = [phase.shape for phase in trajectory.model.laws[kind].phases(*ends)] == ["cruise"]
+    piece = max(PIECE, trajectory.duration / MOST_PIECES)
+    pieces = np.where(steady, np.maximum(1, np.ceil(trajectory.durations / piece)), 1).astype(int)
+    owner = np.repeat(np.arange(len(trajectory)), pieces)
+    within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
+    times = np.append(trajectory.times[owner] + within * trajectory.durations[owner], trajectory.duration)
+    return Trajectory(trajectory.model, trajectory.at(times), tuple(trajectory.kinds[i] for i in owner))
+
+
+def _draw_criterion(
+    axes: Axes, criterion: Criterion, versions: tuple[Trajectory, Trajectory], world: World, cost: float
+) -> None:
+    fine, whole = versions
+    values, alone = running(criterion, fine, world)
+    drawn = fine
+    if values.size and not np.isclose(values[-1], cost, rtol=AGREES, atol=0.5 * criterion.quantum):
+        drawn = whole
+        values, alone = running(criterion, whole, world)
+    counts = criterion.unit == "1" and criterion.quantum == 1.0
+    words = {"sum": "running total", "time-mean": "running mean", "max": "running worst"}
+    text = words.get(criterion.aggregate, "running value")
+    if criterion.aggregate in ("time-mean", "max"):
+        axes.stairs(alone, drawn.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
+        text += "; light: at the time"
+    if criterion.aggregate in ("sum", "trajectory"):
+        times, values = drawn.times, np.concatenate([[0.0], values])
+    else:
+        times, values = drawn.times, np.concatenate([values[:1], values]) if values.size else np.zeros(1)
+    axes.plot(
+        times,
+        values,
+        color="black",
+        linewidth=1.6,
+        drawstyle="steps-post" if counts else "default",
+        zorder=2.5,
+    )
+    final = written(cost, criterion.unit, counts)
+    axes.set_ylim(0.0, 1.18 * max(values.max(), alone.max(initial=0.0) if "light" in text else 0.0) or 1.0)
+    axes.annotate(
+        final, (1.0, cost), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points",
+        fontsize=SMALL, va="center", annotation_clip=False,
+    )  # fmt: skip
+    _name_row(axes, criterion.name, criterion.unit, text, counts=counts)
+
+
+def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = False) -> None:
+    axes.set_ylabel(label(name, unit, counts).replace(" (", "\n("), fontsize=NORMAL)
+    axes.set_title(text, fontsize=SMALL, color=QUIET, loc="left", pad=2)
+    whole_ticks(axes.yaxis, counts, most=4)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _shade_turns(axes: Axes, trajectory: Trajectory) -> None:
+    turned = np.abs(np.diff(trajectory.states.yaw)) > LEAST_TURN
+    moved = np.hypot(np.diff(trajectory.states.x), np.diff(trajectory.states.y)) > 0
+    for i in np.flatnonzero(turned & ~moved):
+        axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=TURN, linewidth=0, zorder=0.5, gid="turn")
+
+
+def _moments(trajectory: Trajectory) -> FloatArray:
+    """Sample evenly, and on both sides of each motion's ends, where speeds jump."""
+    ends = trajectory.times
+    near = 1e-6 * max(trajectory.duration, 1.0)
+    even = np.linspace(0.0, trajectory.duration, SAMPLES)
+    return np.unique(np.clip(np.concatenate([even, ends - near, ends + near]), 0.0, trajectory.duration))
+
+
+def _look(colour: str, width: float) -> dict[str, Any]:
+    return {"color": colour, "linewidth": width}

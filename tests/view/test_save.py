@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hpop.errors import OutputError
+from hpop.view import draw_front, draw_map, draw_trace, save_pictures
+
+
+@pytest.fixture
+def problem(make_problem):
+    return make_problem(["exposure", "turns", "length"])
+
+
+def test_three_pictures_of_the_size_of_their_figures(problem, make_front, tmp_path):
+    front = make_front(problem)
+    paths = save_pictures(problem, front, tmp_path / "new" / "folder", dpi=100)
+    assert [path.name for path in paths] == ["map.png", "front.png", "trace.png"]
+    assert sorted(os.listdir(tmp_path / "new" / "folder")) == ["front.png", "map.png", "trace.png"]
+    figures = draw_map(problem, front), draw_front(front), draw_trace(problem, front.knee().item)
+    for path, figure in zip(paths, figures, strict=True):
+        with Image.open(path) as image:
+            assert image.size == tuple((figure.get_size_inches() * 100).astype(int))
+            colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
+        assert len(np.unique(colours, axis=0)) > 50
+
+
+def test_the_resolution_is_good_enough_for_print(problem, make_front, tmp_path):
+    with Image.open(save_pictures(problem, make_front(problem), tmp_path)[0]) as image:
+        assert image.info["dpi"] == pytest.approx((200, 200), abs=0.1)
+        assert min(image.size) > 1200
+
+
+def test_an_empty_front_gives_the_map_alone(problem, make_front, tmp_path):
+    front = make_front(problem, costs=np.zeros((0, 3)), status="no path")
+    assert [path.name for path in save_pictures(problem, front, tmp_path)] == ["map.png"]
+    assert os.listdir(tmp_path) == ["map.png"]
+
+
+def test_pictures_that_are_there_are_replaced(problem, make_front, tmp_path):
+    (tmp_path / "map.png").write_text("old")
+    save_pictures(problem, make_front(problem), tmp_path, dpi=50)
+    with Image.open(tmp_path / "map.png") as image:
+        image.verify()
+
+
+def test_a_folder_that_is_a_file_is_an_output_error(problem, make_front, tmp_path):
+    (tmp_path / "taken").write_text("text")
+    with pytest.raises(OutputError, match="taken"):
+        save_pictures(problem, make_front(problem), tmp_path / "taken", dpi=50)
+    assert (tmp_path / "taken").read_text() == "text"
+
+
+def test_a_failed_write_leaves_the_old_picture_and_nothing_else(problem, make_front, tmp_path, monkeypatch):
+    (tmp_path / "map.png").write_text("old")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OutputError, match="No space left"):
+        save_pictures(problem, make_front(problem), tmp_path, dpi=50)
+    assert os.listdir(tmp_path) == ["map.png"]
+    assert (tmp_path / "map.png").read_text() == "old"
+
+
+def test_the_core_does_not_import_matplotlib_and_pictures_need_no_pyplot():
+    code = (
+        "import sys, hpop, hpop.problem, hpop.front; assert 'matplotlib' not in sys.modules;"
+        "import hpop.view; assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
