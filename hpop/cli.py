@@ -7,16 +7,26 @@ usage, 6 no path, 130 interrupted (what was found is kept), and those of :mod:`h
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from hpop import __version__
 from hpop.errors import CriterionError, HpopError, OutputError
 
+if TYPE_CHECKING:
+    from hpop.front import Front
+    from hpop.problem import Problem
+    from hpop.scenario import Scenario
+
+SAVED = "front.json"
+PICTURES = ("map.png", "front.png", "trace.png")
+MOST_FAULTS = 20
 NO_PATH = 6
 INTERRUPTED = 130
 F = TypeVar("F", bound=Callable[..., Any])
@@ -27,16 +37,14 @@ def _user_errors(command: F) -> F:
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
-        from hpop.frontier import FrontFileError
-
         try:
             return command(*args, **kwargs)
         except HpopError as error:
             code, text = error.exit_code, str(error)
-        except FrontFileError as error:
-            code, text = OutputError.exit_code, str(error)
         except KeyboardInterrupt:
-            code, text = INTERRUPTED, "interrupted before anything was found"
+            code, text = INTERRUPTED, "interrupted"
+        except MemoryError:
+            code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
         click.echo(f"error: {text}", err=True)
         sys.exit(code)
 
@@ -59,14 +67,12 @@ def plan(scenario: Path, out: Path) -> None:
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
-    _make_folder(out)
     loaded = load_scenario(scenario)
-    with report.progress_bar() as progress:
-        front = loaded.problem.solve(loaded.planners, progress=progress)
-    front.save(out / "front.json")  # before anything else can fail
-    report.print_front(loaded.problem, front)
-    _draw(loaded.problem, front, out)
-    click.echo(f"written to {out}: {', '.join(sorted(path.name for path in out.iterdir()))}")
+    _check_writable(out)
+    front = _solved(loaded, out)
+    report.print_front(loaded.problem, front, saved=out / SAVED)
+    pictures = _draw(loaded.problem, front, out)
+    click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
     if front.status == Status.NO_PATH:
         sys.exit(NO_PATH)
     if Status.INTERRUPTED in front.status:
@@ -83,15 +89,17 @@ def show(folder: Path) -> None:
     from hpop.problem import Problem
     from hpop.verify import verify
 
-    path = folder / "front.json" if folder.is_dir() else folder
-    front = Front.load(path)
+    path = folder / SAVED if folder.is_dir() else folder
+    with _output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+        front = Front.load(path)
     problem = Problem.from_description(front.problem or {})
-    report.print_front(problem, front)
     faults = verify(problem, front)
-    for fault in faults:
+    for fault in faults[:MOST_FAULTS]:
         click.echo(f"fault: {fault}", err=True)
     if faults:
-        raise OutputError(f"{path} does not hold what it claims: {len(faults)} faults")
+        more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
+        raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
+    report.print_front(problem, front, saved=path)
     click.echo(f"verified: costs re-evaluated, ends and collisions checked for {len(front)} trajectories")
 
 
@@ -129,25 +137,60 @@ def planners() -> None:
     report.print_planners()
 
 
-def _make_folder(out: Path) -> None:
-    """Make sure results can be written, before hours are spent on finding them."""
-    probe = out / ".hpop-write-test"
+@contextmanager
+def _output_errors(what: str, way_out: str) -> Iterator[None]:
+    """Errors of reading or writing a front, as one message."""
+    from hpop.frontier import FrontFileError
+
     try:
+        yield
+    except FrontFileError as error:
+        raise OutputError(str(error)) from None
+    except OSError as error:
+        raise OutputError(f"{what}: {error.strerror or error}; {way_out}") from None
+
+
+def _solved(scenario: Scenario, out: Path) -> Front:
+    """The front of a scenario, saved after each of its planners."""
+    from hpop import report
+
+    saved = False
+    try:
+        with report.progress_bar() as progress:
+            for front in scenario.problem.fronts(scenario.planners, progress=progress):
+                _save(front, out)
+                saved = True
+    except (HpopError, KeyboardInterrupt):
+        if saved:
+            click.echo(f"what was found before is saved in {out / SAVED}", err=True)
+        raise
+    return front
+
+
+def _check_writable(out: Path) -> None:
+    """Make sure that results can be written, before hours are spent on finding them; nothing is left behind."""
+    there = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    with _output_errors(f"cannot write to {out}", "choose another --out"):
+        TemporaryFile(dir=there).close()
+
+
+def _save(front: Front, out: Path) -> None:
+    """Write the front; pictures of an earlier one would contradict it."""
+    with _output_errors(f"cannot write to {out}", "choose another --out"):
         out.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"cannot write to {out}: {error.strerror or error}; choose another --out") from None
+        front.save(out / SAVED)
+        for name in PICTURES:
+            (out / name).unlink(missing_ok=True)
 
 
-def _draw(problem: Any, front: Any, out: Path) -> None:
-    """Pictures come last: if they fail, the front is already saved."""
-    from hpop.view import save_pictures
-
+def _draw(problem: Problem, front: Front, out: Path) -> list[str]:
+    """Names of the pictures drawn; they come last, and whatever goes wrong with them, the front is saved."""
     try:
-        save_pictures(problem, front, out)
-    except OSError as error:
-        raise OutputError(f"the front is saved in {out}, but a picture is not: {error}") from None
+        from hpop.view import save_pictures
+
+        return [path.name for path in save_pictures(problem, front, out)]
+    except Exception as error:
+        raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error
 
 
 def _criterion(spec: str) -> Any:
@@ -155,18 +198,24 @@ def _criterion(spec: str) -> Any:
     from importlib import import_module
 
     from hpop.criteria.base import make_criterion
+    from hpop.registry import criteria
 
     module, colon, name = spec.partition(":")
     if not colon:
-        return make_criterion(spec)
-    sys.path.insert(0, str(Path.cwd()))
+        found: Any = criteria[spec]
+    else:
+        sys.path.insert(0, str(Path.cwd()))
+        try:
+            found = getattr(import_module(module), name)
+        except HpopError:
+            raise
+        except AttributeError as error:
+            raise CriterionError(f"{spec!r} is not there ({error}); give MODULE:NAME of a criterion") from None
+        except Exception as error:  # whatever a user's module does
+            raise CriterionError(
+                f"cannot import {module!r}: {type(error).__name__}: {error}; give MODULE:NAME, seen from this folder"
+            ) from error
     try:
-        cls = getattr(import_module(module), name)
-    except ImportError as error:
-        raise CriterionError(f"cannot import {module!r}: {error}; give MODULE:NAME, seen from this folder") from None
-    except AttributeError:
-        raise CriterionError(f"module {module!r} has no {name!r}") from None
-    try:
-        return make_criterion(cls() if isinstance(cls, type) else cls)
+        return make_criterion(found() if isinstance(found, type) else found)
     except TypeError as error:
-        raise CriterionError(f"{spec} needs parameters without defaults ({error}); give them defaults to check it") from None
+        raise CriterionError(f"{spec} needs defaults for all its parameters to be checked ({error})") from None

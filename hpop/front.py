@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from hpop import frontier
-from hpop.errors import HpopError
 from hpop.frontier import FrontFileError
 from hpop.registry import make_model
 from hpop.trajectory import Trajectory
@@ -26,7 +25,8 @@ class Front(frontier.Front[Trajectory]):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of the runs: a snapped goal, a stand-in objective, what blocks the way."""
-        return tuple(dict.fromkeys(note for run in self.runs for note in run.get("notes", ())))
+        several = (run.get("notes") for run in self.runs)
+        return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 
     def save(
         self,
@@ -39,9 +39,7 @@ class Front(frontier.Front[Trajectory]):
         super().save(path, encode=encode, problem=problem)
 
     @classmethod
-    def load(
-        cls, path: str | os.PathLike[str], *, decode: Callable[[Any], Trajectory] | None = None
-    ) -> Front:
+    def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], Trajectory] | None = None) -> Front:
         """Read a front that :meth:`save` wrote; the robot model is rebuilt from the problem's description.
 
         Raises FrontFileError when the file does not hold a front of trajectories.
@@ -50,7 +48,10 @@ class Front(frontier.Front[Trajectory]):
             problem = frontier.Front.load(path).problem
             try:
                 model = make_model((problem or {})["model"])
-            except (KeyError, HpopError) as error:
-                raise FrontFileError(f"{path}: expected a front with its problem and model; {error}") from None
+            except (LookupError, TypeError, ValueError, AttributeError) as error:
+                raise FrontFileError(
+                    f"{path}: expected a front with its problem and model, found none that can be built ({error}); "
+                    "plan again, or pass decode= for another kind of front"
+                ) from None
             return super().load(path, decode=lambda item: Trajectory.from_description(model, item))
         return super().load(path, decode=decode)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import reduce
-from operator import or_
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from hpop.criteria.base import Criterion, describe_criterion, make_criterion, trajectory_costs
-from hpop.errors import CriterionError, HpopError, QueryError
+from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.front import Front
+from hpop.frontier.front import JOINT
 from hpop.models import DifferentialDrive
 from hpop.motions import missing
 from hpop.planners.base import Candidates, Planner, make_planner
 from hpop.registry import make_model
-from hpop.status import ProgressCallback
+from hpop.status import ProgressCallback, Status
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -66,6 +65,7 @@ class Problem:
                     f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the "
                     "world has"
                 )
+        _check_stand_ins(made)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", _checked_pose(start, "start"))
@@ -88,12 +88,33 @@ class Problem:
         planner : a name with its ``options``, a planner object, or a list of either
         progress : called now and then with a :class:`hpop.status.Progress`
         """
-        if not isinstance(planner, str) and isinstance(planner, Sequence):
-            if not planner:
-                raise HpopError("give at least one planner")
-            return reduce(or_, (self.solve(one, progress=progress, **options) for one in planner))
-        chosen = make_planner(planner, options)
-        return self.front(chosen.solve(self, progress))
+        several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
+        if not several:
+            raise OptionError("give at least one planner, such as 'lattice'")
+        *_, front = self.fronts(several, progress=progress, **options)
+        return front
+
+    def fronts(
+        self, planners: Iterable[PlannerSpec], *, progress: ProgressCallback | None = None, **options: Any
+    ) -> Iterator[Front]:
+        """The front after each planner in turn: all found so far, so that nothing is lost if a later one fails.
+
+        After an interruption (Ctrl-C) the planners that remain are not run.
+        """
+        front: Front | None = None
+        for planner in planners:
+            chosen = make_planner(planner, options)
+            try:
+                found = self.front(chosen.solve(self, progress))
+            except KeyboardInterrupt:
+                if front is None:
+                    raise
+                yield replace(front, status=f"{front.status}{JOINT}{Status.INTERRUPTED}")
+                return
+            front = found if front is None else front | found
+            yield front
+            if Status.INTERRUPTED in front.status:
+                return
 
     def front(self, candidates: Candidates) -> Front:
         """Re-evaluate candidates by the criteria and keep the non-dominated ones.
@@ -108,8 +129,10 @@ class Problem:
         off = np.abs(costs - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(costs)
         certificate = candidates.certificate
         if off.any():
-            names = [c.name for c, wrong in zip(objectives, off.any(axis=0), strict=True) if wrong]
-            certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+            names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
+            certificate = (
+                f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+            )
         return Front.of(
             costs,
             candidates.trajectories,
@@ -150,7 +173,24 @@ class Problem:
             start, goal, criteria = description["start"], description["goal"], description["criteria"]
         except (KeyError, TypeError) as error:
             raise QueryError(f"not the description of a problem: {error!r} is missing") from None
-        return cls(World.from_description(world), make_model(model), start, goal, criteria)
+        try:
+            return cls(World.from_description(world), make_model(model), start, goal, criteria)
+        except HpopError:
+            raise
+        except (TypeError, ValueError, AttributeError) as error:
+            raise QueryError(f"not the description of a problem: {error}") from None
+
+
+def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
+    """A mean and the integral that stands in for it in graph searches may both be listed, if they agree."""
+    for mean in criteria:
+        integral = getattr(mean, "integral", mean)
+        for other in criteria:
+            if other.name == integral.name and other != integral:
+                raise CriterionError(
+                    f"{mean.name!r} is represented by {integral!r} in searches, but {other!r} is listed as well; "
+                    "give both the same parameters"
+                )
 
 
 def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:

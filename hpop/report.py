@@ -5,38 +5,48 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.padding import Padding
 from rich.progress import Progress as Bar
 from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from hpop import registry
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import Point
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback
 
-MOST_ROWS = 30
+MOST_ROWS = 20
 GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
 @contextmanager
 def progress_bar() -> Iterator[ProgressCallback]:
     """A line on the terminal that follows a search: stage, labels, front, memory, time."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
+        yield lambda progress: bar.update(task, description=described(progress))
 
-        def update(progress: Progress) -> None:
-            counts = f"  {progress.labels:,} labels, {progress.open:,} open, front {progress.front:,}"
-            memory = f", {progress.memory / 1e6:,.0f} MB"
-            bar.update(task, description=progress.stage + (counts + memory if progress.labels else ""))
 
-        yield update
+def described(progress: Progress) -> str:
+    """What a search reports, in words.
+
+    >>> described(Progress("search", labels=1_234_567, open=89, front=12, memory=345_000_000))
+    'search  1,234,567 labels, 89 open, front 12, 345 MB'
+    """
+    if not progress.labels:
+        return progress.stage
+    counts = f"{progress.labels:,} labels, {progress.open:,} open, front {progress.front:,}"
+    return f"{progress.stage}  {counts}, {progress.memory / 1e6:,.0f} MB"
 
 
 def marked(front: Front) -> dict[str, Point[Any]]:
@@ -47,77 +57,129 @@ def marked(front: Front) -> dict[str, Point[Any]]:
     return {"knee": front.knee(), **best}
 
 
-def print_front(problem: Problem, front: Front, console: Console | None = None) -> None:
-    """Print the front, the executed costs of the marked trajectories, the notes and the certificate."""
-    console = console or Console()
-    for note in (*problem.world.notes, *front.notes):
-        console.print(f"note: {note}", highlight=False, markup=False)
-    if len(front):
-        console.print(_front_table(front))
-        console.print(_executed_table(problem, front))
-    for run in front.runs:
-        numbers = (f"{_words(key)} {_amount(value)}" for key, value in run.items() if isinstance(value, int | float))
-        console.print(f"{run.get('planner', 'planner')}: {', '.join(numbers)}", highlight=False)
-    console.print(f"{len(front)} optimal trajectories; status: {front.status}", highlight=False)
-    console.print(f"certificate: {front.certificate}", highlight=False, markup=False)
-
-
-def _words(key: str) -> str:
-    return key.replace("_", " ")
-
-
-def _amount(value: float) -> str:
-    return f"{value:,}" if isinstance(value, int) else f"{value:.2f}"
-
-
-def _header(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} ({unit})"
-
-
-def _front_table(front: Front) -> Table:
+def marks(front: Front) -> dict[int, list[str]]:
+    """The rows that are marked, each with all its names."""
     names: dict[int, list[str]] = {}
     for label, point in marked(front).items():
         names.setdefault(point.index, []).append(label)
-    table = Table(title="The front: no trajectory is better in one cost and no worse in the others")
+    return names
+
+
+def print_front(
+    problem: Problem, front: Front, console: Console | None = None, *, saved: Path = Path("front.json")
+) -> None:
+    """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
+
+    Parameters
+    ----------
+    saved : where the whole front is
+    """
+    console = console or Console()
+
+    def say(line: str) -> None:
+        console.print(line, highlight=False, markup=False)
+
+    for note in (*problem.world.notes, *front.notes):
+        say(f"note: {note}")
+    if len(front):
+        rows = shown_rows(front, MOST_ROWS)
+        console.print()
+        _print_wide(console, _front_table(front, rows))
+        if len(rows) < len(front):
+            say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
+        console.print()
+        _print_wide(console, _executed_table(problem, front))
+        console.print()
+    for run in front.runs:
+        numbers = (_counted(key, value) for key, value in run.items() if isinstance(value, int | float))
+        say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
+    say(f"{len(front):,} optimal trajectories; status: {front.status}")
+    say(f"certificate: {front.certificate}")
+
+
+def _counted(key: str, value: float) -> str:
+    """A count, seconds or bytes of a run.
+
+    >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
+    ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
+    """
+    words = key.replace("_", " ")
+    if key.endswith("_seconds"):
+        return f"{words.removesuffix(' seconds')} {value:.2f} s"
+    if key.endswith("memory"):
+        return f"{words} {value / 1e6:,.0f} MB"
+    return f"{words} {value:,}"
+
+
+def _print_wide(console: Console, table: Table) -> None:
+    """Print a table whole: one wider than the terminal is wrapped by it, not cut."""
+    width = console.measure(table, options=console.options.update(max_width=10_000)).maximum
+    console.print(table, width=max(width, console.width), crop=False, no_wrap=True, overflow="ignore")
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+
+
+def _header(name: str, unit: str) -> Text:
+    """Name over unit."""
+    return Text(name if unit == "1" else f"{name}\n({unit})")
+
+
+def _front_table(front: Front, rows: Sequence[int]) -> Table:
+    names = marks(front)
+    table = _table("The front: no trajectory is better in one cost and no worse in the others")
     table.add_column("#", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
-        table.add_column(_header(name, unit), justify="right")
+        table.add_column(_header(name, unit), justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
-        table.add_column(f"{_header(name, unit)}, reported", justify="right", style="dim")
-    table.add_column("marked")
-    rows = _rows_to_print(len(front), sorted(names))
-    for before, row in zip([-1, *rows], rows, strict=False):
-        if row > before + 1:
-            table.add_row("...", *[""] * (len(front.names) + len(front.reported_names)), f"{row - before - 1} more")
+        table.add_column(Text("reported\n") + _header(name, unit), justify="right", style="dim", no_wrap=True)
+    table.add_column("marked", no_wrap=True)
+    quanta = [*front.quanta, *[1e-6] * len(front.reported_names)]
+    for row in rows:
         values = [*front.costs[row], *front.reported[row]]
-        quanta = [*front.quanta, *[1e-6] * len(front.reported_names)]
         cells = [number(value, quantum) for value, quantum in zip(values, quanta, strict=True)]
-        table.add_row(str(row), *cells, ", ".join(names.get(row, [])), style="bold" if row in names else None)
+        label = Text("\n".join(names.get(row, [])))
+        table.add_row(str(row), *cells, label, style="bold" if row in names else None)
     return table
 
 
-def _rows_to_print(size: int, marked_rows: Sequence[int]) -> list[int]:
-    """All rows of a short front; of a long one the marked and some in between, the last always."""
-    if size <= MOST_ROWS:
-        return list(range(size))
-    spread = np.linspace(0, size - 1, max(2, MOST_ROWS - len(marked_rows))).astype(int).tolist()
-    return sorted({*spread, *marked_rows})
+def shown_rows(front: Front, most: int) -> list[int]:
+    """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen.
+
+    Farthest-point selection on the costs, each scaled by its range over the front (Gonzalez 1985).
+    """
+    if len(front) <= most:
+        return list(range(len(front)))
+    span = front.nadir() - front.ideal()
+    scaled = (front.costs - front.ideal()) / np.where(span > 0, span, 1.0)  # (n, k)
+    chosen = sorted(marks(front))
+    nearest = np.full(len(front), np.inf)
+    for row in chosen:
+        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[row], axis=1))
+    while len(chosen) < most:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
+    return sorted(set(chosen))
 
 
 def _executed_table(problem: Problem, front: Front) -> Table:
     """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
-    table = Table(title="Planned and executed (real speed ramps)")
-    table.add_column("trajectory")
+    table = _table("Planned and executed (real speed ramps) costs of the marked trajectories")
+    table.add_column("#", justify="right")
     for criterion in problem.criteria:
-        table.add_column(_header(criterion.name, criterion.unit), justify="right")
-    for label, point in marked(front).items():
-        both = [point.item, point.item.execution()]
-        planned, executed = trajectory_costs(problem.criteria, both, problem.world)
+        table.add_column(_header(criterion.name, criterion.unit), justify="right", no_wrap=True)
+    table.add_column("marked", no_wrap=True)
+    names = marks(front)
+    rows = sorted(names)
+    both = [t for row in rows for t in (front.trajectories[row], front.trajectories[row].execution())]
+    costs = trajectory_costs(problem.criteria, both, problem.world).reshape(len(rows), 2, -1)
+    for row, (planned, executed) in zip(rows, costs, strict=True):
         cells = [
             f"{number(p, c.quantum)} / {number(e, c.quantum)}"
             for p, e, c in zip(planned, executed, problem.criteria, strict=True)
         ]
-        table.add_row(f"{label} (#{point.index})", *cells)
+        table.add_row(str(row), *cells, Text("\n".join(names[row])))
     return table
 
 
@@ -134,38 +196,31 @@ def number(value: float, quantum: float) -> str:
 
 def print_criteria(console: Console | None = None) -> None:
     """Print the registered criteria by group."""
-    table = Table(title="Criteria, all minimised")
-    for column in ("group", "name", "unit", "adds up by", "requires", "parameters", "what it is"):
-        table.add_column(column)
-    known: list[type[Criterion]] = sorted(
-        registry.criteria.values(), key=lambda c: (list(GROUPS).index(str(c.group)), str(c.name))
-    )
-    for cls in known:
-        table.add_row(
-            f"{cls.group} {GROUPS[str(cls.group)]}",
-            str(cls.name),
-            str(cls.unit),
-            str(cls.aggregate),
-            ", ".join(cast_words(cls.requires)),
-            _fields(cls),
-            _first_line(cls),
-        )
-    (console or Console()).print(table)
-
-
-def cast_words(words: Any) -> tuple[str, ...]:
-    """A declared tuple of words as one."""
-    return tuple(str(word) for word in words)
+    console = console or Console()
+    known: Sequence[Any] = list(registry.criteria.values())
+    console.print("Criteria, all minimised: name, unit, how motions add up, parameters")
+    for letter, group in GROUPS.items():
+        members = sorted((c for c in known if c.group == letter), key=lambda c: str(c.name))
+        if members:
+            console.print(f"\n{letter}: {group}", style="bold", highlight=False)
+        for cls in members:
+            requires = f"requires {', '.join(cls.requires)}" if cls.requires else ""
+            unit = "" if cls.unit == "1" else cls.unit
+            declared = ", ".join(word for word in (unit, cls.aggregate, requires, _fields(cls)) if word)
+            _print_entry(console, cls.name, declared, _first_line(cls))
 
 
 def print_planners(console: Console | None = None) -> None:
     """Print the registered planners and their options."""
-    table = Table(title="Planners")
-    for column in ("name", "options", "what it finds"):
-        table.add_column(column)
+    console = console or Console()
+    console.print("Planners: name, options with their defaults")
     for name, cls in registry.planners.items():
-        table.add_row(name, _fields(cls), _first_line(cls))
-    (console or Console()).print(table)
+        _print_entry(console, name, _fields(cls), _first_line(cls))
+
+
+def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
+    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2)))
+    console.print(Padding(Text(what), (0, 0, 0, 6)))
 
 
 def _fields(cls: Any) -> str:
@@ -173,4 +228,5 @@ def _fields(cls: Any) -> str:
 
 
 def _first_line(cls: type) -> str:
-    return (cls.__doc__ or "").strip().split("\n")[0]
+    """First paragraph of a docstring, on one line."""
+    return " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())

@@ -22,14 +22,16 @@ import difflib
 import json
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, cast, get_type_hints
+from typing import Annotated, Any, Literal, cast, get_type_hints
 
 import shapely
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from hpop.criteria.base import Criterion
-from hpop.errors import HpopError, ScenarioError, UnknownName
+from hpop.errors import HpopError, ScenarioError
 from hpop.models import DifferentialDrive
 from hpop.planners.base import Planner
 from hpop.problem import Problem
@@ -38,6 +40,24 @@ from hpop.world import World
 from hpop.yaml_lines import Document, Place
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())
+DEFAULT_MODEL = "differential_drive"
+DEFAULT_PLANNER = "lattice"
+EXPECTED = {
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "keys with values",
+    "model_type": "keys with values",
+}
+"""What pydantic's kinds of fault expect, in the words of this file."""
 DEGREES = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
 Point = tuple[float, float]
 Heights = tuple[float, float]
@@ -114,11 +134,11 @@ class ScenarioFile(_Strict):
     """The keys of a scenario file."""
 
     world: WorldSection
-    model: Named = {"differential_drive": {}}
+    model: str | Named = DEFAULT_MODEL
     start: tuple[float, float, float | str]
     goal: tuple[float, float, float | str]
     criteria: list[str | Named] = Field(min_length=1)
-    planner: str | Named | list[str | Named] = "lattice"
+    planner: str | Named | Annotated[list[str | Named], Field(min_length=1)] = DEFAULT_PLANNER
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,75 +153,174 @@ class Scenario:
 def load_scenario(path: str | Path) -> Scenario:
     """Read, check and build a scenario.
 
-    Raises ScenarioError for the file's form (all faults at once, each with key, line and fix), UnknownName, MapError,
-    ModelError, CriterionError, OptionError or QueryError for what the parts say, with the line put in front.
+    Everything but the world is checked before anything is reported: all faults at once, in the order of the file, each
+    with file, line and key. One kind of fault is raised as what it is (UnknownName, ModelError, CriterionError,
+    OptionError, QueryError), the file's form and several kinds together as ScenarioError; then MapError for the world.
     """
     document = Document(Path(path))
-    file = _validated(ScenarioFile, document, document.values, ())
-    sections = [name for name, value in file.world if value is not None]
-    if len(sections) != 1:
-        choices = ", ".join(WorldSection.model_fields)
-        raise ScenarioError(f"{document.where(('world',))}: give exactly one of {choices}; got {sections or 'none'}")
-    model = cast(DifferentialDrive, _built(models, file.model, document, ("model",)))
-    wanted = [
-        cast(Criterion, _built(criteria, spec, document, ("criteria", i))) for i, spec in enumerate(file.criteria)
-    ]
-    several = file.planner if isinstance(file.planner, list) else [file.planner]
-    places: list[Place] = [("planner", i) if isinstance(file.planner, list) else ("planner",) for i in range(len(several))]
-    chosen = tuple(
-        cast(Planner, _built(planners, spec, document, place)) for spec, place in zip(several, places, strict=True)
+    given, faults = document.values, Faults(document)
+    file = faults.validated(ScenarioFile, given, ())
+    faults.one_world(given.get("world"))
+    model = faults.built(models, given.get("model", DEFAULT_MODEL), ("model",))
+    wanted = [faults.built(criteria, spec, ("criteria", i)) for i, spec in enumerate(_entries(given.get("criteria")))]
+    asked = given.get("planner", DEFAULT_PLANNER)
+    chosen = (
+        [faults.built(planners, spec, ("planner", i)) for i, spec in enumerate(asked)]
+        if isinstance(asked, list)
+        else [faults.built(planners, asked, ("planner",))]
     )
-    start = (*file.start[:2], _yaw(file.start[2], document, "start"))
-    goal = (*file.goal[:2], None if file.goal[2] == "any" else _yaw(file.goal[2], document, "goal"))
-    world = _world(file.world, document)
-    with _Located(document, ("criteria",)):
-        problem = Problem(world, model, start, goal, wanted)
-    return Scenario(problem, chosen, document.path)
+    start, goal = (faults.pose(given.get(key), key) for key in ("start", "goal"))
+    faults.raise_all()
+    with faults.collected(("world", next(name for name, value in file.world if value is not None))):
+        world = _world(file.world, document.path.parent)
+    faults.raise_all()
+    with faults.collected(("criteria",)):
+        problem = Problem(world, cast(DifferentialDrive, model), start, goal, cast(list[Criterion], wanted))
+    faults.raise_all()
+    return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)
 
 
-class _Located:
-    """Put file, line and key in front of the message of any error of hpop raised inside."""
+def _entries(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
 
-    def __init__(self, document: Document, place: Place) -> None:
-        self._where = document.where(place)
 
-    def __enter__(self) -> None:
+class Faults:
+    """What is wrong with a scenario, collected so that all of it is said at once."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._found: list[tuple[int, HpopError]] = []
+
+    def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
+        """Note a fault at a place of the file."""
+        self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))
+
+    def raise_all(self) -> None:
+        """Raise what was collected, in the order of the file: as its own kind if there is one only."""
+        if not self._found:
+            return
+        errors = [error for _, error in sorted(self._found, key=lambda fault: fault[0])]
+        kinds = {type(error) for error in errors}
+        kind = kinds.pop() if len(kinds) == 1 else ScenarioError
+        raise kind("\n".join(dict.fromkeys(map(str, errors))))
+
+    @contextmanager
+    def collected(self, place: Place) -> Iterator[None]:
+        """Note what the parts of hpop, or a plugin's constructor, say of a value."""
+        try:
+            yield
+        except HpopError as error:
+            self.add(place, str(error), type(error))
+        except (TypeError, ValueError, shapely.errors.ShapelyError) as error:
+            self.add(place, str(error))
+
+    def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
+        """Values checked against a schema, strictly; None after noting one fault a place."""
+        try:
+            return schema.model_validate_json(json.dumps(values))
+        except ValidationError as error:
+            details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()]
+        places = [where for where, _ in details]
+        for where in dict.fromkeys(places):
+            below = any(other[: len(where)] == where != other for other in places)
+            here = [fault for at, fault in details if at == where]
+            if below and all(fault["type"] in EXPECTED for fault in here):
+                continue  # the branches of a choice that do not fit what was meant
+            self.add(where, _said(schema, where[len(place) :], here))
         return None
 
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, HpopError):
-            raise type(error)(f"{self._where}: {error}") from None
-        if isinstance(error, TypeError | ValueError):
-            raise ScenarioError(f"{self._where}: {error}") from None
+    def _place(self, place: Place, loc: tuple[str | int, ...]) -> Place:
+        """Place in the file of a fault, without the names that pydantic gives to the branches of a choice."""
+        for key in loc:
+            here = (*place, key)
+            branch = isinstance(key, str) and ("[" in key or key in ("str", "int", "float", "bool"))
+            if not branch or here in self._document:
+                place = here
+        return place
+
+    def one_world(self, section: Any) -> None:
+        """Exactly one way to give the world."""
+        if isinstance(section, dict):
+            ways = list(WorldSection.model_fields)
+            given = [name for name in ways if section.get(name) is not None]
+            if len(given) != 1 and section.keys() <= set(ways):
+                got = " and ".join(given) or "none"
+                self.add(("world",), f"give exactly one of {', '.join(ways)}; got {got}")
+
+    def built(self, registry: Registry, spec: Any, place: Place) -> object:
+        """An object of a registry from a name, or from one name with its parameters, checked by their types."""
+        if not isinstance(spec, str | dict):
+            return None  # the file's schema says so
+        if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
+            self.add(place, f"expected one name with its parameters, got {', '.join(named) or 'none'}")
+            return None
+        ((name, parameters),) = named.items()
+        if not isinstance(parameters, dict | None):
+            return None
+        inside = place if isinstance(spec, str) else (*place, name)
+        with self.collected(inside):
+            cls = registry[name]
+            checked = self.validated(_parameters(cls), parameters or {}, inside)
+            if checked is not None:
+                return cls(**{key: getattr(checked, key) for key in checked.model_fields_set})
+        return None
+
+    def pose(self, given: Any, key: str) -> tuple[Any, ...]:
+        """A start or goal, the yaw in rad; a goal's may be free (None)."""
+        x, y, yaw = given if isinstance(given, list) and len(given) == 3 else (0.0, 0.0, 0.0)
+        if isinstance(yaw, str):
+            if key == "goal" and yaw == "any":
+                return x, y, None
+            match = DEGREES.fullmatch(yaw)
+            if not match:
+                free = ", or 'any'" if key == "goal" else ""
+                self.add((key, 2), f"a yaw is a number in rad, or text such as '90 deg'{free}; got {yaw!r}{_note(yaw)}")
+                return x, y, 0.0
+            yaw = math.radians(float(match.group(1)))
+        return x, y, yaw
 
 
-def _validated(schema: type[Any], document: Document, values: Any, place: Place) -> Any:
-    """Check values against a schema, strictly; one line a fault, each with file, line and key."""
+def _parameters(cls: Any) -> type[BaseModel]:
+    """The schema of a dataclass's fields."""
     try:
-        return schema.model_validate_json(json.dumps(values, default=str))
-    except ValidationError as error:
-        faults = [_fault(schema, document, place, dict(fault)) for fault in error.errors()]
-        raise ScenarioError("\n".join(dict.fromkeys(faults))) from None
+        hints = get_type_hints(cls)
+    except NameError:  # a plugin that imports names for type checkers only
+        hints = {}
+    schema: dict[str, Any] = {}
+    for field in dataclasses.fields(cls):
+        if field.init:
+            optional = not (field.default is field.default_factory is dataclasses.MISSING)
+            schema[field.name] = (hints.get(field.name, Any), None if optional else ...)
+    return create_model(cls.__name__, __config__=PARAMETERS, **schema)
 
 
-def _fault(schema: type[BaseModel], document: Document, place: Place, fault: dict[str, Any]) -> str:
-    loc = tuple(key for key in fault["loc"] if not (isinstance(key, str) and ("[" in key or key in ("str", "float"))))
-    where = document.where((*place, *loc))
+def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
+    """One line on all that is wrong at one place."""
+    fault = next((one for one in faults if one["type"] not in EXPECTED), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
         known = _keys_at(schema, loc[:-1])
         near = difflib.get_close_matches(str(loc[-1]), known, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        return f"{where}: no such key; {hint}Known here: {', '.join(known)}"
+        hint = f"; did you mean {near[0]!r}?" if near else "."
+        return f"no such key{hint} Known here: {', '.join(known)}"
     if fault["type"] == "missing":
-        return f"{where}: this key is missing; add it"
-    text = fault["msg"][0].lower() + fault["msg"][1:]
-    note = ""
+        return "an entry is missing here" if isinstance(loc[-1], int) else "this key is missing; add it"
+    if fault["type"] in ("too_short", "too_long"):
+        bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
+        return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
+    expected = [EXPECTED[one["type"]] for one in faults if fault["type"] in EXPECTED]
+    text = (
+        f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
+    )
+    return f"{text}, got {'nothing' if got is None else repr(got)[:60]}{_note(got)}"
+
+
+def _note(got: Any) -> str:
     if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
-        note = f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
-    elif isinstance(got, bool):
-        note = " (YAML reads no, off, yes and on as truth values; put words in quotes)"
-    return f"{where}: {text}, got {str(got)[:60]!r}{note}"
+        return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
+    if isinstance(got, bool):
+        return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
+    return ""
 
 
 def _keys_at(schema: Any, loc: Place) -> list[str]:
@@ -218,78 +337,33 @@ def _flat(annotation: Any) -> list[Any]:
     return [leaf for part in inside for leaf in _flat(part)] if inside else [annotation]
 
 
-def _built(registry: Registry, spec: str | Named, document: Document, place: Place) -> object:
-    """An object of a registry from a name, or from one name with its parameters, which are checked by their types."""
-    named: Named = {spec: {}} if isinstance(spec, str) else spec
-    if len(named) != 1:
-        raise ScenarioError(
-            f"{document.where(place)}: expected one name with its parameters, got {len(named)}: {', '.join(named)}"
-        )
-    ((name, parameters),) = named.items()
-    try:
-        cls = registry[name]
-    except UnknownName as error:
-        raise UnknownName(f"{document.where(place)}: {error}") from None
-    inside = place if isinstance(spec, str) else (*place, name)
-    hints = get_type_hints(cls)
-    fields = {f.name: (hints[f.name], f.default) for f in dataclasses.fields(cls) if f.init}
-    missing = dataclasses.MISSING
-    schema = create_model(  # type: ignore[call-overload]
-        name, __config__=STRICT, **{key: (hint, ... if d is missing else d) for key, (hint, d) in fields.items()}
-    )
-    checked = _validated(schema, document, parameters or {}, inside)
-    with _Located(document, inside):
-        return cls(**{key: getattr(checked, key) for key in checked.model_fields_set})
-
-
-def _yaw(value: float | str, document: Document, key: str) -> float:
-    if not isinstance(value, str):
-        return value
-    match = DEGREES.fullmatch(value)
-    if not match:
-        free = ", or 'any'" if key == "goal" else ""
-        raise ScenarioError(
-            f"{document.where((key, 2))}: a yaw is a number in rad, or text such as '90 deg'{free}; got {value!r}"
-        )
-    return math.radians(float(match.group(1)))
-
-
-def _world(section: WorldSection, document: Document) -> World:
-    folder = document.path.parent
-
-    def there(path: str) -> Path:
-        return folder / path
-
-    key, given = next((name, value) for name, value in section if value is not None)
-    with _Located(document, ("world", key)):
-        match given:
-            case RosMap():
-                keep_out = None if given.keep_out is None else there(given.keep_out)
-                return World.from_ros_map(
-                    there(given.path), unknown_is_free=given.unknown_is_free, keep_out=keep_out, height=given.height
-                )
-            case MovingAI():
-                return World.from_movingai(there(given.path), resolution=given.resolution)
-            case GeoJSON():
-                return World.from_geojson(
-                    there(given.path), scale=given.scale, origin=given.origin, polygons=given.polygons
-                )
-            case Image():
-                return World.from_image(
-                    there(given.path),
-                    given.resolution,
-                    threshold=given.threshold,
-                    origin=given.origin,
-                    height=given.height,
-                )
-            case _:
-                prisms = [
-                    (shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles
-                ]
-                return World.from_polygons(
-                    prisms,
-                    extent=None if given.extent is None else shapely.Polygon(given.extent),
-                    keep_out=shapely.union_all([shapely.Polygon(corners) for corners in given.keep_out])
-                    if given.keep_out
-                    else None,
-                )
+def _world(section: WorldSection, folder: Path) -> World:
+    """The world of a section; paths are relative to the folder."""
+    match next(value for _, value in section if value is not None):
+        case RosMap() as given:
+            keep_out = None if given.keep_out is None else folder / given.keep_out
+            return World.from_ros_map(
+                folder / given.path, unknown_is_free=given.unknown_is_free, keep_out=keep_out, height=given.height
+            )
+        case MovingAI() as given:
+            return World.from_movingai(folder / given.path, resolution=given.resolution)
+        case GeoJSON() as given:
+            return World.from_geojson(
+                folder / given.path, scale=given.scale, origin=given.origin, polygons=given.polygons
+            )
+        case Image() as given:
+            return World.from_image(
+                folder / given.path,
+                given.resolution,
+                threshold=given.threshold,
+                origin=given.origin,
+                height=given.height,
+            )
+        case given:
+            prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
+            closed = [shapely.Polygon(corners) for corners in given.keep_out]
+            return World.from_polygons(
+                prisms,
+                extent=None if given.extent is None else shapely.Polygon(given.extent),
+                keep_out=shapely.union_all(closed) if closed else None,
+            )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
+from hpop.math import wrap
 from hpop.models.solid import SolidCollision
 from hpop.motions import States
 from hpop.planners.base import edge_objectives
@@ -17,45 +18,100 @@ from hpop.trajectory import Trajectory
 
 SPACING = 0.05  # m or rad: distance between the states at which collisions are looked for
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
+CLOSE = 1e-5  # m or rad: two states written in decimals are the same
+HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
+MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
 
 
 def verify(problem: Problem, front: Front) -> list[str]:
     """Faults of a front of this problem, in words; none if it holds what it claims.
 
-    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
-    5 cm or 3 degrees, the start from the problem.
+    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
+    than 5 cm or 3 degrees, the ends from the problem. A planner may snap the goal to its grid, so a trajectory may end
+    as far from it as its longest motion reaches.
     """
-    faults = [*_cost_faults(problem, front), *_end_faults(problem, front)]
+    lost = [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
+    if lost:
+        return lost
+    faults = [*_declared_faults(problem, front), *_cost_faults(problem, front)]
+    for i, trajectory in enumerate(front.trajectories):
+        faults += [f"trajectory {i} {fault}" for fault in (*_end_faults(problem, trajectory), *_law_faults(trajectory))]
     free = collision_free(problem, front.trajectories)
     return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~free))]
 
 
-def _cost_faults(problem: Problem, front: Front) -> list[str]:
-    optimised = edge_objectives(problem.criteria, "front").optimised
-    every = {criterion.name: criterion for criterion in (*problem.criteria, *optimised)}
+def _inside(problem: Problem, trajectory: Trajectory) -> bool:
+    s = trajectory.states
+    x_min, y_min, x_max, y_max = problem.world.bounds
+    inside = (s.x >= x_min) & (s.x <= x_max) & (s.y >= y_min) & (s.y <= y_max) & (np.abs(s.yaw) <= MOST_TURNED)
+    return bool(inside.all())
+
+
+def _claimable(problem: Problem) -> dict[str, Criterion]:
+    """Criteria whose costs a front of this problem may hold: those asked for, and what stands in for a mean."""
+    additive = edge_objectives([c for c in problem.criteria if c.aggregate != "trajectory"], "front")
+    return {criterion.name: criterion for criterion in (*additive.optimised, *problem.criteria)}
+
+
+def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
+    """Criteria that are not the problem's, or are said to be what they are not."""
+    every = _claimable(problem)
     names = [*front.names, *front.reported_names]
     unknown = [name for name in names if name not in every]
     if unknown:
-        return [f"costs of {', '.join(unknown)} are saved, which the problem does not ask for"]
-    again = trajectory_costs([every[name] for name in names], front.trajectories, problem.world)
-    saved: FloatArray = np.hstack([front.costs, front.reported])
+        yield f"costs of {', '.join(unknown)} are saved, which the problem does not ask for"
+    lacking = [c.name for c in problem.criteria if c.name not in names]
+    if lacking:
+        yield f"costs of {', '.join(lacking)} are not saved, which the problem asks for"
+    for name, unit in zip(names, [*front.units, *front.reported_units], strict=True):
+        if name in every and unit != every[name].unit:
+            yield f"{name} is saved in {unit!r}, but its unit is {every[name].unit!r}"
+    for name, group, quantum in zip(front.names, front.groups, front.quanta.tolist(), strict=True):
+        if name in every and (group, quantum) != (every[name].group, every[name].quantum):
+            yield (
+                f"{name} is saved with group {group!r} and quantum {quantum}, but has {every[name].group!r} and "
+                f"{every[name].quantum}"
+            )
+
+
+def _cost_faults(problem: Problem, front: Front) -> Iterator[str]:
+    every = _claimable(problem)
+    names = [*front.names, *front.reported_names]
+    known = [j for j, name in enumerate(names) if name in every]
+    again = trajectory_costs([every[names[j]] for j in known], front.trajectories, problem.world)
+    saved: FloatArray = np.hstack([front.costs, front.reported])[:, known]
     wrong = np.abs(again - saved) > SAME * np.maximum(1.0, np.abs(saved))
-    return [
-        f"trajectory {i}: {names[j]} is saved as {saved[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
-        for i, j in np.argwhere(wrong)
-    ]
+    for i, j in np.argwhere(wrong):
+        yield f"trajectory {i}: {names[known[j]]} is saved as {saved[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
 
 
-def _end_faults(problem: Problem, front: Front) -> list[str]:
-    faults = []
-    for i, trajectory in enumerate(front.trajectories):
-        s = trajectory.states
-        if not np.allclose([s.x[0], s.y[0], np.cos(s.yaw[0] - problem.start[2])], [*problem.start[:2], 1.0], atol=1e-5):
-            faults.append(f"trajectory {i} does not begin at the start")
-        if problem.goal[2] is not None and not np.isclose(np.cos(s.yaw[-1] - problem.goal[2]), 1.0, atol=1e-5):
-            faults.append(f"trajectory {i} does not end with the goal's heading")
-    ends = {(round(t.states.x[-1], 6), round(t.states.y[-1], 6)) for t in front.trajectories}
-    return [*faults, *(["the trajectories end at different places"] if len(ends) > 1 else [])]
+def _end_faults(problem: Problem, trajectory: Trajectory) -> Iterator[str]:
+    s, goal = trajectory.states, problem.goal
+    start = problem.start
+    apart = max(abs(s.x[0] - start[0]), abs(s.y[0] - start[1]))
+    if apart > CLOSE or abs(wrap(s.yaw[0] - start[2])) > HEADING_CLOSE:
+        yield "does not begin at the start"
+    reach = np.hypot(np.diff(s.x), np.diff(s.y)).max(initial=0.0)
+    off = np.hypot(s.x[-1] - goal[0], s.y[-1] - goal[1])
+    if reach > 0 and off > reach + CLOSE:
+        yield f"ends {off:.3f} m from the goal"
+    if goal[2] is not None and abs(wrap(s.yaw[-1] - goal[2])) > HEADING_CLOSE:
+        yield "does not end with the goal's heading"
+
+
+def _law_faults(trajectory: Trajectory) -> Iterator[str]:
+    """Motions that change a state which their law keeps, or slide sideways."""
+    s, laws = trajectory.states, trajectory.model.laws
+    for kind in dict.fromkeys(trajectory.kinds):
+        index = np.flatnonzero(np.array(trajectory.kinds) == kind)
+        start, end = s.take(index), s.take(index + 1)
+        kept = [name for name in s.names if name not in laws[kind].varies]
+        if any((np.abs(getattr(end, name) - getattr(start, name)) > CLOSE).any() for name in kept):
+            yield f"has a {kind} that changes {' or '.join(kept)}"
+        side = (end.y - start.y) * np.cos(start.yaw) - (end.x - start.x) * np.sin(start.yaw)
+        ahead = (end.x - start.x) * np.cos(start.yaw) + (end.y - start.y) * np.sin(start.yaw)
+        if {"x", "y"} <= laws[kind].varies and ((np.abs(side) > CLOSE) | (ahead < -CLOSE)).any():
+            yield f"has a {kind} that does not go ahead"
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:

@@ -47,11 +47,17 @@ class Document:
 
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
-        known = place
-        while known not in self._lines:
-            known = known[:-1]
         dotted = ".".join(str(key) for key in place)
-        return f"{self.path}, line {self._lines[known]}" + (f", {dotted}" if dotted else "")
+        return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
+
+    def line(self, place: Place) -> int:
+        """Line of a place, or of the nearest one above it that stands in the file."""
+        while place not in self._lines:
+            place = place[:-1]
+        return self._lines[place]
+
+    def __contains__(self, place: object) -> bool:
+        return place in self._lines
 
     def _refuse(self, line: int | None, text: str) -> NoReturn:
         raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
@@ -59,6 +65,7 @@ class Document:
     def _check_events(self, text: str) -> None:
         """Refuse aliases, tags and deep nesting before anything is built: the C loader recurses."""
         depth = 0
+        event: Any
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
             line = event.start_mark.line + 1
             if getattr(event, "anchor", None):
@@ -102,16 +109,12 @@ def _read(path: Path) -> str:
         if not stat.S_ISREG(info.st_mode):
             raise ScenarioError(f"{path} is no regular file; give the path of a scenario (YAML)")
         if info.st_size > MAX_BYTES:
-            raise ScenarioError(
-                f"{path}: {info.st_size:,} bytes are no scenario; at most {MAX_BYTES:,} are read"
-            )
+            raise ScenarioError(f"{path}: {info.st_size:,} bytes are no scenario; at most {MAX_BYTES:,} are read")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ScenarioError(f"{path}: no such file; give the path of a scenario (YAML)") from None
     except UnicodeDecodeError as error:
-        raise ScenarioError(
-            f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8"
-        ) from None
+        raise ScenarioError(f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from None
     except (OSError, ValueError) as error:
         if isinstance(error, ScenarioError):
             raise
