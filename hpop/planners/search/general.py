@@ -44,41 +44,9 @@ from hpop.planners.search.slices import (
     Clock,
     Search,
 )
+from hpop.planners.search.tables import build, trace
 
 START, SIZE, ROOM = range(3)  # columns of the table of blocks
-
-
-@kernel
-def build(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
-    costs: IntArray,
-    order: IntArray,
-    h: IntArray,
-    arcs: NDArray[Any],
-    nodes: NDArray[Any],
-    origin: NDArray[np.int32],
-) -> IntArray:
-    """Fill arcs (m, 1 + k): head, costs in order; nodes (n, k): bounds; arcs that lead nowhere left out."""
-    n = len(indptr) - 1
-    start = np.zeros(n + 1, np.int64)
-    m = 0
-    for u in range(n):
-        for j in range(len(order)):
-            bound = h[order[j], u]
-            nodes[u, j] = bound if bound < UNREACHABLE else 0
-        start[u] = m
-        for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
-            if v == u or h[0, v] >= UNREACHABLE:
-                continue
-            arcs[m, 0] = v
-            for j in range(len(order)):
-                arcs[m, j + 1] = costs[a, order[j]]
-            origin[m] = a
-            m += 1
-    start[n] = m
-    return start
 
 
 @kernel
@@ -172,10 +140,7 @@ def advance(
             tight |= g[j] + rise[j] > limit[j]
         at_goal, here = blocks[goal, SIZE], blocks[v, SIZE]
         work -= 1 + here
-        if (
-            covering(vectors, blocks[goal, START], at_goal, f) >= 0
-            or covering(vectors, blocks[v, START], here, f) >= 0
-        ):
+        if covering(vectors, blocks[goal, START], at_goal, f) >= 0 or covering(vectors, blocks[v, START], here, f) >= 0:
             drop_first(keys, values, size, words)
             size -= 1
             work -= at_goal
@@ -238,16 +203,6 @@ def advance(
     return code
 
 
-@kernel
-def trace(origin: NDArray[np.int32], closed: IntArray, label: int) -> IntArray:
-    """Follow a label back to the source."""
-    steps = []
-    while label != 0:
-        steps.append(np.int64(origin[(label & 0xFFFFFFFF) - 1]))
-        label = closed[(label >> 32) - 1]
-    return np.array(steps[::-1], np.int64)
-
-
 class General(Search):
     """The search on one graph for one query, costs taken in the given order."""
 
@@ -267,9 +222,8 @@ class General(Search):
         self.table = np.empty((m, 1 + k), self.dtype)
         self.nodes = np.empty((n, k), self.dtype)
         self.origin = np.empty(m, np.int32)
-        self.start = clock.call(
-            build, graph.indptr, graph.heads, graph.costs, columns, h, self.table, self.nodes, self.origin
-        )
+        tables = (columns, -1, h, self.table, self.nodes, self.origin)
+        self.start, self.split = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
         self.is_target = np.zeros(n, np.uint8)
         self.is_target[targets] = 1
         self.blocks = np.zeros((n + 1, 3), np.int64)
@@ -303,7 +257,7 @@ class General(Search):
 
     def arrays(self) -> list[NDArray[Any]]:
         """List the tables of the graph and the sets."""
-        tables = [self.table, self.nodes, self.origin, self.start, self.is_target]
+        tables = [self.table, self.nodes, self.origin, self.start, self.split, self.is_target]
         return [*tables, self.blocks, self.vectors]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
@@ -322,4 +276,5 @@ class General(Search):
 
     def path(self, label: int, clock: Clock) -> IntArray:
         """Places of the arcs of a solution in the graph, from the source on."""
-        return cast(IntArray, clock.call(trace, self.origin, self.closed, label))
+        arrays = (self.start, self.split, self.table, self.origin, self.closed)
+        return cast(IntArray, clock.call(trace, *arrays, self.source, label))

@@ -62,20 +62,15 @@ class Graph:
         if indptr[0] != 0 or indptr[-1] != m or (np.diff(indptr) < 0).any():
             raise GraphError(f"indptr must rise from 0 to the number of arcs, {m}")
         if heads.ndim != 1 or arc.shape != heads.shape:
-            raise GraphError(
-                f"heads and arc must be vectors of one length, got {heads.shape} and {arc.shape}"
-            )
+            raise GraphError(f"heads and arc must be vectors of one length, got {heads.shape} and {arc.shape}")
         if costs.ndim != 2 or len(costs) != m or not 1 <= costs.shape[1] <= MAX_COSTS:
             raise GraphError(
-                f"costs must have a row for each of the {m} arcs and 1 to {MAX_COSTS} columns, "
-                f"got {costs.shape}"
+                f"costs must have a row for each of the {m} arcs and 1 to {MAX_COSTS} columns, got {costs.shape}"
             )
         _check_range(heads, n, "heads")
         if m and costs.min() < 0:
             row, column = np.argwhere(costs < 0)[0]
-            raise GraphError(
-                f"costs must be non-negative, got {costs[row, column]} at arc {row}, cost {column}"
-            )
+            raise GraphError(f"costs must be non-negative, got {costs[row, column]} at arc {row}, cost {column}")
         aggregates = tuple(self.aggregates)
         if len(aggregates) != costs.shape[1] or not set(aggregates) <= set(AGGREGATES):
             raise GraphError(
@@ -197,9 +192,7 @@ class Graph:
     def node(self, label: Hashable) -> int:
         """Return the node that the caller calls `label`."""
         if self.labels is None:
-            raise GraphError(
-                "this graph has no labels; build it with Graph.from_networkx, or use the numbers"
-            )
+            raise GraphError("this graph has no labels; build it with Graph.from_networkx, or use the numbers")
         try:
             return self.labels.index(label)
         except ValueError:
@@ -254,6 +247,5 @@ def _check_sums(indptr: IntArray, costs: IntArray, aggregates: tuple[str, ...]) 
             bound = sum(steps.tolist()) + 2 * worst
         if bound > MAX_SUM:
             raise GraphError(
-                f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; "
-                "use a coarser quantum"
+                f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; use a coarser quantum"
             )

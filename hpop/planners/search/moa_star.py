@@ -78,8 +78,7 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
             if ahead is None:
                 continue
             g = tuple(
-                max(a, c, b) if worst else a + c
-                for a, c, b, worst in zip(path.g, arc, ahead, is_max, strict=True)
+                max(a, c, b) if worst else a + c for a, c, b, worst in zip(path.g, arc, ahead, is_max, strict=True)
             )
             waiting, closed = g_op.setdefault(node, set()), g_cl.get(node, set())
             if any(covers(other, g) for other in waiting | closed):

@@ -207,13 +207,14 @@ class _Run:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Order the costs: first the one that varies least, in proportion, over the paths optimal for each.
+    """Order the costs: first the one that grows least, in proportion, on the way that is best in another cost.
 
-    Where the first cost varies little, labels come in long runs of nearly equal first cost, each sorted by
-    the others, and few are closed that are dominated later.
+    Found by measurement: on museum lattices it puts the length first, which took 0.6 of the time of starting
+    with the exposure, and the turns never, which took five times as long.
     """
-    spread = (samples.max(axis=0) + 1.0) / (least + 1.0)
-    return sorted(range(len(least)), key=lambda j: float(spread[j]))
+    ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the way best in i
+    np.fill_diagonal(ratios, np.inf)
+    return [int(j) for j in np.argsort(ratios.min(axis=0), kind="stable")]
 
 
 def _node(graph: Graph, node: Any, name: str) -> int:

@@ -11,15 +11,8 @@ costs (n, d) left, n is a small integer. So keep, at each node, best[n] = the le
 a label is dominated iff best[n] <= d. The same staircase over f at the targets prunes what cannot be a
 solution. Both are asked at generation and again at expansion ("lazy", as in BOA*, Hernandez et al. 2023).
 
-Turns. Call an arc with positive index cost a turn. Where the turns join nodes into groups in which every
-ordered pair has exactly one turn, all of one index cost t, and no turn costs more than two turns on the same
-way (both checked on the graph, cost by cost), then
-
-- a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches
-  a target); its successors are "an arc" and "a turn, then an arc".
-- if turns cost nothing in the first cost, a label (n, d) at any node of a group is also covered by what any
-  node of the group closed with n - t, turned: group_best[n - t] + (dearest turn of the group) <= d. The first
-  costs compare because h is the same at all nodes of the group. That left a third of the expansions.
+Where the arcs that raise the index make groups of nodes (turns in place, see :mod:`.turns`), labels are made
+only where other arcs arrive, and one staircase a group tells what any of its nodes could turn into.
 """
 
 from __future__ import annotations
@@ -53,128 +46,12 @@ from hpop.planners.search.slices import (
     Clock,
     Search,
 )
+from hpop.planners.search.tables import build, trace
+from hpop.planners.search.turns import find_groups, most_successors
 
 # Columns of the table of nodes: lower bounds, row of best and group (-1: none), dearest turn of the group.
 H_FIRST, H_INDEX, H_REST, ROW, GROUP, DEAREST, NODE_COLUMNS = range(7)
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
-
-
-@kernel
-def build(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
-    costs: IntArray,
-    order: IntArray,
-    h: IntArray,
-    arcs: NDArray[Any],
-    nodes: NDArray[Any],
-    origin: NDArray[np.int32],
-) -> tuple[IntArray, IntArray]:
-    """Fill arcs (m, 4), nodes (n, 6) and origin (m,); plain arcs first, then turns; useless arcs left out.
-
-    Returns the offsets of the arcs (n + 1,), and where the turns of each node begin (n,).
-    """
-    n = len(indptr) - 1
-    start = np.zeros(n + 1, np.int64)
-    split = np.zeros(n, np.int64)
-    m = 0
-    for u in range(n):
-        for j in range(3):
-            nodes[u, j] = h[order[j], u] if order[j] >= 0 and h[order[j], u] < UNREACHABLE else 0
-        nodes[u, ROW] = -1
-        nodes[u, GROUP] = -1
-        nodes[u, DEAREST] = 0
-        start[u] = m
-        for part in range(2):
-            if part == 1:
-                split[u] = m
-            for a in range(indptr[u], indptr[u + 1]):
-                v = heads[a]
-                if v == u or h[0, v] >= UNREACHABLE or (costs[a, order[1]] > 0) != (part == 1):
-                    continue
-                arcs[m, HEAD] = v
-                for j in range(3):
-                    arcs[m, j + 1] = costs[a, order[j]] if order[j] >= 0 else 0
-                origin[m] = a
-                m += 1
-    start[n] = m
-    return start, split
-
-
-@kernel
-def joined(a: int, b: int, is_max: bool) -> int:
-    """Cost of two pieces together."""
-    return max(a, b) if is_max else a + b
-
-
-@kernel
-def find_groups(
-    start: IntArray, split: IntArray, arcs: NDArray[Any], nodes: NDArray[Any], max_first: bool, max_rest: bool
-) -> tuple[int, Any, bool]:
-    """Look for the groups that turns make; fill their columns of nodes.
-
-    Returns the number of groups (0 where the conditions do not hold), the index cost of a turn, and whether
-    turns are free in the first cost.
-    """
-    n = len(split)
-    turn = np.int64(-1)
-    free = True
-    seen = np.full(n, -1, np.int64)
-    by = np.zeros(n, np.int64)
-    groups = 0
-    for u in range(n):
-        for a in range(split[u], start[u + 1]):
-            v = arcs[a, HEAD]
-            if turn < 0:
-                turn = arcs[a, INDEX]
-            if seen[v] == u or arcs[a, INDEX] != turn:
-                return 0, 0, False
-            seen[v] = u
-            by[v] = a
-            free = free and arcs[a, FIRST] == 0
-        size = start[u + 1] - split[u]
-        for a in range(split[u], start[u + 1]):
-            v = arcs[a, HEAD]
-            if start[v + 1] - split[v] != size:
-                return 0, 0, False
-            for b in range(split[v], start[v + 1]):
-                w = arcs[b, HEAD]
-                if w == u:
-                    continue
-                if seen[w] != u:
-                    return 0, 0, False
-                c = by[w]
-                first = joined(arcs[a, FIRST], arcs[b, FIRST], max_first)
-                rest = joined(arcs[a, REST], arcs[b, REST], max_rest)
-                if arcs[c, FIRST] > first or arcs[c, REST] > rest:
-                    return 0, 0, False
-        if size > 0 and nodes[u, GROUP] < 0:
-            nodes[u, GROUP] = groups
-            for a in range(split[u], start[u + 1]):
-                nodes[arcs[a, HEAD], GROUP] = groups
-            groups += 1
-    dearest = np.zeros(groups, np.int64)
-    for u in range(n):
-        for a in range(split[u], start[u + 1]):
-            g = nodes[u, GROUP]
-            dearest[g] = max(dearest[g], arcs[a, REST])
-    for u in range(n):
-        if nodes[u, GROUP] >= 0:
-            nodes[u, DEAREST] = dearest[nodes[u, GROUP]]
-    return groups, turn, free
-
-
-@kernel
-def most_successors(start: IntArray, split: IntArray, arcs: NDArray[Any]) -> int:
-    """Count the labels that one expansion can make at most."""
-    most = 0
-    for u in range(len(split)):
-        count = split[u] - start[u]
-        for a in range(split[u], start[u + 1]):
-            w = arcs[a, HEAD]
-            count += 1 + split[w] - start[w]
-        most = max(most, count)
-    return most
 
 
 @kernel
@@ -192,7 +69,6 @@ def advance(
     group_best: NDArray[Any],
     goal: NDArray[Any],
     turn: int,
-    shared: bool,
     is_max: tuple[bool, bool],
     source: int,
     plan: tuple[IntArray, IntArray, IntArray, int],
@@ -233,7 +109,7 @@ def advance(
         row = np.int64(nodes[v, ROW])
         group = np.int64(nodes[v, GROUP])
         dominated = goal[min(f1, last)] <= f2 or (row >= 0 and best[row, n] <= d)
-        if not dominated and shared and group >= 0 and n >= turn and not is_target[v]:
+        if not dominated and group >= 0 and n >= turn and not is_target[v]:
             e = np.int64(group_best[group, n - turn])
             dearest = np.int64(nodes[v, DEAREST])
             dominated = (max(e, dearest) if max_rest else e + dearest) <= d
@@ -280,7 +156,7 @@ def advance(
             if best[row, i] <= d:
                 break
             best[row, i] = d
-        if shared and group >= 0:
+        if group >= 0:
             for i in range(n, width):
                 if group_best[group, i] <= d:
                     break
@@ -322,7 +198,7 @@ def advance(
                 if row >= 0 and best[row, min(xn, last)] <= xd:
                     continue
                 group = np.int64(nodes[x, GROUP])
-                if shared and group >= 0 and xn >= turn:
+                if group >= 0 and xn >= turn:
                     e = np.int64(group_best[group, min(xn - turn, last)])
                     dearest = np.int64(nodes[x, DEAREST])
                     if (max(e, dearest) if max_rest else e + dearest) <= xd:
@@ -339,31 +215,6 @@ def advance(
     counters[N_OPEN] = size
     counters[N_CLOSED] = done
     return code
-
-
-@kernel
-def trace(
-    start: IntArray,
-    split: IntArray,
-    arcs: NDArray[Any],
-    origin: NDArray[np.int32],
-    closed: IntArray,
-    source: int,
-    label: int,
-) -> IntArray:
-    """Follow a label back to the source; where the arcs do not join, the turn between them is put in."""
-    steps = []
-    while label != 0:
-        a = (label & 0xFFFFFFFF) - 1
-        steps.append(np.int64(origin[a]))
-        label = closed[(label >> 32) - 1]
-        at = np.int64(arcs[(label & 0xFFFFFFFF) - 1, HEAD]) if label != 0 else source
-        if not start[at] <= a < start[at + 1]:
-            t = split[at]
-            while not start[arcs[t, HEAD]] <= a < start[arcs[t, HEAD] + 1]:
-                t += 1
-            steps.append(np.int64(origin[t]))
-    return np.array(steps[::-1], np.int64)
 
 
 class Staircase(Search):
@@ -385,26 +236,29 @@ class Staircase(Search):
         far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
         rise = [2 * c + b for c, b in zip(most, far, strict=True)]
         f = [int(h[j, source]) if j >= 0 else 0 for j in order]
-        self.is_max = tuple(j >= 0 and graph.aggregates[j] == "max" for j in (order[0], order[2]))
+        is_max = np.array([j >= 0 and graph.aggregates[j] == "max" for j in order])
+        self.is_max = (bool(is_max[0]), bool(is_max[2]))
         self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
         self.table = np.empty((graph.arcs, ARC_COLUMNS), self.dtype)
         self.nodes = np.empty((graph.nodes, NODE_COLUMNS), self.dtype)
         self.origin = np.empty(graph.arcs, np.int32)
-        columns = np.array(order, np.int64)
-        self.start, self.split = clock.call(
-            build, graph.indptr, graph.heads, graph.costs, columns, h, self.table, self.nodes, self.origin
-        )
-        groups, self.turn, free = clock.call(
-            find_groups, self.start, self.split, self.table, self.nodes, *self.is_max
-        )
-        if not groups:
+        tables = (np.array(order, np.int64), order[1], h, self.table, self.nodes, self.origin)
+        self.start, self.split = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
+        group = np.empty(graph.nodes, np.int64)
+        dearest = clock.call(find_groups, self.start, self.split, self.table, is_max, group)
+        self.shared = bool(len(dearest) and not dearest[:, 0].any())
+        self.turn = int(dearest[:, 1].max(initial=0))
+        self.nodes[:, ROW] = self.nodes[:, GROUP] = -1
+        self.nodes[:, DEAREST] = 0
+        if self.shared:
+            self.nodes[:, GROUP] = group
+            self.nodes[:, DEAREST] = np.where(group >= 0, dearest[group, 2], 0)
+        if not len(dearest):
             self.split = self.start[1:].copy()
-            self.nodes[:, GROUP] = -1
-        self.shared = bool(groups and free)
         self.is_target = np.zeros(graph.nodes, np.uint8)
         self.is_target[targets] = 1
         self.best = self._empty(64, width)
-        self.group_best = self._empty(groups if self.shared else 1, width)
+        self.group_best = self._empty(len(dearest) if self.shared else 1, width)
         self.goal = self._empty(1, width)[0]
         fan = int(clock.call(most_successors, self.start, self.split, self.table))
         super().__init__(f, rise, fan)
@@ -429,7 +283,6 @@ class Staircase(Search):
             self.group_best,
             self.goal,
             self.turn,
-            self.shared,
             self.is_max,
             self.source,
             self.plan,

@@ -13,11 +13,7 @@ Vector = tuple[int, ...]
 
 
 def nondominated(vectors: set[Vector]) -> set[Vector]:
-    return {
-        v
-        for v in vectors
-        if not any(w != v and all(a <= b for a, b in zip(w, v, strict=True)) for w in vectors)
-    }
+    return {v for v in vectors if not any(w != v and all(a <= b for a, b in zip(w, v, strict=True)) for w in vectors)}
 
 
 def front_by_closure(graph: Graph, source: int, targets: set[int]) -> list[Vector]:
@@ -31,10 +27,7 @@ def front_by_closure(graph: Graph, source: int, targets: set[int]) -> list[Vecto
         changed = False
         for tail, head, cost in arcs:
             longer = {
-                tuple(
-                    max(a, c) if how == "max" else a + c
-                    for a, c, how in zip(v, cost, graph.aggregates, strict=True)
-                )
+                tuple(max(a, c) if how == "max" else a + c for a, c, how in zip(v, cost, graph.aggregates, strict=True))
                 for v in sets[tail]
             }
             merged = nondominated(sets[head] | longer)

@@ -103,13 +103,35 @@ def test_methods_agree_on_lattices_with_turns(closure, lattice, seed, turn_rest)
         check_paths(graph, paths, source, targets)
 
 
+@pytest.mark.parametrize("turns", ["uniform", "free", "dear", "uneven", "broken"])
+@pytest.mark.parametrize("seed", range(20))
+def test_staircase_and_general_agree_whatever_turns_cost(lattice, seed, turns):
+    rng = np.random.default_rng(seed)
+    full = lattice(seed, int(rng.integers(2, 8)), int(rng.integers(0, 3)))
+    costs = full.costs.copy()
+    turn = costs[:, 1] > 0
+    if turns == "free":
+        costs[turn, 0] = 0
+    elif turns == "dear":
+        costs[:, 1] *= 3
+        costs[turn, 2] = 2
+    elif turns == "uneven":
+        costs[turn, 1] += rng.integers(0, 2, turn.sum())
+    elif turns == "broken":
+        costs[turn, 0] += rng.integers(0, 3, turn.sum())
+    how = [("sum", "max")[rng.integers(0, 2)], "sum", ("sum", "max")[rng.integers(0, 2)]]
+    graph = Graph.from_csr(full.indptr, full.heads, costs, aggregates=how)
+    source, targets = int(rng.integers(graph.nodes)), set(rng.integers(0, graph.nodes, 3).tolist())
+    paths = pareto_paths(graph, source, sorted(targets), method="staircase")
+    assert front(paths) == front(pareto_paths(graph, source, sorted(targets), method="general"))
+    check_paths(graph, paths, source, targets)
+
+
 @pytest.mark.parametrize("columns", [(0, 1), (1, 2), (2, 1, 0), (1, 0, 2)])
 @pytest.mark.parametrize("how", [("sum", "sum", "max"), ("max", "sum", "sum"), ("max", "sum", "max")])
 def test_turns_and_maxima_in_any_column(closure, lattice, columns, how):
     full = lattice(7, 4)
-    graph = Graph.from_csr(
-        full.indptr, full.heads, full.costs[:, columns], aggregates=[how[j] for j in columns]
-    )
+    graph = Graph.from_csr(full.indptr, full.heads, full.costs[:, columns], aggregates=[how[j] for j in columns])
     for target in (5, graph.nodes - 2):
         paths = pareto_paths(graph, 0, target, method="staircase")
         assert front(paths) == closure(graph, 0, {target})
