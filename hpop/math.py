@@ -33,8 +33,8 @@ def hypot(x: Column, y: Column) -> Column:
 def smooth_abs(x: Column) -> Column:
     """|x|; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact at zero and outside.
 
-    With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w with
-    equal value, slope and curvature.
+    With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w
+    with equal value, slope and curvature.
 
     >>> float(smooth_abs(-2.0))
     2.0
@@ -52,4 +52,5 @@ def wrap(angle: Column) -> Column:
     >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
     True
     """
-    return np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    clockwise = np.mod(np.pi - angle, 2 * np.pi)
+    return np.pi - np.where(clockwise < 2 * np.pi, clockwise, 0.0)  # the remainder of -1e-16 rounds to 2 pi

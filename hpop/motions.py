@@ -206,9 +206,7 @@ class Instants:
 class _LazyStates(States):
     """States that are computed when read, and remember which were."""
 
-    def __init__(
-        self, names: tuple[str, ...], size: int, column: Callable[[str], Column], read: set[str]
-    ) -> None:
+    def __init__(self, names: tuple[str, ...], size: int, column: Callable[[str], Column], read: set[str]) -> None:
         self.__dict__.update(_names=names, _size=size, _column=column, _read=read)
 
     def __getattr__(self, name: str) -> Column:
@@ -219,8 +217,15 @@ class _LazyStates(States):
         return value
 
     @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._names)
+
+    @property
     def size(self) -> int:
-        return int(self.__dict__["_size"])
+        return int(self._size)
+
+    def take(self, index: Any) -> States:
+        return States(**{name: getattr(self, name)[index] for name in self._names})
 
 
 Rate = Callable[[Instants], Column]
@@ -304,7 +309,7 @@ class Motions:
         """
         constant = self._constant(rate)
         if constant is not None:
-            return constant
+            return constant + 0.0 * self.duration  # a rate may be one number
         largest: Column = None
         for phase in self.phases:
             value = self._phase_worst(rate, phase)
@@ -319,9 +324,8 @@ class Motions:
 
     @property
     def _symbolic(self) -> bool:
-        return is_symbolic(getattr(self.start, self.model.state_names[0])) or is_symbolic(
-            getattr(self.end, self.model.state_names[0])
-        )
+        names = self.model.state_names
+        return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
 
     def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
         if self._symbolic:
@@ -366,11 +370,15 @@ class Motions:
         angles = self.camera.turned * share / PANEL_ANGLE
         # Under constant acceleration the fastest panel covers up to twice the mean.
         stretch = 2.0 if phase.shape in ("speed-up", "slow-down") else 1.0
-        return np.maximum(1, np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)).astype(np.int64)
+        panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
+        return np.asarray(np.maximum(1, panels), dtype=np.int64)
 
     def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
         """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""
-        pick = (lambda column: column) if owner is None else (lambda column: column[owner])
+
+        def pick(column: Column) -> Column:
+            return column if owner is None else column[owner]
+
         picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
         start, end = _picked(self.start, pick), _picked(self.end, pick)
         share = picked.share(u)
