@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
+STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,16 @@ class Trajectory:
         unknown = set(self.kinds) - set(self.model.laws)
         if unknown:
             raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(self.model.laws)}")
+        self._check_what_stays()
+
+    def _check_what_stays(self) -> None:
+        """A law that does not vary a state would hide a jump in it from every criterion."""
+        for kind, index in self._by_kind():
+            for name in set(self.model.state_names) - self.model.laws[kind].varies:
+                jump = np.abs(np.diff(getattr(self.states, name))[index])
+                if jump.max() > STILL:
+                    i = int(index[np.argmax(jump)])
+                    raise ModelError(f"a {kind} does not change {name}, but motion {i} does, by {jump.max():.3g}")
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -58,6 +69,8 @@ class Trajectory:
         >>> Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
         ('move', 'turn', 'move', 'turn')
         """
+        if not len(poses):
+            raise ModelError("a trajectory needs at least one pose (x m, y m, yaw rad)")
         x, y, yaw = (float(value) for value in poses[0])
         states, kinds = [(x, y, yaw)], []
 
@@ -121,7 +134,7 @@ class Trajectory:
         The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
         succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
         """
-        keep, kinds = [0], []
+        keep, kinds = [0], list[str]()
         for i, kind in enumerate(self.kinds):
             if kind == "move" and kinds and kinds[-1] == "run" and self._continues(keep[-2], i):
                 keep[-1] = i + 1
@@ -157,9 +170,7 @@ class Trajectory:
 
     def _continues(self, begin: int, i: int) -> bool:
         """Whether move i goes on in the direction of the run that began at state ``begin``."""
-        (x0, x1, x2), (y0, y1, y2) = (
-            [getattr(self.states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y")
-        )
+        (x0, x1, x2), (y0, y1, y2) = ([getattr(self.states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y"))
         ahead, along = np.arctan2(y2 - y1, x2 - x1), np.arctan2(y1 - y0, x1 - x0)
         return bool(abs(wrap(ahead - along)) < STRAIGHT)
 
