@@ -16,14 +16,18 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
-from hpop.errors import CriterionError, ModelError, unknown_name
+from hpop.errors import CriterionError, HpopError, ModelError, OptionError, unknown_name
 
 
 class Registry(Mapping[str, type]):
-    """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad."""
+    """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.
 
-    def __init__(self, kind: str, module: str, group: str) -> None:
+    A name taken twice and a package that cannot be loaded raise ``error``.
+    """
+
+    def __init__(self, kind: str, module: str, group: str, error: type[HpopError]) -> None:
         self.kind = kind
+        self._error = error
         self._module = module
         self._group = group
         self._types: dict[str, type] = {}
@@ -33,7 +37,7 @@ class Registry(Mapping[str, type]):
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
         taken = self._types.get(name)
         if taken is not None and (taken.__module__, taken.__qualname__) != (item.__module__, item.__qualname__):
-            raise CriterionError(
+            raise self._error(
                 f"{self.kind} name {name!r} is taken by {taken.__module__}.{taken.__qualname__}; "
                 f"choose another for {item.__module__}.{item.__qualname__}"
             )
@@ -61,25 +65,34 @@ class Registry(Mapping[str, type]):
     def _load(self) -> None:
         if self._loaded:
             return
-        self._loaded = True
         import_module(self._module)
         for point in entry_points(group=self._group):
-            self.add(point.name, point.load())
+            try:
+                item = point.load()
+            except Exception as error:
+                raise self._error(
+                    f"{self.kind} {point.name!r} ({point.value}) of an installed package cannot be loaded: "
+                    f"{type(error).__name__}: {error}; mend or uninstall that package"
+                ) from error
+            self.add(point.name, item)
+        self._loaded = True
 
 
-criteria = Registry("criterion", "hpop.criteria", "hpop.criteria")
-planners = Registry("planner", "hpop.planners", "hpop.planners")
-models = Registry("model", "hpop.models", "hpop.models")
+criteria = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
+planners = Registry("planner", "hpop.planners", "hpop.planners", OptionError)
+models = Registry("model", "hpop.models", "hpop.models", ModelError)
 
 
 def make_model(spec: Mapping[str, Mapping[str, Any]]) -> Any:
     """A model from ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
-    if len(spec) != 1:
-        raise ModelError(f"a model is given as one name with its parameters, got {dict(spec)!r}")
+    if not isinstance(spec, Mapping) or len(spec) != 1:
+        raise ModelError(f"a model is given as one name with its parameters, got {spec!r}")
     ((name, parameters),) = spec.items()
+    if not isinstance(parameters, Mapping | None):
+        raise ModelError(f"the parameters of model {name!r} are given by name, got {parameters!r}")
     cls = models[name]
     known = [field.name for field in fields(cls)]
     strange = sorted(set(parameters or {}) - set(known))
     if strange:
-        raise ModelError(f"model {name!r} has no parameter {', '.join(strange)}; it has {', '.join(known)}")
+        raise ModelError(f"model {name!r} has no parameter {', '.join(map(str, strange))}; it has {', '.join(known)}")
     return cls(**(parameters or {}))

@@ -1,0 +1,138 @@
+"""Names: unique, suggested when mistyped, and found in installed packages by their entry points."""
+
+import importlib
+import sys
+
+import pytest
+
+from hpop.criteria import Turns
+from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnknownName
+from hpop.registry import Registry, criteria, make_model, models, planners
+
+PLUGIN = """
+class Glare:
+    pass
+class Dazzle:
+    pass
+"""
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """A tiny installed distribution with entry points."""
+
+    def install(name, entry_points, source=PLUGIN):
+        (tmp_path / f"{name}.py").write_text(source)
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(entry_points)
+        monkeypatch.syspath_prepend(tmp_path)
+        importlib.invalidate_caches()
+
+    yield install
+    for name in [n for n in sys.modules if n.startswith("hpop_test_plugin")]:
+        del sys.modules[name]
+
+
+def registry(group="hpop.test"):
+    return Registry("criterion", "hpop.errors", group, CriterionError)
+
+
+def test_what_comes_with_hpop_is_found_by_name():
+    assert criteria["turns"] is Turns
+    assert {"clearance", "duration", "exposure", "length", "obstruction", "rotation", "turns"} <= set(criteria)
+    assert "lattice" in planners
+    assert "differential_drive" in models
+    assert list(criteria) == sorted(criteria)
+    assert len(criteria) == len(list(criteria))
+
+
+@pytest.mark.parametrize(("names", "wrong", "right"), [(criteria, "turn", "turns"), (planners, "latice", "lattice")])
+def test_an_unknown_name_lists_the_known_ones_and_suggests_the_nearest(names, wrong, right):
+    with pytest.raises(
+        UnknownName, match=rf"unknown {names.kind} '{wrong}'; known: .*{right}.* Did you mean '{right}'\?"
+    ):
+        names[wrong]
+    assert wrong not in names
+
+
+def test_a_name_that_another_type_has_is_refused_and_the_first_one_stays():
+    names = registry()
+    first, second = type("First", (), {}), type("Second", (), {})
+    names.add("glare", first)
+    with pytest.raises(CriterionError, match=r"'glare' is taken by .*First; choose another for .*Second"):
+        names.add("glare", second)
+    assert names["glare"] is first
+
+
+@pytest.mark.parametrize(
+    ("names", "error"), [(criteria, CriterionError), (planners, OptionError), (models, ModelError)]
+)
+def test_a_taken_name_is_an_error_of_its_kind(names, error):
+    taken = next(iter(names))
+    with pytest.raises(error, match=f"{names.kind} name '{taken}' is taken"):
+        names.add(taken, type("Impostor", (), {}))
+
+
+def test_the_same_class_may_be_defined_again_as_in_a_notebook():
+    names = registry()
+    names.add("glare", type("Glare", (), {}))
+    again = type("Glare", (), {})
+    names.add("glare", again)
+    assert names["glare"] is again
+
+
+def test_an_entry_point_of_an_installed_package_is_found(install):
+    install("hpop_test_plugin", "[hpop.test]\nglare = hpop_test_plugin:Glare\ndazzle = hpop_test_plugin:Dazzle\n")
+    names = registry()
+    assert names["glare"].__name__ == "Glare"
+    assert sorted(names) == ["dazzle", "glare"]
+    assert "glare" not in registry("hpop.other")
+
+
+def test_entry_points_are_loaded_on_first_use_only(install):
+    install("hpop_test_plugin", "[hpop.test]\nglare = hpop_test_plugin:Glare\n")
+    names = registry()
+    assert "hpop_test_plugin" not in sys.modules
+    assert "glare" in names
+    assert "hpop_test_plugin" in sys.modules
+
+
+def test_an_entry_point_with_a_taken_name_is_refused(install):
+    install("hpop_test_plugin", "[hpop.test]\nglare = hpop_test_plugin:Glare\n")
+    names = registry()
+    names.add("glare", Turns)
+    with pytest.raises(CriterionError, match="taken"):
+        len(names)
+
+
+@pytest.mark.parametrize("target", ["hpop_test_plugin:Missing", "hpop_test_plugin_that_is_not_there:Glare"])
+def test_a_broken_package_is_named_every_time_and_hides_nothing(install, target):
+    install("hpop_test_plugin", f"[hpop.test]\nbroken = {target}\nglare = hpop_test_plugin:Glare\n")
+    names = registry()
+    for _ in range(2):
+        with pytest.raises(HpopError, match=rf"criterion 'broken'.*{target}.*cannot be loaded"):
+            names["glare"]
+
+
+def test_a_model_is_made_of_its_name_and_parameters():
+    assert make_model({"differential_drive": {"radius": 0.2}}).radius == 0.2
+    assert make_model({"differential_drive": None}).radius == 0.3
+
+
+@pytest.mark.parametrize(
+    ("spec", "error", "message"),
+    [
+        ({}, ModelError, "one name"),
+        ({"differential_drive": {}, "arm": {}}, ModelError, "one name"),
+        ("differential_drive", ModelError, "one name"),
+        (None, ModelError, "one name"),
+        ({"differential_drive": [1]}, ModelError, "parameters"),
+        ({"differential_drive": {"wings": 2}}, ModelError, "no parameter wings; it has radius"),
+        ({"diferential_drive": {}}, UnknownName, "Did you mean 'differential_drive'"),
+    ],
+)
+def test_what_describes_no_model_is_refused(spec, error, message):
+    with pytest.raises(error, match=message):
+        make_model(spec)
