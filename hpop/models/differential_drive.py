@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,17 +105,15 @@ class DifferentialDrive:
             self._check_positive(name)
         for name in ("turn_rate", "turn_acceleration", "wheel_base"):
             self._check_positive(name)
-        offset = tuple(float(value) for value in self.camera_offset)
-        if len(offset) != 2 or not all(map(math.isfinite, offset)):
-            raise ModelError(f"camera_offset is (ahead, left) in m, got {self.camera_offset!r}")
-        object.__setattr__(self, "camera_offset", offset)
+        object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
 
     def _check_positive(self, name: str) -> None:
         value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
             raise ModelError(f"{name} of a differential drive must be a positive number, got {value!r}")
+        object.__setattr__(self, name, float(value))
 
     @property
     def name(self) -> str:
@@ -189,13 +188,25 @@ class DifferentialDrive:
         }
 
 
+def _checked_offset(offset: Any) -> tuple[float, float]:
+    try:
+        ahead, left = (float(value) for value in offset)
+    except (TypeError, ValueError):
+        ahead = left = math.nan
+    if not (math.isfinite(ahead) and math.isfinite(left)):
+        raise ModelError(f"camera_offset is (ahead, left) in m, got {offset!r}")
+    return ahead, left
+
+
 def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
     try:
         points = tuple((float(x), float(y)) for x, y in corners)
+        if not np.isfinite(points).all():
+            raise ValueError("corners must be finite")
         polygon = shapely.Polygon(points)
     except (TypeError, ValueError) as error:
         raise ModelError(f"a footprint is at least three corners (x, y) in m, got {corners!r}: {error}") from None
-    if not polygon.is_valid or polygon.area == 0 or not np.isfinite(points).all():
+    if not polygon.is_valid or polygon.area == 0:
         raise ModelError(f"the footprint {points} is not a simple polygon: {shapely.is_valid_reason(polygon)}")
     if not polygon.covers(shapely.Point(0, 0)):
         raise ModelError("the footprint must contain the axis of the base, the origin of its corners")

@@ -3,8 +3,8 @@
 Planned (one planning law for all planners, so that costs add up along edges):
 
 - :class:`Move` at cruise speed v lasts L/v.
-- :class:`Turn` lasts its rest-to-rest time plus v/a, the loss of stopping and starting again, half of it standing before
-  the turn and half after. For runs of at least v²/a metres that is exact, for shorter ones an upper bound.
+- :class:`Turn` lasts its rest-to-rest time plus v/a, the loss of stopping and starting again, half of it standing
+  before the turn and half after. For runs of at least v²/a metres that is exact, for shorter ones an upper bound.
 
 Executed (what the robot does): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from rest to
 rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to what was planned.

@@ -46,9 +46,7 @@ class Part:
         return np.stack([x, y], axis=2)
 
 
-def convex_parts(
-    outline: tuple[tuple[float, float], ...], z_min: float, z_max: float
-) -> tuple[Part, ...]:
+def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:
     """A polygon as convex parts: itself, or its triangles where it is not convex.
 
     >>> len(convex_parts(((1, 1), (-1, 1), (-1, -1), (1, -1)), 0, 1))
@@ -56,11 +54,7 @@ def convex_parts(
     """
     polygon = shapely.Polygon(outline)
     hull = shapely.convex_hull(polygon)
-    pieces = (
-        [hull]
-        if hull.area <= polygon.area * (1 + 1e-12)
-        else list(shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)))
-    )
-    return tuple(
-        Part(tuple((float(x), float(y)) for x, y in piece.exterior.coords[:-1]), 0.0, z_min, z_max) for piece in pieces
-    )
+    convex = hull.area <= polygon.area * (1 + 1e-12)
+    pieces = [hull] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    rings = [shapely.get_coordinates(piece)[:-1].tolist() for piece in pieces]
+    return tuple(Part(tuple((x, y) for x, y in ring), 0.0, z_min, z_max) for ring in rings)

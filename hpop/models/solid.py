@@ -69,8 +69,9 @@ class SolidCollision:
         import fcl
 
         robot = [(part, fcl.CollisionObject(_part_geometry(part), fcl.Transform())) for part in self.model.parts]
-        free = np.ones(states.size, dtype=bool)
-        for i, (x, y, yaw) in enumerate(zip(states.x, states.y, states.yaw, strict=True)):
+        free = np.asarray(shapely.intersects_xy(self.world.extent, states.x, states.y))
+        for i in np.flatnonzero(free):
+            x, y, yaw = (float(column[i]) for column in (states.x, states.y, states.yaw))
             for part, body in robot:
                 body.setTransform(_placed(part, x, y, yaw))
                 data = fcl.CollisionData()
