@@ -18,7 +18,6 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from hpop.arrays import FloatArray
-from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.front import Front
 from hpop.frontier.choosing import column_index
 from hpop.problem import Problem
@@ -36,6 +35,7 @@ from hpop.view.style import (
     marks,
     new_figure,
     quantities,
+    turns_in_place,
     whole_ticks,
 )
 
@@ -134,10 +134,8 @@ def path_points(trajectory: Trajectory) -> FloatArray:
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
     """Where (N, 2), m, the base turns without moving."""
-    s = trajectory.states
-    still = np.hypot(np.diff(s.x), np.diff(s.y)) == 0.0
-    turns = still & (np.abs(np.diff(s.yaw)) > LEAST_TURN)
-    return np.stack([s.x[1:][turns], s.y[1:][turns]], axis=1)
+    turns = turns_in_place(trajectory)
+    return np.stack([trajectory.states.x[1:][turns], trajectory.states.y[1:][turns]], axis=1)
 
 
 def _scale(front: Front, colour: str | None) -> Quantity:

@@ -19,9 +19,11 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.trajectory import Trajectory
 
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
 DASHES: tuple[tuple[float, tuple[float, ...]], ...] = (
@@ -143,6 +145,13 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
 
 def _knee_and_bests(front: Front) -> dict[str, int]:
     return {"knee": front.knee().index} | {f"least {name}": front.best(name).index for name in front.names}
+
+
+def turns_in_place(trajectory: Trajectory) -> BoolArray:
+    """Tell which motions (n,) turn the base by more than a degree and do not move it."""
+    s = trajectory.states
+    turns: BoolArray = (np.abs(np.diff(s.yaw)) > LEAST_TURN) & (np.hypot(np.diff(s.x), np.diff(s.y)) == 0.0)
+    return turns
 
 
 def new_figure(width: float, height: float, layout: Any = "constrained") -> Figure:

@@ -13,10 +13,20 @@ from matplotlib.patches import Patch
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
-from hpop.view.style import COLOURS, LARGE, NORMAL, QUIET, SMALL, label, new_figure, whole_ticks, written
+from hpop.view.style import (
+    COLOURS,
+    LARGE,
+    NORMAL,
+    QUIET,
+    SMALL,
+    label,
+    new_figure,
+    turns_in_place,
+    whole_ticks,
+    written,
+)
 from hpop.world import World
 
 PIECE = 0.1  # s: motions at constant speed are drawn in pieces of about this duration
@@ -137,15 +147,15 @@ def _draw_criterion(
     counts = criterion.unit == "1" and criterion.quantum == 1.0
     words = {"sum": "running total", "time-mean": "running mean", "max": "running worst"}
     text = words.get(criterion.aggregate, "running value")
-    if criterion.aggregate in ("time-mean", "max"):
-        axes.stairs(alone, drawn.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
-        text += "; light: at the time"
     if criterion.aggregate in ("sum", "trajectory"):
-        times, values = drawn.times, np.concatenate([[0.0], values])
+        highest, values = 0.0, np.concatenate([[0.0], values])
     else:
-        times, values = drawn.times, np.concatenate([values[:1], values]) if values.size else np.zeros(1)
+        highest = alone.max(initial=0.0)
+        values = np.concatenate([values[:1], values]) if values.size else np.zeros(1)
+        axes.stairs(alone, drawn.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
+        text = f"black: {text}, blue: at the time"
     axes.plot(
-        times,
+        drawn.times,
         values,
         color="black",
         linewidth=1.6,
@@ -153,7 +163,7 @@ def _draw_criterion(
         zorder=2.5,
     )
     final = written(cost, criterion.unit, counts)
-    axes.set_ylim(0.0, 1.18 * max(values.max(), alone.max(initial=0.0) if "light" in text else 0.0) or 1.0)
+    axes.set_ylim(0.0, 1.18 * max(values.max(), highest) or 1.0)
     axes.annotate(
         final, (1.0, cost), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points",
         fontsize=SMALL, va="center", annotation_clip=False,
@@ -169,9 +179,7 @@ def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = Fal
 
 
 def _shade_turns(axes: Axes, trajectory: Trajectory) -> None:
-    turned = np.abs(np.diff(trajectory.states.yaw)) > LEAST_TURN
-    moved = np.hypot(np.diff(trajectory.states.x), np.diff(trajectory.states.y)) > 0
-    for i in np.flatnonzero(turned & ~moved):
+    for i in np.flatnonzero(turns_in_place(trajectory)):
         axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=TURN, linewidth=0, zorder=0.5, gid="turn")
 
 
