@@ -265,6 +265,8 @@ def _draw_frame(axes: Axes, view: View) -> None:
     axes.set_xlabel("x (m)", fontsize=NORMAL)
     axes.set_ylabel("y (m)", fontsize=NORMAL)
     axes.tick_params(labelsize=SMALL)
+    whole_ticks(axes.xaxis, False, most=9)
+    whole_ticks(axes.yaxis, False, most=9)
     draw_scale_bar(axes, view)
 
 

@@ -108,7 +108,7 @@ def written(value: float, unit: str, counts: bool) -> str:
     >>> written(16.0, "m", False), written(4.0, "1", True), written(1234.5, "s", False)
     ('16.0 m', '4', '1234 s')
     """
-    number = f"{value:.0f}" if counts or abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
+    number = f"{value:.0f}" if counts or value == 0.0 or abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
     return number if unit == "1" else f"{number} {unit}"
 
 
