@@ -22,8 +22,8 @@ DPI = 200
 def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI) -> list[Path]:
     """Write ``map.png``, ``front.png`` and ``trace.png`` (of the knee); of an empty front the map alone.
 
-    The folder is made if it is missing; pictures that are there are replaced. All are drawn before the
-    first is written.
+    The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
+    one has no use for are removed. All are drawn before the first is written.
 
     Raises
     ------
@@ -38,6 +38,8 @@ def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str]
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
+        for name in {"front.png", "trace.png"} - pictures.keys():
+            (target / name).unlink(missing_ok=True)
         return [_write(target / name, data) for name, data in pictures.items()]
     except OSError as error:
         raise OutputError(f"the pictures cannot be written to {target}: {error}") from error

@@ -38,6 +38,7 @@ def test_the_resolution_is_good_enough_for_print(problem, make_front, tmp_path):
 
 def test_an_empty_front_gives_the_map_alone(problem, make_front, tmp_path):
     front = make_front(problem, costs=np.zeros((0, 3)), status="no path")
+    (tmp_path / "trace.png").write_text("of an earlier front")
     assert [path.name for path in save_pictures(problem, front, tmp_path)] == ["map.png"]
     assert os.listdir(tmp_path) == ["map.png"]
 
