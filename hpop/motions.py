@@ -89,19 +89,18 @@ class Phase(NamedTuple):
         grown = {"hold": 0.0 * u, "cruise": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
         return self.begin + (self.end - self.begin) * grown
 
-    def share_rates(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """First and second time derivative of the share, 1/s and 1/s²."""
+    def share_rates(self, u: Column) -> tuple[Column, Column]:
+        """First and second time derivative of the share, 1/s and 1/s², at fraction ``u`` of the phase's time."""
         first, second = {
             "hold": (0.0 * u, 0.0),
             "cruise": (1.0 + 0.0 * u, 0.0),
             "speed-up": (2.0 * u, 2.0),
             "slow-down": (2.0 - 2.0 * u, -2.0),
         }[self.shape]
-        scale = np.divide(
-            self.end - self.begin, self.duration, out=np.zeros_like(u), where=np.asarray(self.duration) > 0
-        )
-        rate = np.divide(second, self.duration, out=np.zeros_like(u), where=np.asarray(self.duration) > 0)
-        return scale * first, scale * rate
+        lasts = self.duration > 0
+        frequency = np.where(lasts, 1.0 / np.where(lasts, self.duration, 1.0), 0.0)
+        scale = (self.end - self.begin) * frequency
+        return scale * first, scale * frequency * second
 
 
 class Law(Protocol):
@@ -172,15 +171,26 @@ class Body:
 
 
 class Instants:
-    """Moments within motions: what a rate is a function of. ``s.camera``, ``s.base``, ``s.state``, ``s.t``.
+    """Moments within motions: what a rate is a function of.
 
-    States are interpolated when they are first read, and what was read is remembered: a rate that reads nothing that
+    ``s.camera`` and ``s.base`` are poses; ``s.speed``, ``s.turn_rate``, ``s.acceleration``, ``s.turn_acceleration`` and
+    ``s.camera_velocity`` say how fast they change; ``s.state`` has the states and ``s.t`` the time.
+
+    Columns are computed when they are first read, and what was read is remembered: a rate that reads nothing that
     changes during a motion is constant, and is then evaluated once.
     """
 
-    def __init__(self, motions: Motions, size: int, t: Column, column: Callable[[str], Column]) -> None:
+    def __init__(
+        self,
+        motions: Motions,
+        size: int,
+        t: Column,
+        column: Callable[[str], Column],
+        derivatives: Callable[[str], tuple[Column, Column]],
+    ) -> None:
         self._motions = motions
         self._t = t
+        self._derivatives = derivatives
         self.read: set[str] = set()
         self.state = _LazyStates(motions.model.state_names, size, column, self.read)
 
@@ -201,6 +211,40 @@ class Instants:
     def camera(self) -> Pose:
         """Pose of the camera."""
         return self._motions.model.pose("camera", self.state)
+
+    @cached_property
+    def speed(self) -> Column:
+        """Speed of the base along its heading, m/s."""
+        return self._ahead(0)
+
+    @cached_property
+    def turn_rate(self) -> Column:
+        """Yaw rate, rad/s."""
+        return self._derivative("yaw", 0)
+
+    @cached_property
+    def acceleration(self) -> Column:
+        """Acceleration of the base along its heading, m/s²; a planned move begins and ends at cruise speed."""
+        return self._ahead(1)
+
+    @cached_property
+    def turn_acceleration(self) -> Column:
+        """Angular acceleration, rad/s²."""
+        return self._derivative("yaw", 1)
+
+    @cached_property
+    def camera_velocity(self) -> tuple[Column, Column]:
+        """Velocity (x, y) of the camera in the world frame, m/s."""
+        x, y, rate = (self._derivative(name, 0) for name in ("x", "y", "yaw"))
+        return x - rate * (self.camera.y - self.base.y), y + rate * (self.camera.x - self.base.x)
+
+    def _ahead(self, order: int) -> Column:
+        yaw = self.base.yaw
+        return self._derivative("x", order) * np.cos(yaw) + self._derivative("y", order) * np.sin(yaw)
+
+    def _derivative(self, name: str, order: int) -> Column:
+        self.read.add("velocity")
+        return self._derivatives(name)[order]
 
 
 class _LazyStates(States):
@@ -318,9 +362,9 @@ class Motions:
 
     def _constant(self, rate: Rate) -> Column | None:
         """The rate at the start, if what it reads does not change within the motions; else None."""
-        instants = Instants(self, len(self), self.t0, lambda name: getattr(self.start, name))
+        instants = self._instants(self.phases[0], 0.0, None)
         value = rate(instants)
-        return None if instants.read & (self.law.varies | {"t"}) else value
+        return None if instants.read & (self.law.varies | {"t", "velocity"}) else value
 
     @property
     def _symbolic(self) -> bool:
@@ -388,10 +432,15 @@ class Motions:
                 return getattr(start, name)
             return self.law.interpolate(name, start, end, share)
 
+        def derivatives(name: str) -> tuple[Column, Column]:
+            span = getattr(end, name) - getattr(start, name) if name in self.law.varies else 0.0 * picked.duration
+            first, second = picked.share_rates(u)
+            return span * first, span * second
+
         t = None
         if self.t0 is not None:
             t = pick(self.t0 + self._elapsed_before(phase)) + u * picked.duration
-        return Instants(self, len(self) if owner is None else owner.size, t, column)
+        return Instants(self, len(self) if owner is None else owner.size, t, column, derivatives)
 
     def _elapsed_before(self, phase: Phase) -> Column:
         """Time (M,) from the start of each motion to the start of a phase, s."""
