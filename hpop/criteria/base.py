@@ -24,6 +24,7 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError
+from hpop.history import History
 from hpop.motions import Motions, missing
 from hpop.registry import criteria
 from hpop.trajectory import Trajectory, batches
@@ -65,8 +66,12 @@ class Criterion(Protocol):
     @property
     def quantum(self) -> float: ...
 
-    def cost(self, m: Motions) -> Column:
-        """Cost (M,) of each motion: its share of the sum, its integral, its worst moment, or the running value."""
+    def cost(self, m: Any) -> Column:
+        """Cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, its integral, its worst moment.
+
+        With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
+        :class:`hpop.history.History`.
+        """
 
 
 def criterion(
@@ -157,16 +162,20 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
     Raises CriterionError that names the criterion, the kind of motion and the first wrong value.
     """
-    lacking = missing(criterion.requires, motions.model, motions.world)
+    return _checked(criterion, motions, len(motions), motions.kind)
+
+
+def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
+    lacking = missing(criterion.requires, m.model, m.world)
     if lacking:
         raise CriterionError(
             f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the world has"
         )
-    costs = np.asarray(criterion.cost(motions))
-    if costs.shape != (len(motions),):
+    costs = np.asarray(criterion.cost(m))
+    if costs.shape != (size,):
         raise CriterionError(
-            f"criterion {criterion.name!r} must return one cost a motion, shape ({len(motions)},), "
-            f"for {motions.kind!r} motions; it returned shape {costs.shape}"
+            f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
+            f"for {kind!r} motions; it returned shape {costs.shape}"
         )
     if not (np.issubdtype(costs.dtype, np.number) or costs.dtype == bool):
         raise CriterionError(f"criterion {criterion.name!r} must return numbers, got dtype {costs.dtype}")
@@ -175,8 +184,8 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     if wrong.any():
         value = costs[np.argmax(wrong)]
         raise CriterionError(
-            f"criterion {criterion.name!r} must cost a finite number >= 0, but {int(wrong.sum())} of {len(motions)} "
-            f"{motions.kind!r} motions cost {value}; shift or clip it in cost()"
+            f"criterion {criterion.name!r} must cost a finite number >= 0, but {int(wrong.sum())} of {size} "
+            f"{kind!r} motions cost {value}; shift or clip it in cost()"
         )
     return costs
 
@@ -190,7 +199,7 @@ def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Traje
     """Values (n, k) of criteria on whole trajectories of one model; 0 where start is goal and nothing moves.
 
     The motions of all trajectories are evaluated together, grouped by law. A time-mean is the integral over the duration.
-    With ``aggregate="trajectory"`` each trajectory is a batch of its own, and the last running value counts.
+    With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
     """
     values = np.zeros((len(trajectories), len(criteria)))
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
@@ -211,7 +220,9 @@ def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Traje
 
 def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
     """Last running value of a criterion with memory."""
-    costs = np.zeros(len(trajectory))
-    for owner, motions in trajectory.batches(world):
-        costs[owner] = motion_costs(criterion, motions)
-    return float(costs[-1]) if costs.size else 0.0
+    return float(running_costs(criterion, trajectory, world)[-1]) if len(trajectory) else 0.0
+
+
+def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
+    """Running values (M,) of a criterion with memory at the end of each motion, checked like :func:`motion_costs`."""
+    return _checked(criterion, History(world, trajectory), len(trajectory), "trajectory")
