@@ -158,7 +158,12 @@ def _solved(scenario: Scenario, out: Path) -> Front:
     try:
         with report.progress_bar() as progress:
             for front in scenario.problem.fronts(scenario.planners, progress=progress):
-                _save(front, out)
+                try:
+                    _save(front, out)
+                except KeyboardInterrupt:  # a second Ctrl-C is obeyed
+                    _save(front, out)
+                    saved = True
+                    raise
                 saved = True
     except (HpopError, KeyboardInterrupt):
         if saved:

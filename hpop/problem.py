@@ -17,7 +17,7 @@ from hpop.models import DifferentialDrive
 from hpop.motions import missing
 from hpop.planners.base import Candidates, Planner, make_planner
 from hpop.registry import make_model
-from hpop.status import ProgressCallback, Status
+from hpop.status import Progress, ProgressCallback, Status
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -105,12 +105,18 @@ class Problem:
         for planner in planners:
             chosen = make_planner(planner, options)
             try:
-                found = self.front(chosen.solve(self, progress))
+                candidates = chosen.solve(self, progress)
             except KeyboardInterrupt:
                 if front is None:
                     raise
                 yield replace(front, status=f"{front.status}{JOINT}{Status.INTERRUPTED}")
                 return
+            if progress:
+                progress(Progress("evaluation"))
+            try:
+                found = self.front(candidates)
+            except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
+                found = self.front(replace(candidates, status=Status.INTERRUPTED))
             front = found if front is None else front | found
             yield front
             if Status.INTERRUPTED in front.status:

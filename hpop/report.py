@@ -32,7 +32,8 @@ GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 def progress_bar() -> Iterator[ProgressCallback]:
     """A line on the terminal that follows a search: stage, labels, front, memory, time."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
         yield lambda progress: bar.update(task, description=described(progress))
 
@@ -113,12 +114,14 @@ def _counted(key: str, value: float) -> str:
 
 def _print_wide(console: Console, table: Table) -> None:
     """Print a table whole: one wider than the terminal is wrapped by it, not cut."""
-    width = console.measure(table, options=console.options.update(max_width=10_000)).maximum
-    console.print(table, width=max(width, console.width), crop=False, no_wrap=True, overflow="ignore")
+    width = console.width
+    console.width = max(width, console.measure(table, options=console.options.update(max_width=10_000)).maximum)
+    console.print(table, crop=False)
+    console.width = width
 
 
 def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
 def _header(name: str, unit: str) -> Text:
@@ -167,19 +170,18 @@ def _executed_table(problem: Problem, front: Front) -> Table:
     """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
     table = _table("Planned and executed (real speed ramps) costs of the marked trajectories")
     table.add_column("#", justify="right")
+    table.add_column("costs")
     for criterion in problem.criteria:
         table.add_column(_header(criterion.name, criterion.unit), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)
-    names = marks(front)
-    rows = sorted(names)
-    both = [t for row in rows for t in (front.trajectories[row], front.trajectories[row].execution())]
-    costs = trajectory_costs(problem.criteria, both, problem.world).reshape(len(rows), 2, -1)
-    for row, (planned, executed) in zip(rows, costs, strict=True):
-        cells = [
-            f"{number(p, c.quantum)} / {number(e, c.quantum)}"
-            for p, e, c in zip(planned, executed, problem.criteria, strict=True)
-        ]
-        table.add_row(str(row), *cells, Text("\n".join(names[row])))
+    for row, labels in sorted(marks(front).items()):
+        both = [front.trajectories[row], front.trajectories[row].execution()]
+        for word, costs in zip(
+            ("planned", "executed"), trajectory_costs(problem.criteria, both, problem.world), strict=True
+        ):
+            cells = [number(cost, c.quantum) for cost, c in zip(costs, problem.criteria, strict=True)]
+            first = word == "planned"
+            table.add_row(str(row) if first else "", word, *cells, Text("\n".join(labels)) if first else "")
     return table
 
 
@@ -219,8 +221,8 @@ def print_planners(console: Console | None = None) -> None:
 
 
 def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
-    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2)))
-    console.print(Padding(Text(what), (0, 0, 0, 6)))
+    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2), expand=False))
+    console.print(Padding(Text(what), (0, 0, 0, 6), expand=False))
 
 
 def _fields(cls: Any) -> str:

@@ -1,0 +1,240 @@
+"""Scenario files: what they build, and that every fault is said with file, line, key and the way out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hpop import registry
+from hpop.criteria.base import criterion
+from hpop.errors import (
+    CriterionError,
+    HpopError,
+    MapError,
+    ModelError,
+    OptionError,
+    ScenarioError,
+    UnknownName,
+)
+from hpop.motions import Motions
+from hpop.scenario import load_scenario
+
+ROOM = """\
+world:
+  polygons:
+    extent: [[0, 0], [6, 0], [6, 4], [0, 4]]
+    obstacles:
+      - {corners: [[2.5, 0], [3.5, 0], [3.5, 2.2], [2.5, 2.2]], height: [0, 2]}
+model:
+  differential_drive: {radius: 0.2, camera_height: 1.2}
+start: [1.0, 1.0, 0]
+goal: [5.0, 1.0, any]
+criteria: [turns, length]
+planner:
+  lattice: {step: 0.5}
+"""
+
+
+def scenario(folder: Path, *changes: tuple[str, str], text: str = ROOM) -> Path:
+    """Write the room with some of its text replaced."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "room.yaml"
+    path.write_text(text)
+    return path
+
+
+def faults(path: Path, kind: type[HpopError] = ScenarioError) -> list[str]:
+    """Lines of the error, each without the name of the file, which it must begin with."""
+    with pytest.raises(HpopError) as error:
+        load_scenario(path)
+    assert type(error.value) is kind
+    lines = str(error.value).split("\n")
+    assert all(line.startswith(f"{path}, line ") for line in lines)
+    return [line.removeprefix(f"{path}, ") for line in lines]
+
+
+def test_a_scenario_builds_the_problem_that_it_says(tmp_path: Path) -> None:
+    built = load_scenario(scenario(tmp_path))
+    problem = built.problem
+    assert problem.start == (1.0, 1.0, 0.0)
+    assert problem.goal == (5.0, 1.0, None)
+    assert [c.name for c in problem.criteria] == ["turns", "length"]
+    assert (problem.model.radius, problem.model.camera_height) == (0.2, 1.2)
+    assert problem.world.bounds == (0.0, 0.0, 6.0, 4.0)
+    clearance = problem.world.clearance(np.array([1.0, 3.0]), np.array([1.0, 1.0]))
+    assert clearance.tolist() == [1.0, 0.0]
+    assert [(planner.name, planner.step) for planner in built.planners] == [("lattice", 0.5)]  # type: ignore[attr-defined]
+
+
+def test_model_and_planner_have_defaults_and_a_name_alone_will_do(tmp_path: Path) -> None:
+    text = ROOM.replace("planner:\n  lattice: {step: 0.5}\n", "")
+    text = text.replace("model:\n  differential_drive: {radius: 0.2, camera_height: 1.2}\n", "model: differential_drive\n")
+    built = load_scenario(scenario(tmp_path, text=text))
+    assert built.problem.model.radius == 0.3
+    assert [planner.name for planner in built.planners] == ["lattice"]
+
+
+def test_several_planners_are_built_in_their_order(tmp_path: Path) -> None:
+    path = scenario(tmp_path, ("  lattice: {step: 0.5}", "  - lattice\n  - lattice: {step: 1.0}"))
+    assert [planner.step for planner in load_scenario(path).planners] == [0.25, 1.0]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("text", "yaw"), [("90 deg", math.pi / 2), ("-45deg", -math.pi / 4), ("1.5", 1.5), ("'22.5 deg'", math.pi / 8)]
+)
+def test_a_yaw_is_in_rad_or_says_that_it_is_in_degrees(tmp_path: Path, text: str, yaw: float) -> None:
+    built = load_scenario(scenario(tmp_path, ("[1.0, 1.0, 0]", f"[1.0, 1.0, {text}]")))
+    assert built.problem.start[2] == pytest.approx(yaw)
+
+
+def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "two.map").write_text("type octile\nheight 1\nwidth 2\nmap\n..\n")
+    text = "world:\n  movingai: {path: maps/two.map}\nstart: [0.5, 0.5, 0]\ngoal: [1.5, 0.5, 0]\ncriteria: [length]\n"
+    monkeypatch.chdir("/")
+    assert load_scenario(scenario(tmp_path, text=text)).problem.world.bounds == (0.0, 0.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "key", "said"),
+    [
+        # a typo in any key
+        (("criteria:", "criterea:"), 10, "criterea", "did you mean 'criteria'?"),
+        (("polygons:", "polygon:"), 2, "world.polygon", "did you mean 'polygons'?"),
+        (("extent:", "extend:"), 3, "world.polygons.extend", "did you mean 'extent'?"),
+        (("corners:", "corner:"), 5, "world.polygons.obstacles.0.corner", "did you mean 'corners'?"),
+        (("radius:", "raduis:"), 7, "model.differential_drive.raduis", "did you mean 'radius'?"),
+        (("step:", "stp:"), 12, "planner.lattice.stp", "did you mean 'step'?"),
+        (("turns,", "{obstruction: {radios: 1}},"), 10, "criteria.0.obstruction.radios", "did you mean 'radius'?"),
+        (("goal:", "str:"), 9, "str", "no such key"),
+        # missing keys and entries
+        (("goal: [5.0, 1.0, any]\n", ""), 1, "goal", "missing"),
+        (("corners: [[2.5, 0], [3.5, 0], [3.5, 2.2], [2.5, 2.2]], ", ""), 5, "world.polygons.obstacles.0.corners", "missing"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0]"), 8, "start.2", "missing"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, 0, 0]"), 8, "start", "at most 3 entries, got 4"),
+        (("[turns, length]", "[]"), 10, "criteria", "at least 1 entries, got 0"),
+        (("[3.5, 0], [3.5, 2.2], ", ""), 5, "world.polygons.obstacles.0.corners", "at least 3 entries, got 2"),
+        (("\n  lattice: {step: 0.5}", " []"), 11, "planner", "at least 1 entries, got 0"),
+        # wrong types
+        (("0.5}", "5e-1}"), 12, "planner.lattice.step", "write it with a point and a sign"),
+        (("radius: 0.2", "radius: no"), 7, "model.differential_drive.radius", "truth values"),
+        (("0.5}", "fine}"), 12, "planner.lattice.step", "expected a number, got 'fine'"),
+        (("step: 0.5", "headings: 8.5"), 12, "planner.lattice.headings", "expected a whole number, got 8.5"),
+        (("step: 0.5", "corner_cutting: 1"), 12, "planner.lattice.corner_cutting", "expected true or false, got 1"),
+        (("[turns, length]", "turns"), 10, "criteria", "expected a list, got 'turns'"),
+        (("turns,", "3,"), 10, "criteria.0", "expected text or keys with values, got 3"),
+        (("turns,", "~,"), 10, "criteria.0", "got nothing"),
+        (("turns,", "{},"), 10, "criteria.0", "one name with its parameters, got none"),
+        (("turns,", "{turns: {}, rotation: {}},"), 10, "criteria.0", "got turns, rotation"),
+        (("turns,", "{turns: 3},"), 10, "criteria.0.turns", "expected keys with values"),
+        (("[1.0, 1.0, 0]", "{x: 1}"), 8, "start", "expected a list"),
+        (("{step: 0.5}", "[step, 0.5]"), 12, "planner.lattice", "expected keys with values"),
+        # floats that are no numbers
+        (("[1.0, 1.0, 0]", "[.nan, 1.0, 0]"), 8, "start.0", "expected a finite number, got nan"),
+        (("[5.0, 1.0, any]", "[5.0, -.inf, any]"), 9, "goal.1", "expected a finite number, got -inf"),
+        (("0.5}", ".inf}"), 12, "planner.lattice.step", "expected a finite number, got inf"),
+        (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
+        # yaws
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "a yaw is a number in rad"),
+        (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),
+        (("any]", "no]"), 9, "goal.2", "expected a number or text, got False"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_said_with_line_key_and_what_to_do(
+    tmp_path: Path, change: tuple[str, str], line: int, key: str, said: str
+) -> None:
+    said_first, *others = [text for text in faults(scenario(tmp_path, change)) if f", {key}: " in text]
+    assert said_first.startswith(f"line {line}, {key}: ")
+    assert said in said_first
+    assert not others
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "line", "said"),
+    [
+        (("turns,", "turnz,"), UnknownName, 10, "Did you mean 'turns'?"),
+        (("lattice:", "latice:"), UnknownName, 12, "Did you mean 'lattice'?"),
+        (("differential_drive:", "diferential_drive:"), UnknownName, 7, "Did you mean 'differential_drive'?"),
+        (("0.5}", "0}"), OptionError, 12, "step"),
+        (("step: 0.5", "headings: 7"), OptionError, 12, "[4, 8, 16]"),
+        (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be positive"),
+        (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
+        (("turns,", "{obstruction: {radius: -1}},"), CriterionError, 10, "radius"),
+        (("turns,", "length,"), CriterionError, 10, "length more than once"),
+        (("turns,", "obstruction, {exposure: {radius: 1}},"), CriterionError, 10, "the same parameters"),
+        (("[0, 2]}", "[2, 0]}"), MapError, 2, "z_min < z_max"),
+        (("[3.5, 0], [3.5, 2.2]", "[3.5, 2.2], [3.5, 0]"), MapError, 2, "not valid"),
+        (("  polygons:", "  geojson: {path: gone.json}\n  polygons:"), ScenarioError, 1, "geojson and polygons"),
+        (("    extent: [[0, 0], [6, 0], [6, 4], [0, 4]]\n", "    keep_out: [[[0, 0], [1, 1], [1, 0], [0, 1]]]\n"),
+         MapError, 2, "keep_out"),
+    ],
+)  # fmt: skip
+def test_what_the_parts_refuse_keeps_its_kind_and_gets_a_line(
+    tmp_path: Path, change: tuple[str, str], kind: type[HpopError], line: int, said: str
+) -> None:
+    (message,) = faults(scenario(tmp_path, change), kind)
+    assert message.startswith(f"line {line}, ")
+    assert said in message
+
+
+@pytest.mark.parametrize("world", ["polygons: {}", "ros_map: {path: gone.yaml}", "movingai: {path: .}", "geojson: {path: ''}"])
+def test_a_world_that_cannot_be_read_is_a_map_error_with_its_line(tmp_path: Path, world: str) -> None:
+    text = f"world:\n  {world}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
+    (message,) = faults(scenario(tmp_path, text=text), MapError)
+    assert message.startswith(f"line 2, world.{world.split(':')[0]}: ")
+
+
+def test_no_world_at_all_lists_the_ways_to_give_one(tmp_path: Path) -> None:
+    text = "world: {}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
+    (message,) = faults(scenario(tmp_path, text=text))
+    assert "ros_map, movingai, geojson, image, polygons; got none" in message
+
+
+def test_all_faults_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    path = scenario(
+        tmp_path,
+        ("radius: 0.2", "radius: no"),
+        ("[1.0, 1.0, 0]", "[1.0, 1.0, north]"),
+        ("[turns, length]", "[turnz, length]"),
+        ("0.5}", "0}"),
+        ("planner:", "plan: 1\nplanner:"),
+    )
+    lines = faults(path)
+    assert [line.split(":")[0] for line in lines] == [
+        "line 7, model.differential_drive.radius",
+        "line 8, start.2",
+        "line 10, criteria.0",
+        "line 11, plan",
+        "line 13, planner.lattice",
+    ]
+
+
+def test_two_unknown_names_are_one_error_of_that_kind(tmp_path: Path) -> None:
+    assert len(faults(scenario(tmp_path, ("[turns, length]", "[turnz, lenght]")), UnknownName)) == 2
+
+
+def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+
+    @criterion("glare", group="P", unit="1", aggregate="sum")
+    @dataclass(frozen=True)
+    class Glare:
+        model_of_light: str = "lamp"
+        lamps: list[float] = field(default_factory=list)
+        table: np.ndarray | None = None
+
+        def cost(self, m: Motions) -> np.ndarray:
+            return np.zeros(len(m))
+
+    built = load_scenario(scenario(tmp_path, ("turns,", "{glare: {lamps: [1, 2.5]}},")))
+    assert built.problem.criteria[0] == Glare(lamps=[1.0, 2.5])
+    (message,) = faults(scenario(tmp_path, ("turns,", "{glare: {lamps: [1, x]}},")))
+    assert message.startswith("line 10, criteria.0.glare.lamps.1: expected a number, got 'x'")
