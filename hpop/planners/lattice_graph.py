@@ -102,9 +102,7 @@ class StateLattice:
         if self.collision.yaw_matters:
             rows, columns, heading = np.nonzero(~free)
             x, y = self.position(rows, columns)
-            free[rows, columns, heading] = self.collision.states_free(
-                States(x=x, y=y, yaw=self.headings.yaw[heading])
-            )
+            free[rows, columns, heading] = self.collision.states_free(States(x=x, y=y, yaw=self.headings.yaw[heading]))
         return free
 
     @cached_property

@@ -2,83 +2,101 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import ndimage
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
+from hpop.planners.grid import STEPS_8, steps_from
 
 if TYPE_CHECKING:
     from hpop.planners.lattice_graph import StateLattice
 
-EIGHT = np.ones((3, 3), dtype=bool)
+NEGLIGIBLE = 1e-9  # length of a wide link against that of a narrow one
 
 
 def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     """Say in words why no path leads from a state to any of the goals.
 
     Looks for the passage whose narrowest point leaves the robot most room, on the lattice's positions: room is the
-    clearance less the robot's reach, so a negative room is what the robot is too wide by.
+    clearance less the robot's reach, so a negative room is what the robot is too wide by. The path in a maximum
+    spanning tree of the room has the widest passage; where it is narrow, a path shows that is no longer narrow than it
+    need be.
     """
-    count = lattice.headings.count
-    rows, columns = (axis[np.array([start, *goals]) // count] for axis in lattice.cells)
-    room = _room(lattice)
-    begin, ends = (rows[0], columns[0]), (rows[1:], columns[1:])
+    count, columns = lattice.headings.count, lattice.shape[1]
+    cells = lattice.cells[0] * columns + lattice.cells[1]
+    begin, *ends = cells[np.array([start, *goals]) // count].tolist()
+    room = _room(lattice).ravel()
+    tails, heads = _links(lattice, room)
+    narrow = np.minimum(room[tails], room[heads])
 
-    def connected(least: float) -> bool:
-        parts, _ = ndimage.label(room >= least, structure=EIGHT)
-        return bool(parts[begin] > 0 and (parts[ends] == parts[begin]).any())
+    def graph(weight: FloatArray, kept: Any = slice(None)) -> csr_array:
+        return csr_array((weight[kept], (tails[kept], heads[kept])), shape=(room.size, room.size))
 
-    levels = np.unique(room[np.isfinite(room)])
-    low, high = -1, levels.size - 1  # connected at low (or nowhere), not above high
-    while low < high:
-        middle = (low + high + 1) // 2
-        low, high = (middle, high) if connected(levels[middle]) else (low, middle - 1)
-    if low < 0:
-        parts, _ = ndimage.label(np.isfinite(room), structure=EIGHT)
-        reached = parts == parts[begin]
-        r, c = np.nonzero(reached)
-        x, y = lattice.position(r, c)
+    tree = minimum_spanning_tree(graph(1.0 + narrow.max(initial=0.0) - narrow))
+    reached, before = breadth_first_order(tree, begin, directed=False)
+    widest, end = max(
+        ((room[_path(before, begin, end)].min(), end) for end in ends if end in reached), default=(0.0, -1)
+    )
+    if end < 0:
+        x, y = lattice.position(*np.divmod(reached.astype(np.int64), columns))
         return (
-            f"no path: a wall closes off the start, however small the robot; the part of the map that it can reach spans "
-            f"x {x.min():.2f} to {x.max():.2f} m, y {y.min():.2f} to {y.max():.2f} m"
+            f"no path: a wall closes off the start, however small the robot; the part of the map that it can reach "
+            f"spans x {x.min():.2f} to {x.max():.2f} m, y {y.min():.2f} to {y.max():.2f} m"
         )
-    widest = float(levels[low])
     if widest >= 0:
         return (
             "no path: positions are connected, but not by steps and turns of this lattice; take a smaller step, more "
             "headings, or allow corner cutting"
         )
-    x, y = _narrowest(lattice, room, begin, ends, widest)
+    wide = graph(np.where(narrow > widest, NEGLIGIBLE, 1.0), narrow >= widest)
+    _, onward = dijkstra(wide, directed=False, indices=begin, return_predecessors=True)
+    passage = _path(onward, begin, end)
+    x, y = lattice.position(*np.divmod(passage[np.argmin(room[passage])], columns))
     return (
         f"no path: the widest passage between start and goal is too narrow by about {-2 * widest:.2f} m, near "
-        f"({x:.2f}, {y:.2f}); take a smaller robot or open the passage (seen on the lattice, so within {lattice.step} m)"
+        f"({x:.2f}, {y:.2f}); take a smaller robot or open the passage (seen on the lattice, so within "
+        f"{lattice.step} m)"
     )
 
 
 def _room(lattice: StateLattice) -> FloatArray:
-    """Clearance less reach (rows, columns), m, at the tightest part of the robot; -inf where even a point collides."""
+    """Clearance less reach (rows, columns), m, at the tightest part of the robot; -inf where even a point collides.
+
+    A robot that is not round has room wherever it is free at some heading.
+    """
     rows, columns = np.indices(lattice.shape).reshape(2, -1)
     x, y = lattice.position(rows, columns)
     room = np.full(x.shape, np.inf)
     for part in lattice.model.parts:
         clearance = np.asarray(lattice.world.clearance(x, y, z=(part.z_min, part.z_max)))
         room = np.minimum(room, np.where(clearance > 0, clearance - part.reach, -np.inf))
-    return room.reshape(lattice.shape)
+    free = lattice.free.any(axis=2).ravel()
+    return np.where(free, np.maximum(room, 0.0), room).reshape(lattice.shape)
 
 
-def _narrowest(
-    lattice: StateLattice, room: FloatArray, begin: tuple[int, int], ends: tuple[np.ndarray, ...], widest: float
-) -> tuple[float, float]:
-    """Where the best passage is narrowest: a cell at that level which touches what is reached without it."""
-    parts, _ = ndimage.label(room > widest, structure=EIGHT)
-    ours = ndimage.binary_dilation((parts == parts[begin]) & (parts > 0), structure=EIGHT)
-    ours[begin] = True
-    level = room == widest
-    touching = level & ours if (level & ours).any() else level
-    goal_row, goal_column = int(ends[0][0]), int(ends[1][0])
-    rows, columns = np.nonzero(touching)
-    best = np.argmin(np.hypot(rows - goal_row, columns - goal_column))
-    x, y = lattice.position(rows[best : best + 1], columns[best : best + 1])
-    return float(x[0]), float(y[0])
+def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]:
+    """Neighbouring positions (row * columns + column) between which a point, or the robot itself, can move."""
+    possible = np.isfinite(room).reshape(lattice.shape)
+    ends = np.hstack([np.stack(steps_from(possible, step, corner_cutting=True)) for step in STEPS_8[:4]])
+    segments = (*lattice.position(ends[0], ends[1]), *lattice.position(ends[2], ends[3]))
+    free = np.ones(ends.shape[1], dtype=bool)
+    for z in {(part.z_min, part.z_max) for part in lattice.model.parts}:
+        free &= lattice.world.segments_free(*segments, margin=0.0, z=z)
+    columns = lattice.shape[1]
+    cells = lattice.cells[0] * columns + lattice.cells[1]
+    moves = cells[np.stack(lattice.moves) // lattice.headings.count]
+    points = ends[::2, free] * columns + ends[1::2, free]
+    tails, heads = np.unique(np.sort(np.hstack([points, moves]), axis=0), axis=1)
+    return tails, heads
+
+
+def _path(before: NDArray[np.integer[Any]], begin: int, end: int) -> list[int]:
+    """Positions from the end back to the beginning."""
+    path = [end]
+    while path[-1] != begin:
+        path.append(int(before[path[-1]]))
+    return path
