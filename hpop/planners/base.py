@@ -34,7 +34,8 @@ class Candidates:
     status        how the planner ended
     certificate   what is claimed, in words
     provenance    one JSON-able dict a trajectory
-    notes         what the user should know: a snapped goal, an objective that stands in for another, what blocks the way
+    notes         what the user should know: a snapped goal, an objective that stands in for another, what blocks the
+                  way
     stats         counts and seconds
     """
 
@@ -179,6 +180,13 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             )
         if stand_in not in optimised:
             optimised.append(stand_in)
+    names = [criterion.name for criterion in optimised]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise UnsupportedCriterion(
+            f"{planner_name} would minimise {', '.join(repeated)} twice, with different parameters: once as asked for, "
+            "once in the place of a mean. Give both the same parameters, or leave one out."
+        )
     return Objectives(tuple(optimised), tuple(notes), tuple(means))
 
 
@@ -187,7 +195,7 @@ def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
     largest = float(costs.max(initial=0.0)) / criterion.quantum
     if largest > 2**52:
         raise OptionError(
-            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of {criterion.quantum}; "
-            "declare a coarser quantum"
+            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of "
+            f"{criterion.quantum}; declare a coarser quantum"
         )
     return np.rint(costs / criterion.quantum).astype(np.int64)

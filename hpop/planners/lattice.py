@@ -12,6 +12,7 @@ import numpy as np
 from hpop.arrays import IntArray
 from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
+from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
@@ -38,10 +39,11 @@ class Lattice:
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search
 
-    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is represented by
-    its integral. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs rounded
-    to the criteria's quanta edge by edge; every float Pareto vector is covered within quantum times number of edges.
-    The lattice is anchored at the start; the goal is the nearest free position within step / sqrt(2).
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is represented
+    by its integral. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs
+    rounded to the criteria's quanta edge by edge; every float Pareto vector is covered within quantum times number of
+    edges. The lattice is anchored at the start; the goal is the nearest free position within step / sqrt(2) from which
+    the robot could go straight to where the goal was asked for.
     """
 
     step: float = 0.25
@@ -115,14 +117,24 @@ class Lattice:
         for i, j in corners:
             distance = self.step * math.hypot(i - row, j - column)
             ids = [lattice.state(i - lattice.first[0], j - lattice.first[1], h) for h in wanted]
-            ids = [one for one in ids if one >= 0]
+            ids = [one for one in ids if one >= 0 and self._joined(lattice, one, gx, gy)]
             if ids and distance <= self.step / math.sqrt(2) + 1e-9:
                 at = f"({x + j * self.step:.3f}, {y + i * self.step:.3f})"
                 note = f"the goal ({gx:.3f}, {gy:.3f}) was snapped to {at}, {distance:.3f} m away"
                 return start, ids, (note,) if distance > 1e-6 else ()
         reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
-        reason = reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m is free; take a smaller step"
+        reason = (
+            reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
+        )
         raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {reason}. Move it, or take a smaller robot.")
+
+    @staticmethod
+    def _joined(lattice: StateLattice, state: int, x: float, y: float) -> bool:
+        """Whether the robot could slide from a state straight to (x, y): a goal is not snapped through a wall."""
+        start = lattice.states(np.array([state]))
+        end = States(x=np.array([x]), y=np.array([y]), yaw=start.yaw)
+        law = lattice.model.laws["move"]
+        return bool(lattice.collision.motions_free(Motions(lattice.world, lattice.model, law, start, end))[0])
 
 
 def _candidates(
@@ -166,4 +178,3 @@ def _candidates(
             "search_seconds": stats.seconds_search,
         },
     )
-
