@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray
 from hpop.errors import MapError
+from hpop.world.content import Content
 from hpop.world.shapes import Obstacle, Raster, check_size, shown
 from hpop.world.world import Heights, World
 
@@ -24,9 +25,9 @@ READERS = ("ros_map", "movingai", "geojson", "image")
 
 def describe(world: World) -> dict[str, Any]:
     """Describe a world by the files it was read from, or else by its geometry; see `World.describe`."""
+    content = {"content": _lists(world.content.describe())} if world.content.present or world.content.zones else {}
     if world.source is not None:
-        source: dict[str, Any] = _lists(world.source)
-        return source
+        return {**_lists(world.source), **content}
     raster = world.raster
     return {
         "kind": "geometry",
@@ -36,6 +37,7 @@ def describe(world: World) -> dict[str, Any]:
         "extent": _geometry(world.extent),
         "outside_is_obstacle": world.outside_is_obstacle,
         "notes": list(world.notes),
+        **content,
     }
 
 
@@ -43,10 +45,10 @@ def build(description: Mapping[str, Any]) -> World:
     """Build the world that `describe` described, and trust none of it: it may come from anywhere."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
-        if kind == "geometry":
-            return _from_geometry(description)
-        if kind in READERS:
-            return _from_files(description, str(kind))
+        if kind == "geometry" or kind in READERS:
+            world = _from_geometry(description) if kind == "geometry" else _from_files(description, str(kind))
+            content = description.get("content")
+            return world if content is None else world.with_content(**vars(Content.build(content)))
     except MapError:
         raise
     except (

@@ -18,14 +18,10 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import Column, FloatArray, frozen
+from hpop.math import is_symbolic
 from hpop.world.shapes import rotate
 
 PAD = 2
-
-
-def is_symbolic(value: Any) -> bool:
-    """Whether a column holds CasADi symbols, found without importing CasADi."""
-    return type(value).__module__.startswith("casadi")
 
 
 @dataclass(frozen=True, eq=False)

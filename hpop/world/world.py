@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -15,7 +15,9 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
-from hpop.world.field import Field, is_symbolic
+from hpop.math import is_symbolic
+from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.field import Field
 from hpop.world.planar import FreeSpace
 from hpop.world.sampling import sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_heights, overlaps
@@ -58,6 +60,7 @@ class World:
     outside_is_obstacle  whether the camera counts all beyond the extent as obstacle (as high as the raster's
                          cells; the whole height without a raster)
     notes                what a reader left out or mended
+    content              people, landmarks and zones; see `with_content`
     source               how to build the same world again, see `describe`
 
     Values derived from these are computed when first needed, kept, and not pickled.
@@ -69,6 +72,7 @@ class World:
     extent: BaseGeometry = field(default_factory=MultiPolygon)
     outside_is_obstacle: bool = False
     notes: tuple[str, ...] = ()
+    content: Content = field(default_factory=Content)
     source: Mapping[str, Any] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -247,10 +251,10 @@ class World:
         return self._solid(self._active((z_min, z_max)))
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """`solid` and the keep-out zones: where the robot must not be, m. The extent bounds it besides."""
+        """`solid`, the keep-out zones and people who stand: where the robot must not be, m. The extent bounds it besides."""
         active = self._active((z_min, z_max))
         return self._cached(
-            ("blocked", active), lambda: shapely.union_all([self._solid(active), self.keep_out])
+            ("blocked", active), lambda: shapely.union_all([self._solid(active), self.keep_out, self.content.closed])
         )
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
@@ -289,7 +293,20 @@ class World:
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not self.keep_out.is_empty,
         }
-        return frozenset(name for name, is_present in present.items() if is_present)
+        return frozenset(name for name, is_present in present.items() if is_present) | self.content.present
+
+    def with_content(
+        self,
+        *,
+        people: Iterable[Person] = (),
+        groups: Iterable[Iterable[int]] = (),
+        landmarks: Iterable[Landmark] = (),
+        zones: Iterable[Zone] = (),
+    ) -> World:
+        """Return this world with people, conversations (places in ``people``), landmarks and zones in it."""
+        content = Content(tuple(people), tuple(tuple(g) for g in groups), tuple(landmarks), tuple(zones))
+        world = replace(self, content=content)
+        return world if self.source is None else world.read_from(self.source)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
