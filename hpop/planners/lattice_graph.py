@@ -85,8 +85,8 @@ class StateLattice:
 
     def position(self, rows: IntArray, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """World x, y (P,), m, of grid cells."""
-        x = self.anchor[0] + (columns + self.first[1]) * self.step
-        y = self.anchor[1] + (rows + self.first[0]) * self.step
+        x: FloatArray = self.anchor[0] + (columns + self.first[1]) * self.step
+        y: FloatArray = self.anchor[1] + (rows + self.first[0]) * self.step
         return x, y
 
     @cached_property
