@@ -165,7 +165,7 @@ def _solved(scenario: Scenario, out: Path) -> Front:
                     saved = True
                     raise
                 saved = True
-    except (HpopError, KeyboardInterrupt):
+    except (Exception, KeyboardInterrupt):
         if saved:
             click.echo(f"what was found before is saved in {out / SAVED}", err=True)
         raise

@@ -74,7 +74,9 @@ def test_a_scenario_builds_the_problem_that_it_says(tmp_path: Path) -> None:
 
 def test_model_and_planner_have_defaults_and_a_name_alone_will_do(tmp_path: Path) -> None:
     text = ROOM.replace("planner:\n  lattice: {step: 0.5}\n", "")
-    text = text.replace("model:\n  differential_drive: {radius: 0.2, camera_height: 1.2}\n", "model: differential_drive\n")
+    text = text.replace(
+        "model:\n  differential_drive: {radius: 0.2, camera_height: 1.2}\n", "model: differential_drive\n"
+    )
     built = load_scenario(scenario(tmp_path, text=text))
     assert built.problem.model.radius == 0.3
     assert [planner.name for planner in built.planners] == ["lattice"]
@@ -115,7 +117,8 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("goal:", "str:"), 9, "str", "no such key"),
         # missing keys and entries
         (("goal: [5.0, 1.0, any]\n", ""), 1, "goal", "missing"),
-        (("corners: [[2.5, 0], [3.5, 0], [3.5, 2.2], [2.5, 2.2]], ", ""), 5, "world.polygons.obstacles.0.corners", "missing"),
+        (("corners: [[2.5, 0], [3.5, 0], [3.5, 2.2], [2.5, 2.2]], ", ""), 5, "world.polygons.obstacles.0.corners",
+         "missing"),
         (("[1.0, 1.0, 0]", "[1.0, 1.0]"), 8, "start.2", "missing"),
         (("[1.0, 1.0, 0]", "[1.0, 1.0, 0, 0]"), 8, "start", "at most 3 entries, got 4"),
         (("[turns, length]", "[]"), 10, "criteria", "at least 1 entries, got 0"),
@@ -183,7 +186,9 @@ def test_what_the_parts_refuse_keeps_its_kind_and_gets_a_line(
     assert said in message
 
 
-@pytest.mark.parametrize("world", ["polygons: {}", "ros_map: {path: gone.yaml}", "movingai: {path: .}", "geojson: {path: ''}"])
+@pytest.mark.parametrize(
+    "world", ["polygons: {}", "ros_map: {path: gone.yaml}", "movingai: {path: .}", "geojson: {path: ''}"]
+)
 def test_a_world_that_cannot_be_read_is_a_map_error_with_its_line(tmp_path: Path, world: str) -> None:
     text = f"world:\n  {world}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
     (message,) = faults(scenario(tmp_path, text=text), MapError)
