@@ -85,9 +85,9 @@ class StateLattice:
 
     def position(self, rows: IntArray, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """World x, y (P,), m, of grid cells."""
-        x: FloatArray = self.anchor[0] + (columns + self.first[1]) * self.step
-        y: FloatArray = self.anchor[1] + (rows + self.first[0]) * self.step
-        return x, y
+        x = self.anchor[0] + (columns + self.first[1]) * self.step
+        y = self.anchor[1] + (rows + self.first[0]) * self.step
+        return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
 
     @cached_property
     def clear(self) -> BoolArray:
