@@ -71,6 +71,11 @@ class History:
         """Planned duration (M,) of each motion, s."""
         return self.trajectory.durations
 
+    @property
+    def t0(self) -> FloatArray:
+        """Planned start time (M,) of each motion, s."""
+        return self.trajectory.times[:-1]
+
     def of_motions(self, column: Callable[[Motions], Column]) -> FloatArray:
         """A column (M,) of the motions, asked of each batch under one law and put in time order."""
         values = np.zeros(len(self))

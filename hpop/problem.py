@@ -18,6 +18,7 @@ from hpop.motions import missing
 from hpop.planners.base import Candidates, Planner, make_planner
 from hpop.registry import make_model
 from hpop.status import Progress, ProgressCallback, Status
+from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -160,6 +161,10 @@ class Problem:
         """Cost of a trajectory in each criterion, by name."""
         values = trajectory_costs(self.criteria, [trajectory], self.world)[0]
         return dict(zip((c.name for c in self.criteria), values.tolist(), strict=True))
+
+    def trace(self, trajectory: Trajectory) -> Trace:
+        """Each criterion's rate and running value along a trajectory; see :class:`hpop.trace.Trace`."""
+        return trace(self.criteria, trajectory, self.world)
 
     def describe(self) -> dict[str, Any]:
         """JSON-able description from which :meth:`from_description` builds the same problem."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hpop.arrays import FloatArray
-from hpop.criteria.base import Criterion, motion_costs
 from hpop.problem import Problem
+from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.style import (
     COLOURS,
@@ -27,12 +26,8 @@ from hpop.view.style import (
     whole_ticks,
     written,
 )
-from hpop.world import World
 
-PIECE = 0.1  # s: motions at constant speed are drawn in pieces of about this duration
-MOST_PIECES = 4000
 SAMPLES = 3000  # of the speeds
-AGREES = 0.02  # a running value that ends farther off the cost, as a share of it, is drawn motion by motion
 PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
 TURN = "#e6e6e6"
 
@@ -57,10 +52,9 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     rows = len(problem.criteria) + 2
     figure = new_figure(7.2, 1.25 * rows + 1.3)
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    fine = _in_pieces(trajectory)
-    costs = problem.evaluate(trajectory)
-    for axes, criterion in zip(panels, problem.criteria, strict=False):
-        _draw_criterion(axes, criterion, (fine, trajectory), problem.world, costs[criterion.name])
+    trace = problem.trace(trajectory)
+    for column, axes in enumerate(panels[:-2]):
+        _draw_criterion(axes, trace, column)
     for axes, what, unit, column in (
         (panels[-2], "camera speed", "m/s", 0),
         (panels[-1], "camera yaw rate", "rad/s", 1),
@@ -88,25 +82,6 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     return figure
 
 
-def running(criterion: Criterion, trajectory: Trajectory, world: World) -> tuple[FloatArray, FloatArray]:
-    """Value (n,) of a criterion over the motions so far, at the end of each, and (n,) of each by itself.
-
-    By itself: its cost; of a time-mean, the mean over the motion.
-    """
-    costs = np.zeros(len(trajectory))
-    for place, motions in trajectory.batches(world):
-        costs[place] = motion_costs(criterion, motions)
-    duration = trajectory.durations
-    if criterion.aggregate == "time-mean":
-        total, elapsed = np.cumsum(costs), np.cumsum(duration)
-        return _ratio(total, elapsed), _ratio(costs, duration)
-    accumulate: dict[str, Callable[[FloatArray], FloatArray]] = {
-        "sum": np.cumsum,
-        "max": np.maximum.accumulate,
-    }
-    return accumulate.get(criterion.aggregate, np.copy)(costs), costs
-
-
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Speed (N,), m/s, and yaw rate (N,), rad/s, of the camera, rigidly mounted on the base."""
     states, (velocity, _) = trajectory.at(times), trajectory.rates(times)
@@ -115,35 +90,9 @@ def camera_rates(trajectory: Trajectory, times: FloatArray) -> tuple[FloatArray,
     return np.hypot(velocity.x - velocity.yaw * across, velocity.y + velocity.yaw * along), velocity.yaw
 
 
-def _ratio(total: FloatArray, duration: FloatArray) -> FloatArray:
-    return np.divide(total, duration, out=np.zeros_like(total), where=duration > 0)
-
-
-def _in_pieces(trajectory: Trajectory) -> Trajectory:
-    """Cut motions at constant speed into short ones, as a finer lattice would have them."""
-    if not len(trajectory):
-        return trajectory
-    steady = np.zeros(len(trajectory), dtype=bool)
-    for i, kind in enumerate(trajectory.kinds):
-        ends = trajectory.states.take(slice(i, i + 1)), trajectory.states.take(slice(i + 1, i + 2))
-        steady[i] = [phase.shape for phase in trajectory.model.laws[kind].phases(*ends)] == ["cruise"]
-    piece = max(PIECE, trajectory.duration / MOST_PIECES)
-    pieces = np.where(steady, np.maximum(1, np.ceil(trajectory.durations / piece)), 1).astype(int)
-    owner = np.repeat(np.arange(len(trajectory)), pieces)
-    within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
-    times = np.append(trajectory.times[owner] + within * trajectory.durations[owner], trajectory.duration)
-    return Trajectory(trajectory.model, trajectory.at(times), tuple(trajectory.kinds[i] for i in owner))
-
-
-def _draw_criterion(
-    axes: Axes, criterion: Criterion, versions: tuple[Trajectory, Trajectory], world: World, cost: float
-) -> None:
-    fine, whole = versions
-    values, alone = running(criterion, fine, world)
-    drawn = fine
-    if values.size and not np.isclose(values[-1], cost, rtol=AGREES, atol=0.5 * criterion.quantum):
-        drawn = whole
-        values, alone = running(criterion, whole, world)
+def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
+    criterion, cost = trace.criteria[column], float(trace.cost[column])
+    values, alone = trace.running[:, column], trace.rate[:, column]
     counts = criterion.unit == "1" and criterion.quantum == 1.0
     words = {"sum": "running total", "time-mean": "running mean", "max": "running worst"}
     text = words.get(criterion.aggregate, "running value")
@@ -152,10 +101,10 @@ def _draw_criterion(
     else:
         highest = alone.max(initial=0.0)
         values = np.concatenate([values[:1], values]) if values.size else np.zeros(1)
-        axes.stairs(alone, drawn.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
+        axes.stairs(alone, trace.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
         text = f"black: {text}, blue: at the time"
     axes.plot(
-        drawn.times,
+        trace.times,
         values,
         color="black",
         linewidth=1.6,
