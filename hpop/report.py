@@ -84,11 +84,11 @@ def print_front(
         say(f"note: {note}")
     if len(front):
         rows = shown_rows(front, MOST_ROWS)
-        console.print()
+        say("\nThe front: no trajectory is better in one cost and no worse in the others")
         _print_wide(console, _front_table(front, rows))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
-        console.print()
+        say("\nThe marked trajectories as planned and as executed (real speed ramps)")
         _print_wide(console, _executed_table(problem, front))
         console.print()
     for run in front.runs:
@@ -120,8 +120,8 @@ def _print_wide(console: Console, table: Table) -> None:
     console.width = width
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+def _table() -> Table:
+    return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
 def _header(name: str, unit: str) -> Text:
@@ -131,7 +131,7 @@ def _header(name: str, unit: str) -> Text:
 
 def _front_table(front: Front, rows: Sequence[int]) -> Table:
     names = marks(front)
-    table = _table("The front: no trajectory is better in one cost and no worse in the others")
+    table = _table()
     table.add_column("#", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
         table.add_column(_header(name, unit), justify="right", no_wrap=True)
@@ -168,7 +168,7 @@ def shown_rows(front: Front, most: int) -> list[int]:
 
 def _executed_table(problem: Problem, front: Front) -> Table:
     """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
-    table = _table("Planned and executed (real speed ramps) costs of the marked trajectories")
+    table = _table()
     table.add_column("#", justify="right")
     table.add_column("costs")
     for criterion in problem.criteria:

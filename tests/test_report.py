@@ -1,0 +1,163 @@
+"""What is printed: progress, a readable choice of a long front, planned beside executed costs."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+import hpop
+from hpop.problem import Problem
+from hpop.report import MOST_ROWS, described, marks, number, print_front, progress_bar, shown_rows
+from hpop.status import Progress
+from hpop.trajectory import Trajectory
+
+ROBOT = hpop.DifferentialDrive(radius=0.2)
+WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 5, 4))
+STAY = Trajectory.from_poses(ROBOT, [(1, 1, 0)])
+
+
+def front_of(costs: list[list[float]], names: tuple[str, ...] = ("turns", "length"), **more: object) -> hpop.Front:
+    """A front with these costs, of trajectories that stay where they are."""
+    declared = {"units": ["1" if n == "turns" else "m" for n in names], "quanta": [1e-6] * len(names)}
+    return hpop.Front.of(
+        costs, [STAY] * len(costs), names=names, status="complete", certificate="as given", **(declared | more)
+    )  # type: ignore[arg-type]
+
+
+def arc(n: int) -> hpop.Front:
+    """A front of n points on a quarter circle."""
+    angles = np.linspace(0, math.pi / 2, n)
+    return front_of(np.column_stack([1 - np.sin(angles), 1 - np.cos(angles)]).tolist())
+
+
+def printed(front: hpop.Front, width: int = 80, **more: object) -> str:
+    asked = Problem(WORLD, ROBOT, (1, 1, 0), (4, 1, 0), ["turns", "length"])
+    console = Console(file=io.StringIO(), width=width)
+    print_front(asked, front, console, **more)  # type: ignore[arg-type]
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def front_part(text: str) -> str:
+    return next(part for part in text.split("\n\n") if part.strip().startswith("The front"))
+
+
+def table_rows(text: str) -> list[list[str]]:
+    """Cells of the rows of the table of the front."""
+    lines = front_part(text).splitlines()
+    below = next(i for i, line in enumerate(lines) if set(line.strip()) == {"─"}) + 1
+    return [line.split() for line in lines[below:] if line.split()[0].isdigit() and " of " not in line]
+
+
+def test_a_short_front_is_shown_whole() -> None:
+    text = printed(arc(MOST_ROWS))
+    assert [row[0] for row in table_rows(text)] == [str(i) for i in range(MOST_ROWS)]
+    assert "trajectories shown" not in text
+
+
+def test_a_long_front_is_shown_by_a_choice_and_one_line_says_where_the_rest_is() -> None:
+    text = printed(arc(1000), saved=Path("here/front.json"))
+    assert len(table_rows(text)) == MOST_ROWS
+    assert "..." not in text
+    assert f"{MOST_ROWS} of 1,000 trajectories shown" in text
+    assert "here/front.json" in text
+
+
+def test_the_choice_is_spread_over_the_front() -> None:
+    """On an arc, no two neighbours shown are farther apart than the farthest-point rule allows: twice the optimum."""
+    front = arc(1000)
+    rows = shown_rows(front, MOST_ROWS)
+    apart = np.linalg.norm(np.diff(front.costs[rows], axis=0), axis=1)
+    assert apart.max() <= 2 * (math.pi / 2) / (MOST_ROWS - 1)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(*[st.integers(0, 9)] * 3), min_size=1, max_size=60), st.integers(1, 12))
+def test_marked_rows_are_always_shown_and_rows_are_in_order(points: list[tuple[int, ...]], most: int) -> None:
+    front = front_of([list(map(float, p)) for p in points], names=("a", "b", "c"))
+    rows = shown_rows(front, most)
+    assert rows == sorted(set(rows))
+    assert set(marks(front)) <= set(rows) or len(rows) == len(front)
+    assert len(rows) <= max(most, len(marks(front)))
+    assert len(rows) >= min(most, len(front))
+
+
+def test_the_knee_and_the_best_of_each_criterion_are_marked() -> None:
+    front = front_of([[0.0, 10.0], [1.0, 2.0], [5.0, 1.5], [9.0, 1.0]])
+    assert marks(front) == {0: ["least turns"], 1: ["knee"], 3: ["least length"]}
+    rows = table_rows(printed(front))
+    assert [row[3:] for row in rows] == [["least", "turns"], ["knee"], [], ["least", "length"]]
+
+
+def test_costs_are_shown_with_their_units() -> None:
+    text = printed(front_of([[3.0, 41.29117]], quanta=[1.0, 1e-6]))
+    assert table_rows(text)[0][:3] == ["0", "3", "41.291"]
+    head = front_part(text).split("─")[0]
+    assert "turns" in head
+    assert "(m)" in head
+    assert "(1)" not in head
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, 6])
+def test_no_mark_and_no_cost_is_cut_at_80_columns(k: int) -> None:
+    names = ("exposure", "turns", "length", "duration", "rotation", "clearance")[:k]
+    costs = (12345.678 + np.eye(k) * -1.5).tolist()
+    text = printed(front_of(costs, names=names))
+    assert "…" not in text
+    assert all(f"least {name}" in text for name in names)
+    assert text.count("12345.678") == k * (k - 1)
+    if k <= 4:
+        assert max(map(len, text.splitlines())) <= 80
+
+
+def test_planned_costs_stand_beside_executed_ones() -> None:
+    """4 m: planned at 1 m/s in 4 s, executed from rest to rest with 1 m/s² in 5 s."""
+    asked = Problem(WORLD, ROBOT, (0.5, 3, 0), (4.5, 3, 0), ["length", "duration"])
+    front = asked.solve(step=1.0)
+    console = Console(file=io.StringIO(), width=80)
+    print_front(asked, front, console)
+    rows = [line.split() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    assert [row[1:4] for row in rows if "planned" in row[1:2]] == [["planned", "4.000", "4.000"]]
+    assert [row for row in rows if "executed" in row[:1]] == [["executed", "4.000", "5.000"]]
+
+
+def test_an_empty_front_prints_its_notes_and_its_status() -> None:
+    text = printed(front_of([], runs=[{"notes": ["no path: a wall"], "planner": "lattice", "search_seconds": 1.5}]))
+    assert "note: no path: a wall" in text
+    assert "lattice: search 1.50 s" in text
+    assert "0 optimal trajectories; status: complete" in text
+
+
+def test_names_from_a_file_are_printed_as_they_are() -> None:
+    text = printed(front_of([[1.0]], names=("[/red]",), runs=[{"notes": ["[bold]"], "planner": "[/x]"}]))
+    assert "[/red]" in text
+    assert "note: [bold]" in text
+    assert "[/x]: " in text
+
+
+@pytest.mark.parametrize(
+    ("value", "quantum", "text"),
+    [(3.0, 1.0, "3"), (0.0, 1e-6, "0.000"), (41.29117, 1e-6, "41.291"), (0.01234567, 1e-6, "0.01235")],
+)
+def test_numbers_are_written_for_people(value: float, quantum: float, text: str) -> None:
+    assert number(value, quantum) == text
+
+
+def test_progress_says_stage_labels_front_and_memory() -> None:
+    said = described(Progress("search", labels=1_234_567, open=89, front=1012, memory=345_000_000))
+    for words in ("search", "1,234,567 labels", "89 open", "front 1,012", "345 MB"):
+        assert words in said
+    assert described(Progress("compiling")) == "compiling"
+
+
+def test_progress_is_silent_where_no_one_watches(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar() as progress:
+        progress(Progress("search", labels=5))
+    assert capsys.readouterr() == ("", "")

@@ -1,0 +1,175 @@
+"""Verification finds what is wrong with a front, and nothing in one that is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop import registry
+from hpop.criteria.base import criterion, trajectory_costs
+from hpop.motions import Motions
+from hpop.problem import Problem
+from hpop.trajectory import Trajectory
+from hpop.verify import collision_free, verify
+
+ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
+# A wall with a passage of 1 m at y in (2, 3); a shelf above the body but below the camera; a zone to keep out of.
+WORLD = hpop.World.from_polygons(
+    [shapely.box(2, 0, 3, 2), shapely.box(2, 3, 3, 5), (shapely.box(4, 4, 5, 5), (0.9, 1.0))],
+    extent=shapely.box(0, 0, 6, 5),
+    keep_out=shapely.box(5, 0, 6, 1),
+)
+START, GOAL = (1.0, 2.5, 0.0), (5.0, 2.5, 0.0)
+DETOUR = [START, (4.0, 2.5, 0.0), (4.0, 3.0, 0.0), (5.0, 3.0, 0.0), GOAL]
+
+
+def problem(**changes: object) -> Problem:
+    asked = {"world": WORLD, "model": ROBOT, "start": START, "goal": GOAL, "criteria": ["obstruction", "length"]}
+    return Problem(**(asked | changes))  # type: ignore[arg-type]
+
+
+def front_of(asked: Problem, *trajectories: Trajectory, off: float = 0.0, **changes: object) -> hpop.Front:
+    """A front that claims these trajectories, with costs that are off by as much as is told."""
+    costs = trajectory_costs(asked.criteria, trajectories, asked.world) + off
+    declared: dict[str, object] = {
+        "names": [c.name for c in asked.criteria],
+        "units": [c.unit for c in asked.criteria],
+        "groups": [c.group for c in asked.criteria],
+        "quanta": [c.quantum for c in asked.criteria],
+        "status": "complete",
+        "certificate": "as given",
+    }
+    return hpop.Front.of(costs, trajectories, **(declared | changes))  # type: ignore[arg-type]
+
+
+def path(*poses: tuple[float, float, float]) -> Trajectory:
+    return Trajectory.from_poses(ROBOT, list(poses))
+
+
+def shifted(trajectory: Trajectory, **by: float) -> Trajectory:
+    """The trajectory with some states changed by a constant."""
+    s = trajectory.states
+    columns = {name: getattr(s, name) + by.get(name, 0.0) for name in s.names}
+    return replace(trajectory, states=hpop.motions.States(**columns))
+
+
+def test_a_front_that_a_planner_found_has_no_fault() -> None:
+    asked = problem(criteria=["obstruction", "turns", "length"], goal=(4.6, 2.6, None))  # the goal is snapped
+    found = asked.solve(step=0.5)
+    assert len(found) > 0
+    assert verify(asked, found) == []
+
+
+def test_a_front_worked_out_by_hand_has_no_fault() -> None:
+    asked = problem(criteria=["length"])
+    assert verify(asked, front_of(asked, path(START, GOAL))) == []
+
+
+def test_a_yaw_of_three_decimals_is_on_its_heading() -> None:
+    asked = problem(start=(1.0, 1.0, 1.571), criteria=["length"])
+    found = asked.solve(step=0.5)
+    assert verify(asked, found) == []
+
+
+def test_an_empty_front_has_no_fault() -> None:
+    asked = problem()
+    assert verify(asked, front_of(asked)) == []
+
+
+@pytest.mark.parametrize("off", [1e-6, -0.25, 3.0])
+def test_a_wrong_cost_is_found(off: float) -> None:
+    asked = problem(criteria=["length"])
+    (fault,) = verify(asked, front_of(asked, path(START, GOAL), off=off))
+    assert fault == f"trajectory 0: length is saved as {4 + off:.9g}, re-evaluated 4"
+
+
+def test_a_wrong_reported_value_is_found() -> None:
+    asked = problem()
+    straight = path(START, GOAL)
+    front = front_of(
+        problem(criteria=["length"]), straight, reported=[[0.5]], reported_names=["obstruction"], reported_units=["1"]
+    )
+    (fault,) = verify(asked, front)
+    assert fault.startswith("trajectory 0: obstruction is saved as 0.5, re-evaluated ")
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "said"),
+    [
+        (path(START, (1.0, 1.0, 0.0), (5.0, 1.5, 0.0), GOAL), "trajectory 0 collides"),  # through the wall
+        (path(START, (1.5, 2.2, 0.0), (4.0, 2.2, 0.0), GOAL), "trajectory 0 collides"),  # 0.2 m beside it
+        (path(START, (4.5, 2.5, 0.0), (4.5, 4.2, 0.0), GOAL), "trajectory 0 collides"),  # the mast hits the shelf
+        (path(START, (4.0, 2.5, 0.0), (5.0, 0.8, 0.0), GOAL), "trajectory 0 collides"),  # through the zone
+        (path(START, (0.1, 2.5, 0.0), GOAL), "trajectory 0 collides"),  # over the border
+        (path(START, (-1.0, 2.5, 0.0), GOAL), "trajectory 0 leaves the map"),
+        (path((1.0, 2.4, 0.0), GOAL), "trajectory 0 does not begin at the start"),
+        (path((1.0, 2.5, 0.1), (1.0, 2.5, 0.0), GOAL), "trajectory 0 does not begin at the start"),
+        (path(*DETOUR[:-1], (4.6, 4.0, 0.0)), "trajectory 0 collides"),
+        (path(START, GOAL, (5.0, 2.5, 1.0)), "trajectory 0 does not end with the goal's heading"),
+        (path(START, (1.2, 2.5, 0.0), (1.4, 2.5, 0.0)), "trajectory 0 ends 3.600 m from the goal"),
+        (shifted(path(*DETOUR), yaw=0.4), "trajectory 0 does not go ahead in motion 0, a move"),
+        (shifted(path(START, GOAL), yaw=np.pi), "trajectory 0 does not go ahead in motion 0, a move"),
+        (shifted(path(START, GOAL), x=1e12), "trajectory 0 leaves the map"),
+        (shifted(path(START, GOAL), yaw=1e12), "trajectory 0 leaves the map"),
+    ],
+)  # fmt: skip
+def test_a_wrong_trajectory_is_found(trajectory: Trajectory, said: str) -> None:
+    asked = problem(criteria=["turns"])  # its cost does not depend on where the trajectory is
+    assert said in verify(asked, front_of(asked, trajectory))
+
+
+def test_the_camera_passes_over_a_shelf_only_if_the_mast_is_short() -> None:
+    beside = path((4.0, 2.5, 0.0), (4.5, 2.5, 0.0), (4.5, 4.5, np.pi / 2))
+    for height, free in ((1.2, False), (0.85, True)):
+        asked = problem(model=replace(ROBOT, camera_height=height, body_height=0.3))
+        moved = replace(beside, model=asked.model)
+        assert collision_free(asked, [moved]).tolist() == [free]
+
+
+def test_only_the_trajectories_that_collide_are_named() -> None:
+    asked = problem()
+    good, bad = path(START, GOAL), path(START, (2.5, 1.0, 0.0), GOAL)
+    assert collision_free(asked, [good, bad, good]).tolist() == [True, False, True]
+    assert collision_free(asked, []).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"units": ["km"]}, "length is saved in 'km', but its unit is 'm'"),
+        ({"groups": ["R"]}, "length is saved with group 'R'"),
+        ({"quanta": [0.5]}, "quantum 0.5"),
+        ({"names": ["lenght"]}, "costs of lenght are saved, which the problem does not ask for"),
+        ({"names": ["lenght"]}, "costs of length are not saved, which the problem asks for"),
+    ],
+)
+def test_wrong_declarations_are_found(changes: dict[str, object], said: str) -> None:
+    asked = problem(criteria=["length"])
+    faults = verify(asked, front_of(asked, path(START, GOAL), **changes))
+    assert any(said in fault for fault in faults)
+
+
+def test_criteria_with_memory_are_verified_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+
+    @criterion("elapsed", group="C", unit="s", aggregate="trajectory")
+    @dataclass(frozen=True)
+    class Elapsed:
+        def cost(self, m: Motions) -> np.ndarray:
+            return np.cumsum(m.duration)
+
+    asked = problem(criteria=[Elapsed(), "length"])
+    straight = path(START, GOAL)
+    assert verify(asked, front_of(asked, straight)) == []
+    assert len(verify(asked, front_of(asked, straight, off=0.1))) == 2
+
+
+@pytest.mark.parametrize("break_it", [lambda x: x * (1 + 1e-12), lambda x: x + 1e-10])
+def test_the_order_of_a_sum_is_no_fault(break_it: Callable[[float], float]) -> None:
+    asked = problem(criteria=["length"])
+    assert verify(asked, front_of(asked, path(START, GOAL), off=break_it(4.0) - 4.0)) == []
