@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
@@ -89,8 +89,8 @@ def show(folder: Path) -> None:
     from hpop.problem import Problem
     from hpop.verify import verify
 
-    path = folder / SAVED if folder.is_dir() else folder
-    with _output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+    with _output_errors(f"cannot read {folder}", "give the folder that `hpop plan` wrote"):
+        path = folder / SAVED if folder.is_dir() else folder
         front = Front.load(path)
     problem = Problem.from_description(front.problem or {})
     faults = verify(problem, front)
@@ -174,18 +174,27 @@ def _solved(scenario: Scenario, out: Path) -> Front:
 
 def _check_writable(out: Path) -> None:
     """Make sure that results can be written, before hours are spent on finding them; nothing is left behind."""
-    there = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     with _output_errors(f"cannot write to {out}", "choose another --out"):
+        there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
         TemporaryFile(dir=there).close()
 
 
 def _save(front: Front, out: Path) -> None:
-    """Write the front; pictures of an earlier one would contradict it."""
-    with _output_errors(f"cannot write to {out}", "choose another --out"):
-        out.mkdir(parents=True, exist_ok=True)
-        front.save(out / SAVED)
-        for name in PICTURES:
-            (out / name).unlink(missing_ok=True)
+    """Write the front, elsewhere if need be; pictures of an earlier one would contradict it."""
+    try:
+        with _output_errors(f"cannot write to {out}", "choose another --out"):
+            out.mkdir(parents=True, exist_ok=True)
+            front.save(out / SAVED)
+            for name in PICTURES:
+                (out / name).unlink(missing_ok=True)
+    except OutputError as error:
+        rescue = Path(mkdtemp(prefix="hpop-"))
+        try:
+            front.save(rescue / SAVED)
+        except (OSError, ValueError):
+            rescue.rmdir()
+            raise error from None
+        raise OutputError(f"{error}; the front is saved in {rescue / SAVED}") from None
 
 
 def _draw(problem: Problem, front: Front, out: Path) -> list[str]:

@@ -9,10 +9,12 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -237,7 +239,8 @@ def test_an_output_folder_that_cannot_be_written_is_found_before_planning(
     room: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Problem, "fronts", lambda *a, **k: pytest.fail("planned before looking"))
-    for out in (room / "map.pgm", room / "map.pgm" / "below", Path("/proc/hpop/out")):
+    (room / "dangling").symlink_to(room / "gone")
+    for out in (room / "dangling", room / "map.pgm", room / "map.pgm" / "below", Path("/proc/hpop/out")):
         refused(run("plan", room / "room.yaml", "--out", out), 12, "cannot write to", "choose another --out")
 
 
@@ -247,8 +250,29 @@ def test_a_disk_that_is_full_is_said_and_leaves_no_half_a_front(room: Path, monk
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(tempfile, "tempdir", str(room))
     refused(plan(room), 12, "No space left on device")
     assert list((room / "out").iterdir()) == []
+    assert not list(room.glob("hpop-*"))
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_front_that_cannot_be_saved_where_it_should_is_saved_elsewhere(
+    room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(room))
+    fronts = Problem.fronts
+
+    def then_in_the_way(self: Problem, *arguments: Any, **options: Any) -> Iterator[Front]:
+        for front in fronts(self, *arguments, **options):
+            (room / "out").touch()
+            yield front
+
+    monkeypatch.setattr(Problem, "fronts", then_in_the_way)
+    result = plan(room)
+    (rescued,) = room.glob("hpop-*/front.json")
+    refused(result, 12, "cannot write to", f"the front is saved in {rescued}")
+    assert len(Front.load(rescued)) > 0
 
 
 def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(

@@ -243,3 +243,19 @@ def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
     assert built.problem.criteria[0] == Glare(lamps=[1.0, 2.5])
     (message,) = faults(scenario(tmp_path, ("turns,", "{glare: {lamps: [1, x]}},")))
     assert message.startswith("line 10, criteria.0.glare.lamps.1: expected a number, got 'x'")
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (("turns,", "{turns: 3},"), "line 10, criteria.0.turns"),
+        (("{step: 0.5}", "[step, 0.5]"), "line 12, planner.lattice"),
+        (("  lattice: {step: 0.5}", "  - lattice: 3\n  - 4"), "line 12, planner.0.lattice"),
+    ],
+)
+def test_a_fault_inside_a_choice_is_not_said_again_for_each_other_branch(
+    tmp_path: Path, change: tuple[str, str], place: str
+) -> None:
+    lines = faults(scenario(tmp_path, change))
+    assert lines[0].split(":")[0] == place
+    assert [line.split(":")[0] for line in lines[1:]] == (["line 13, planner.1"] if "- 4" in change[1] else [])
