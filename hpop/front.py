@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from hpop import frontier
+from hpop.arrays import FloatArray
 from hpop.frontier import FrontFileError
-from hpop.registry import make_model
+from hpop.registry import GROUPS, make_model
 from hpop.trajectory import Trajectory
 
 
@@ -27,6 +28,20 @@ class Front(frontier.Front[Trajectory]):
         """What the user should know of the runs: a snapped goal, a stand-in objective, what blocks the way."""
         several = (run.get("notes") for run in self.runs)
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
+
+    @property
+    def inactive(self) -> tuple[str, ...]:
+        """Criteria whose cost is the same all over the front, so that they decide nothing; none of a single point."""
+        if len(self) < 2:
+            return ()
+        same = (self.integers == self.integers[0]).all(axis=0)
+        return tuple(name for name, constant in zip(self.names, same, strict=True) if constant)
+
+    def by_group(self) -> dict[str, dict[str, FloatArray]]:
+        """Costs (n,) by group and criterion: performance P, comfort C, robot R, others O; a group may be empty."""
+        columns = dict(zip(self.names, self.costs.T, strict=True))
+        group_of = dict(zip(self.names, self.groups, strict=True))
+        return {group: {name: columns[name] for name in self.names if group_of[name] == group} for group in GROUPS}
 
     def save(
         self,

@@ -1,8 +1,8 @@
 """A whole trajectory in time order, as criteria with memory see it.
 
 Sickness builds up and decays, a landmark is seen once or never, a curve changes its sign: such a criterion declares
-``aggregate="trajectory"`` and its ``cost(m)`` gets a :class:`History` instead of a batch of motions under one law. It returns
-the running value (M,) at the end of each motion, and the last one is the cost.
+``aggregate="trajectory"`` and its ``cost(m)`` gets a :class:`History` instead of a batch of motions under one law. It
+returns the running value (M,) at the end of each motion, and the last one is the cost.
 """
 
 from __future__ import annotations

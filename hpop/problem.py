@@ -16,7 +16,7 @@ from hpop.frontier.front import JOINT
 from hpop.models import DifferentialDrive
 from hpop.motions import missing
 from hpop.planners.base import Candidates, Planner, make_planner
-from hpop.registry import make_model
+from hpop.registry import GROUPS, make_model
 from hpop.status import Progress, ProgressCallback, Status
 from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
@@ -129,11 +129,12 @@ class Problem:
         Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the
         planner added up by more than the planner's tolerance, the certificate says so: that is a bug.
         """
-        objectives = candidates.objectives
+        objectives = (*candidates.objectives, *candidates.filters)
         means = [c for c in self.criteria if c not in objectives]
         costs = trajectory_costs(objectives, candidates.trajectories, self.world)
         reported = trajectory_costs(means, candidates.trajectories, self.world)
-        off = np.abs(costs - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(costs)
+        optimised = costs[:, : len(candidates.objectives)]
+        off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
         certificate = candidates.certificate
         if off.any():
             names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
@@ -154,8 +155,13 @@ class Problem:
             certificate=certificate,
             provenance=candidates.provenance,
             problem=self.describe(),
-            runs=[{"notes": list(candidates.notes), **candidates.stats}],
+            runs=[{"notes": [*candidates.notes, *self._coverage()], **candidates.stats}],
         )
+
+    def _coverage(self) -> list[str]:
+        """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
+        empty = [f"{group} ({name})" for group, name in GROUPS.items() if all(c.group != group for c in self.criteria)]
+        return [f"no criterion of group {', '.join(empty)} is asked for"] if empty else []
 
     def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
         """Cost of a trajectory in each criterion, by name."""

@@ -18,6 +18,9 @@ from typing import Any
 
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, unknown_name
 
+# The paper's groups of criteria, so that no aspect is forgotten (Becerra et al. 2020).
+GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
+
 
 class Registry(Mapping[str, type]):
     """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.

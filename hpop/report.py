@@ -22,10 +22,10 @@ from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import Point
 from hpop.problem import Problem
+from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
 
 MOST_ROWS = 20
-GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
 @contextmanager
@@ -80,7 +80,8 @@ def print_front(
     def say(line: str) -> None:
         console.print(line, highlight=False, markup=False)
 
-    for note in (*problem.world.notes, *front.notes):
+    decides = [f"{name} is the same for every trajectory and decides nothing here" for name in front.inactive]
+    for note in (*problem.world.notes, *front.notes, *decides):
         say(f"note: {note}")
     if len(front):
         rows = shown_rows(front, MOST_ROWS)

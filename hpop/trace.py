@@ -29,8 +29,8 @@ class Trace:
     criteria    k
     cost        (k,)    value on the whole trajectory
     running     (n, k)  value over everything up to the end of each piece: total, mean, worst, or value with memory
-    rate        (n, k)  sum: cost a second in the piece (of an instantaneous piece, 0); time-mean: mean over the piece; max:
-                        worst in the piece; with memory: growth of the running value a second
+    rate        (n, k)  sum: cost a second in the piece (of an instantaneous piece, 0); time-mean: mean over the piece;
+                        max: worst in the piece; with memory: growth of the running value a second
     """
 
     trajectory: Trajectory
@@ -58,7 +58,7 @@ class Trace:
 def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> Trace:
     """Trace criteria along a trajectory under the planning law.
 
-    Where a criterion counts motions (turns), so that pieces of a motion would not add up to it, its cost is spread over the
+    Where a criterion counts motions, so that pieces of a motion would not add up to it, its cost is spread over the
     pieces of the motion in proportion to their duration.
     """
     fine = in_pieces(trajectory)

@@ -150,7 +150,9 @@ def test_a_front_keeps_what_is_not_dominated_and_says_who_found_it() -> None:
     assert front.costs.tolist() == [[4.0, 7.0]]
     assert front.provenance == ({"i": 1},)
     assert front.certificate == "as given"
-    assert front.runs == ({"notes": [], "planner": "fixed"},)
+    (run,) = front.runs
+    assert run["planner"] == "fixed"
+    assert run["notes"] == ["no criterion of group P (performance), R (robot), O (others) is asked for"]
 
 
 @pytest.mark.parametrize(("off", "tolerance", "valid"), [(0.0, 0.0, True), (0.01, 0.02, True), (0.01, 0.005, False)])

@@ -84,8 +84,8 @@ class DifferentialDrive:
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
 
-    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour (see FACTS in the
-    docs of the criteria); turns are fast on purpose, since faster fixed rotations shorten the sensory conflict.
+    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour; turns are fast on
+    purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al. 2019).
     """
 
     radius: float = 0.3

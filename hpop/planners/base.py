@@ -28,6 +28,7 @@ class Candidates:
     """What a planner found.
 
     objectives    the criteria that it optimised, in the order of the columns of ``planned``
+    filters       further criteria that it could not optimise, but by which the front shall be filtered
     trajectories  n of them
     planned       (n, k) costs as the planner added them up, in the criteria's units
     tolerance     (n, k) by how much a re-evaluated cost may differ from the planned one
@@ -48,6 +49,7 @@ class Candidates:
     provenance: tuple[dict[str, Any], ...]
     notes: tuple[str, ...] = ()
     stats: Mapping[str, Any] = field(default_factory=dict)
+    filters: tuple[Criterion, ...] = ()
 
 
 class Planner(Protocol):
@@ -138,38 +140,49 @@ class Objectives:
     """What a planner whose costs add up along edges makes of the criteria asked for.
 
     optimised  criteria that add up or take the worst edge; the integral stands in for each time-mean
-    notes      one line for each stand-in
+    means      the time-means that are only reported
+    filters    criteria with memory: evaluated on the trajectories found, which are filtered by them
+    notes      one line for each that is not optimised
     """
 
     optimised: tuple[Criterion, ...]
-    notes: tuple[str, ...]
     means: tuple[Criterion, ...]
+    filters: tuple[Criterion, ...]
+    notes: tuple[str, ...]
 
     @property
     def certificate(self) -> str:
-        """What may be claimed for the means, FACTS section 2: an exposure optimum need not be a mean optimum.
+        """What may be claimed for criteria that were not optimised.
 
-        With the duration among the minimised costs, a trajectory that is better in the mean and no worse in the rest
-        would also be better in the integral, so every trajectory found is optimal for the mean as well.
+        An optimum of the integral need not be one of the mean. With the duration among the minimised costs it is: what
+        is better in the mean and no worse in the rest would also be better in the integral.
         """
-        if not self.means:
-            return ""
-        names = ", ".join(mean.name for mean in self.means)
-        timed = any(c.name == "duration" for c in self.optimised)
-        optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
-        return f"; {names} reported, not optimised{optimal}"
+        parts = []
+        if self.means:
+            timed = any(c.name == "duration" for c in self.optimised)
+            optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
+            parts.append(f"; {', '.join(mean.name for mean in self.means)} reported, not optimised{optimal}")
+        if self.filters:
+            names = ", ".join(c.name for c in self.filters)
+            parts.append(f"; {names} evaluated on these trajectories, not searched for: others may be better in them")
+        return "".join(parts)
 
 
 def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """Split criteria into what adds up along edges and the means that are only reported."""
+    """Split criteria into what adds up along edges, the means, and those with memory.
+
+    Raises UnsupportedCriterion when nothing is left to optimise, or one cost would be minimised twice.
+    """
     optimised: list[Criterion] = []
-    means, notes = [], []
+    means, filters, notes = [], [], []
     for criterion in criteria:
         if criterion.aggregate == "trajectory":
-            raise UnsupportedCriterion(
-                f"{planner_name} needs criteria that add up along edges; {criterion.name!r} has memory "
-                "(aggregate 'trajectory'). Leave it out and evaluate it on the front's trajectories."
+            filters.append(criterion)
+            notes.append(
+                f"{criterion.name} has memory and does not add up: it is evaluated on the trajectories that are optimal "
+                "in the other criteria"
             )
+            continue
         stand_in = criterion
         if criterion.aggregate == "time-mean":
             stand_in = getattr(criterion, "integral", None) or cast(Criterion, Integral(criterion))
@@ -180,6 +193,11 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             )
         if stand_in not in optimised:
             optimised.append(stand_in)
+    if not optimised:
+        raise UnsupportedCriterion(
+            f"{planner_name} needs a criterion that adds up along edges; {', '.join(c.name for c in filters)} have memory "
+            "(aggregate 'trajectory'). Add one, such as 'length'."
+        )
     names = [criterion.name for criterion in optimised]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -187,7 +205,7 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             f"{planner_name} would minimise {', '.join(repeated)} twice, with different parameters: once as asked for, "
             "once in the place of a mean. Give both the same parameters, or leave one out."
         )
-    return Objectives(tuple(optimised), tuple(notes), tuple(means))
+    return Objectives(tuple(optimised), tuple(means), tuple(filters), tuple(notes))
 
 
 def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:

@@ -40,7 +40,7 @@ class Lattice:
     max_memory      bytes  allocated by the search
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is represented
-    by its integral. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs
+    by its integral, and criteria with memory only filter what was found. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs
     rounded to the criteria's quanta edge by edge; every float Pareto vector is covered within quantum times number of
     edges. The lattice is anchored at the start; the goal is the nearest free position within step / sqrt(2) from which
     the robot could go straight to where the goal was asked for.
@@ -62,8 +62,8 @@ class Lattice:
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice.
 
-        Raises QueryError when start or goal is blocked, off the map or off the headings, UnsupportedCriterion for a
-        criterion with memory, CriterionError for a cost that is negative or not finite.
+        Raises QueryError when start or goal is blocked, off the map or off the headings, UnsupportedCriterion when no
+        criterion adds up along edges, CriterionError for a cost that is negative or not finite.
         """
         objectives = edge_objectives(problem.criteria, "lattice")
         if len(objectives.optimised) > MAX_COSTS:
@@ -165,6 +165,7 @@ def _candidates(
         certificate=f"lattice: {claim}{objectives.certificate}",
         provenance=tuple({"planner": "lattice", "edges": int(n.size - 1)} for n in nodes),
         notes=notes,
+        filters=objectives.filters,
         stats={
             "planner": "lattice",
             "states": lattice.size,

@@ -396,9 +396,9 @@ class Negative(Fatigue):
         return -m.base.length
 
 
-def test_a_criterion_with_memory_is_refused_by_name():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), ["length", Fatigue()])
-    with pytest.raises(UnsupportedCriterion, match="'fatigue' has memory"):
+def test_criteria_with_memory_alone_are_refused_by_name():
+    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), [Fatigue()])
+    with pytest.raises(UnsupportedCriterion, match="fatigue have memory"):
         solve(problem, step=0.5)
 
 
