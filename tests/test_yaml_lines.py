@@ -65,9 +65,7 @@ def test_a_missing_key_is_placed_at_the_nearest_one_above_it(tmp_path: Path) -> 
         ("a: 1\nb: 2020-13-45\n", 2, "timestamp"),
     ],
 )
-def test_what_is_not_plain_is_refused_with_file_and_line_once(
-    tmp_path: Path, text: str, line: int, said: str
-) -> None:
+def test_what_is_not_plain_is_refused_with_file_and_line_once(tmp_path: Path, text: str, line: int, said: str) -> None:
     message = refusal(tmp_path, text)
     assert message.startswith(f"{tmp_path / 'scenario.yaml'}, line {line}: ")
     assert said in message
