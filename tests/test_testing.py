@@ -1,0 +1,289 @@
+"""Conformance checks: every criterion that comes with hpop passes, and each kind of mistake fails the right check."""
+
+import itertools
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from hpop.criteria import make_criterion
+from hpop.errors import CriterionError
+from hpop.models import DifferentialDrive
+from hpop.registry import criteria
+from hpop.testing import check_criterion, conformance, random_motions, random_world
+
+PICKLE = "survives pickling"
+FINITE = "costs a finite number >= 0 for each motion"
+AGAIN = "gives the same costs when asked again"
+EDGES = "costs the same on a trajectory as on its edges"
+ALONE = "costs a motion the same alone and in a batch"
+HALVES = "costs halves of a move as much as the whole"
+SYMBOLS = "has the same value on CasADi symbols"
+GRADIENT = "has the gradient of its differences"
+
+
+@dataclass(frozen=True)
+class Base:
+    """What a criterion declares, without a place in the registry."""
+
+    name: ClassVar[str] = "wrong"
+    group: ClassVar[str] = "R"
+    unit: ClassVar[str] = "m"
+    aggregate: ClassVar[str] = "sum"
+    requires: ClassVar[tuple[str, ...]] = ()
+    smooth: ClassVar[bool] = False
+    quantum: ClassVar[float] = 1e-6
+
+
+@dataclass(frozen=True)
+class Negative(Base):
+    def cost(self, m):
+        return -m.base.length - 1.0
+
+
+@dataclass(frozen=True)
+class NotANumber(Base):
+    def cost(self, m):
+        return np.full(len(m), np.nan)
+
+
+@dataclass(frozen=True)
+class Infinite(Base):
+    def cost(self, m):
+        return np.full(len(m), np.inf)
+
+
+@dataclass(frozen=True)
+class OneForAll(Base):
+    def cost(self, m):
+        return m.base.length.sum()
+
+
+@dataclass(frozen=True)
+class Columns(Base):
+    def cost(self, m):
+        return np.stack([m.base.length, m.base.turned], axis=1)
+
+
+@dataclass(frozen=True)
+class Words(Base):
+    def cost(self, m):
+        return np.full(len(m), "long")
+
+
+@dataclass(frozen=True)
+class Failing(Base):
+    def cost(self, m):
+        return m.base.lenght
+
+
+CALLS = itertools.count()
+
+
+@dataclass(frozen=True)
+class Moody(Base):
+    def cost(self, m):
+        return m.base.length * (1.0 + next(CALLS))
+
+
+@dataclass(frozen=True)
+class Unpicklable(Base):
+    weight: Any = None
+
+    def cost(self, m):
+        return m.base.length
+
+
+@dataclass(frozen=True)
+class Relative(Base):
+    """Cross-talk: what a motion costs depends on the others of its batch."""
+
+    def cost(self, m):
+        return m.base.length / m.base.length.max() if m.kind == "move" else m.base.turned
+
+
+@dataclass(frozen=True)
+class Timed(Base):
+    def cost(self, m):
+        return m.integrate(lambda s: s.t)
+
+
+@dataclass(frozen=True)
+class Flat(Base):
+    """The same for a long and a short move, so that halves cost twice as much."""
+
+    price: float = 1.0
+
+    def cost(self, m):
+        return np.full(len(m), self.price)
+
+
+@dataclass(frozen=True)
+class Square(Base):
+    scale: float = 1.0
+
+    def cost(self, m):
+        return self.scale * m.base.length**2
+
+
+@dataclass(frozen=True)
+class Grown(Base):
+    """Declared a maximum, but it adds up."""
+
+    aggregate: ClassVar[str] = "max"
+
+    def cost(self, m):
+        return m.base.length
+
+
+@dataclass(frozen=True)
+class NumbersOnly(Base):
+    smooth: ClassVar[bool] = True
+
+    def cost(self, m):
+        return np.array([float(length) for length in m.base.length])
+
+
+@dataclass(frozen=True)
+class OtherOnSymbols(Base):
+    smooth: ClassVar[bool] = True
+
+    def cost(self, m):
+        return 2.0 * m.base.length if type(m.start.x).__module__.startswith("casadi") else m.base.length
+
+
+@dataclass(frozen=True)
+class Kinked(Base):
+    """Right in value, but its gradient is 0/0 where nothing moves."""
+
+    smooth: ClassVar[bool] = True
+
+    def cost(self, m):
+        return np.sqrt((m.end.x - m.start.x) ** 2 + (m.end.y - m.start.y) ** 2)
+
+
+@dataclass(frozen=True)
+class Tiny(Base):
+    """A good criterion in an unusual unit: all its costs are below 1e-6."""
+
+    smooth: ClassVar[bool] = True
+
+    def cost(self, m):
+        return 1e-7 * m.base.length
+
+
+@dataclass(frozen=True)
+class Memory(Base):
+    """A criterion with memory sees the whole history of a trajectory."""
+
+    aggregate: ClassVar[str] = "trajectory"
+
+    def cost(self, m):
+        return np.cumsum(m.of_motions(lambda motions: motions.base.length))
+
+
+@dataclass(frozen=True)
+class NegativeMemory(Memory):
+    def cost(self, m):
+        return -np.cumsum(m.duration)
+
+
+@dataclass(frozen=True)
+class MoodyMemory(Memory):
+    def cost(self, m):
+        return m.duration + next(CALLS)
+
+
+WRONG = [
+    (Negative(), FINITE, "0 or more|>= 0"),
+    (NotANumber(), FINITE, "nan"),
+    (Infinite(), FINITE, "inf"),
+    (OneForAll(), FINITE, "shape"),
+    (Columns(), FINITE, "shape"),
+    (Words(), FINITE, "numbers"),
+    (Failing(), FINITE, "AttributeError: .*lenght"),
+    (Moody(), AGAIN, "the second time"),
+    (NegativeMemory(), FINITE, "'trajectory' motions cost -"),
+    (MoodyMemory(), AGAIN, "the second time"),
+    (Unpicklable(lambda: 1.0), PICKLE, "pickle|lambda"),
+    (Relative(), ALONE, "a move alone"),
+    (Timed(), EDGES, "no time"),
+    (Flat(), HALVES, "in two halves"),
+    (Flat(1e-5), HALVES, "in two halves"),
+    (Square(), HALVES, "in two halves"),
+    (Square(1e-4), HALVES, "in two halves"),
+    (Grown(), HALVES, "in two halves"),
+    (NumbersOnly(), SYMBOLS, "Error"),
+    (OtherOnSymbols(), SYMBOLS, "on symbols"),
+    (Kinked(), GRADIENT, "d cost/d state"),
+]
+
+
+@pytest.mark.parametrize(("criterion", "claim", "text"), WRONG, ids=lambda value: type(value).__name__)
+def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
+    faults = {check.claim: check.fault for check in conformance(criterion)}
+    assert faults[claim]
+    with pytest.raises(CriterionError, match=text) as raised:
+        check_criterion(criterion)
+    assert f"criterion 'wrong' fails {sum(map(bool, faults.values()))} checks" in str(raised.value)
+    assert f"{claim}: {faults[claim]}" in str(raised.value) or claim == AGAIN
+
+
+@pytest.mark.parametrize(
+    ("criterion", "claim"),
+    [(Relative(), ALONE), (Flat(), HALVES), (Square(), HALVES), (OtherOnSymbols(), SYMBOLS), (Kinked(), GRADIENT)],
+    ids=lambda value: type(value).__name__,
+)
+def test_one_mistake_fails_one_check_where_it_can(criterion, claim):
+    failed = {check.claim for check in conformance(criterion) if check.fault}
+    assert claim in failed
+    assert failed <= {claim, HALVES, GRADIENT}
+
+
+@pytest.mark.parametrize("name", ["clearance", "duration", "exposure", "length", "obstruction", "rotation", "turns"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_every_criterion_that_comes_with_hpop_passes(name, seed):
+    check_criterion(make_criterion(name), seed=seed)
+
+
+def test_no_registered_criterion_of_hpop_is_left_out():
+    at_home = {name for name, cls in criteria.items() if cls.__module__.startswith("hpop.")}
+    for name in at_home:
+        check_criterion(make_criterion(name))
+
+
+def test_a_good_criterion_in_an_unusual_unit_passes():
+    check_criterion(Tiny())
+
+
+def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
+    claims = [check.claim for check in conformance(make_criterion("turns"))]
+    assert claims == [PICKLE, FINITE, AGAIN, EDGES, ALONE, HALVES]
+    assert [check.claim for check in conformance(make_criterion("length"))] == [*claims, SYMBOLS, GRADIENT]
+    assert [check.claim for check in conformance(Memory())] == [PICKLE, FINITE, AGAIN]
+    check_criterion(Memory())
+
+
+@pytest.mark.parametrize("kind", ["move", "turn"])
+@pytest.mark.parametrize("size", [1, 40])
+def test_random_motions_are_what_they_say(kind, size):
+    rng = np.random.default_rng(3)
+    world = random_world(rng)
+    model = DifferentialDrive()
+    m = random_motions(rng, world, model, kind, size)
+    assert len(m) == size
+    assert (world.clearance(m.start.x, m.start.y) > 0.5).all()
+    if kind == "move":
+        ahead = np.arctan2(m.end.y - m.start.y, m.end.x - m.start.x)
+        assert np.cos(ahead - m.start.yaw) == pytest.approx(1.0)
+        assert (m.end.yaw == m.start.yaw).all()
+    else:
+        assert (m.end.x == m.start.x).all()
+        assert (m.base.turned >= 0.2).all()
+        assert (m.base.turned < np.pi).all()
+
+
+def test_the_same_seed_draws_the_same_world():
+    one, other = (random_world(np.random.default_rng(5)) for _ in range(2))
+    assert [o.polygon.wkb for o in one.obstacles] == [o.polygon.wkb for o in other.obstacles]
