@@ -94,8 +94,8 @@ def criterion(
             "name must be a non-empty word": bool(name) and not name.isspace(),
             f"group must be one of {get_args(Group)}, got {group!r}": group in get_args(Group),
             "unit must be given; use '1' for a count or a share": bool(unit),
-            f"aggregate must be one of {get_args(Aggregate)}, got {aggregate!r}": aggregate
-            in get_args(Aggregate),
+            f"aggregate must be one of {get_args(Aggregate)}, got {aggregate!r}": aggregate in get_args(Aggregate),
+            f"requires must be a tuple of names, such as ('camera',), got {requires!r}": isinstance(requires, tuple),
             f"quantum must be a positive number, got {quantum!r}": 0 < quantum < np.inf,
             "the class must be a dataclass; put @dataclass(frozen=True) below @criterion": dataclasses.is_dataclass(
                 cls
@@ -177,7 +177,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
             f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
             f"for {kind!r} motions; it returned shape {costs.shape}"
         )
-    if not (np.issubdtype(costs.dtype, np.number) or costs.dtype == bool):
+    if not (np.can_cast(costs.dtype, np.float64, "same_kind")):
         raise CriterionError(f"criterion {criterion.name!r} must return numbers, got dtype {costs.dtype}")
     costs = costs.astype(np.float64)
     wrong = ~(costs >= 0) | np.isinf(costs)
