@@ -1,14 +1,14 @@
 """What else a world holds: people and their conversations, landmarks to be seen, zones with rules.
 
-Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A person who stands blocks the
-robot like a column of its radius; one who moves is where :meth:`Person.at` says, at any time.
+Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A person who stands blocks
+the robot like a column of its radius; one who moves is where :meth:`Person.at` says, at any time.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import Column
 from hpop.errors import MapError
+from hpop.world.shapes import shown
 
 ZoneKind = Literal["speed", "keep-out", "one-way"]
 
@@ -43,10 +44,13 @@ class Person:
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "velocity", tuple(float(v) for v in self.velocity))
-        _check_finite(f"person {self.name!r}", self.x, self.y, self.yaw, *self.velocity)
-        if len(self.velocity) != 2 or not 0 < self.radius < math.inf:
-            raise MapError(f"person {self.name!r} needs a velocity (x, y) and a radius above 0 m; got {self!r}.")
+        what = _named("person", self.name)
+        if not isinstance(self.velocity, Sequence | np.ndarray) or len(self.velocity) != 2:
+            raise MapError(f"{what} needs a velocity (x, y), m/s; got {shown(self.velocity)}.")
+        object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in self.velocity))
+        _set_numbers(self, what, "x", "y", "yaw", "radius")
+        if not self.radius > 0:
+            raise MapError(f"{what} needs a radius above 0 m; got {self.radius!r}.")
 
     @property
     def moves(self) -> bool:
@@ -76,9 +80,10 @@ class Landmark:
     name: str = ""
 
     def __post_init__(self) -> None:
-        _check_finite(f"landmark {self.name!r}", self.x, self.y, self.z, self.facing or 0.0)
-        if not 0 < self.weight < math.inf:
-            raise MapError(f"landmark {self.name!r} needs a weight above 0; got {self.weight!r}.")
+        what = _named("landmark", self.name)
+        _set_numbers(self, what, "x", "y", "z", "weight", *(() if self.facing is None else ("facing",)))
+        if not self.weight > 0:
+            raise MapError(f"{what} needs a weight above 0; got {self.weight!r}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +104,24 @@ class Zone:
     name: str = ""
 
     def __post_init__(self) -> None:
+        what = _named(f"{self.kind} zone" if self.kind in get_args(ZoneKind) else "zone", self.name)
         if self.kind not in get_args(ZoneKind):
-            raise MapError(f"a zone's kind must be one of {', '.join(get_args(ZoneKind))}; got {self.kind!r}.")
-        if not isinstance(self.area, Polygon | MultiPolygon) or not self.area.is_valid or self.area.is_empty:
-            raise MapError(f"zone {self.name!r} needs a valid polygon as its area; got {self.area!r:.60}.")
-        if self.kind == "speed" and not (self.limit is not None and 0 < self.limit < math.inf):
-            raise MapError(f"speed zone {self.name!r} needs a limit above 0 m/s; got {self.limit!r}.")
-        if self.kind == "one-way" and (not isinstance(self.path, LineString) or self.path.length == 0):
-            raise MapError(f"one-way zone {self.name!r} needs a path, a line with a length; got {self.path!r:.60}.")
+            raise MapError(f"{what}: kind must be one of {', '.join(get_args(ZoneKind))}; got {shown(self.kind)}.")
+        if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty or not _is_finite(self.area):
+            raise MapError(f"{what} needs a polygon with finite coordinates as its area; got {shown(self.area)}.")
+        if not self.area.is_valid:
+            raise MapError(f"{what}: its area is no valid polygon: {shapely.is_valid_reason(self.area)}.")
+        if self.kind == "speed":
+            _set_numbers(self, what, "limit")
+            if not (self.limit and self.limit > 0):
+                raise MapError(f"{what} needs a limit above 0 m/s; got {self.limit!r}.")
+        elif self.limit is not None:
+            raise MapError(f"{what} has a limit, {shown(self.limit)}, which only a speed zone has; leave it out.")
+        if self.kind == "one-way":
+            if not isinstance(self.path, LineString) or not _is_finite(self.path) or not self.path.length > 0:
+                raise MapError(f"{what} needs a path, a line with a length, m; got {shown(self.path)}.")
+        elif self.path is not None:
+            raise MapError(f"{what} has a path, which only a one-way zone has; leave it out.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +140,18 @@ class Content:
     zones: tuple[Zone, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("people", "landmarks", "zones"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name, kind in (("people", Person), ("groups", Iterable), ("landmarks", Landmark), ("zones", Zone)):
+            given = getattr(self, name)
+            items = tuple(given) if isinstance(given, Iterable) else None
+            if items is None or not all(isinstance(item, kind) for item in items):
+                raise MapError(f"{name} must be a list, each a {kind.__name__}; got {shown(given)}.")
+            object.__setattr__(self, name, items)
         object.__setattr__(self, "groups", tuple(tuple(group) for group in self.groups))
         for group in self.groups:
             known = all(type(i) is int and 0 <= i < len(self.people) for i in group)
-            if len(set(group)) < 2 or len(set(group)) != len(group) or not known:
-                raise MapError(
-                    f"a group names two or more different people by their places 0 to {len(self.people) - 1}; "
-                    f"got {group}."
-                )
+            if not known or len(set(group)) < 2 or len(set(group)) != len(group):
+                places = f"their places, 0 to {len(self.people) - 1}" if self.people else "their places; there are none"
+                raise MapError(f"a group names two or more different people by {places}; got {shown(group)}.")
 
     @cached_property
     def closed(self) -> BaseGeometry:
@@ -187,6 +204,30 @@ def _plain(value: Any) -> dict[str, Any]:
     return {name: list(item) if isinstance(item, tuple) else item for name, item in fields.items()}
 
 
-def _check_finite(what: str, *numbers: float) -> None:
-    if not all(isinstance(n, int | float | np.number) and math.isfinite(n) for n in numbers):
-        raise MapError(f"{what} must be given by finite numbers; got {numbers}.")
+def _named(what: str, name: object) -> str:
+    """What an error is about; a name is text."""
+    if not isinstance(name, str):
+        raise MapError(f"a {what}'s name must be text; got {shown(name)}.")
+    return f"{what} {name!r}" if name else f"a {what}"
+
+
+def _set_numbers(value: object, what: str, *names: str) -> None:
+    """Make attributes floats, so that a description holds the same numbers."""
+    for name in names:
+        object.__setattr__(value, name, _number(what, name, getattr(value, name)))
+
+
+def _number(what: str, name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise MapError(f"{what}: {name} must be a number; got {shown(value)}.")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise MapError(f"{what}: {name} must be a finite number; got {shown(value)}.")
+    return number
+
+
+def _is_finite(geometry: BaseGeometry) -> bool:
+    return bool(np.isfinite(shapely.get_coordinates(geometry)).all())
