@@ -104,10 +104,25 @@ def test_integrals_of_constants_positions_and_time_have_their_closed_forms(kind)
     T = motions.duration[0]
     assert motions.integrate(lambda s: 1.0)[0] == pytest.approx(T, rel=1e-14)
     assert motions.integrate(lambda s: s.t)[0] == pytest.approx(5.0 * T + T * T / 2, rel=1e-12)
+    assert motions.integrate(lambda s: s.t**2)[0] == pytest.approx(((5.0 + T) ** 3 - 5.0**3) / 3, rel=1e-12)
     # All laws are symmetric in time, so the mean of a state is the middle of its ends.
     for name in ("x", "y", "yaw"):
         middle = (getattr(motions.start, name)[0] + getattr(motions.end, name)[0]) / 2
         assert motions.integrate(lambda s, name=name: getattr(s.state, name))[0] == pytest.approx(middle * T)
+
+
+@pytest.mark.parametrize("kind", ["turn", "spin"])
+def test_a_rate_of_the_heading_alone_is_integrated_as_finely_as_one_of_the_position(kind):
+    robot = DifferentialDrive()  # with its camera on the axis, so that nothing moves
+    motions = one(robot, kind, 3.0, 4.0, 0.3, 3.0)
+    whole = motions.duration[0]
+
+    def rate(t):
+        return np.cos(3.0 * state_at(robot, kind, 3.0, 4.0, 0.3, 3.0, t)[0][2])
+
+    expected = quad(rate, 0.0, whole, limit=200, points=np.linspace(0, whole, 9)[1:-1])[0]
+    assert motions.integrate(lambda s: np.cos(3.0 * s.camera.yaw))[0] == pytest.approx(expected, abs=1e-4)
+    assert motions.worst(lambda s: -np.cos(3.0 * s.camera.yaw))[0] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_rate_that_reads_nothing_that_changes_is_exact_and_evaluated_once():

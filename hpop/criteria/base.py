@@ -105,15 +105,15 @@ def criterion(
         wrong = [text for text, holds in checks.items() if not holds]
         if wrong:
             raise CriterionError(f"criterion {name!r} ({cls.__qualname__}): {'; '.join(wrong)}")
-        declared = dict(
-            name=name,
-            group=group,
-            unit=unit,
-            aggregate=aggregate,
-            requires=requires,
-            smooth=smooth,
-            quantum=quantum,
-        )
+        declared = {
+            "name": name,
+            "group": group,
+            "unit": unit,
+            "aggregate": aggregate,
+            "requires": requires,
+            "smooth": smooth,
+            "quantum": quantum,
+        }
         taken = {field.name for field in dataclasses.fields(cls)} & set(declared)
         if taken:
             raise CriterionError(f"criterion {name!r}: parameters may not be called {sorted(taken)}")
@@ -198,8 +198,8 @@ def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) 
 def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
     """Values (n, k) of criteria on whole trajectories of one model; 0 where start is goal and nothing moves.
 
-    The motions of all trajectories are evaluated together, grouped by law. A time-mean is the integral over the duration.
-    With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
+    The motions of all trajectories are evaluated together, grouped by law. A time-mean is the integral over the
+    duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
     """
     values = np.zeros((len(trajectories), len(criteria)))
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -223,6 +224,23 @@ def test_a_pillar_between_the_ends_of_a_half_turn_stops_it():
     for turn, expected in ((np.pi, False), (-np.pi, True)):
         motion = Motions(world, robot, robot.laws["turn"], state(5, 5, 0.0), state(5, 5, turn))
         assert collision.motions_free(motion)[0] == expected
+
+
+def test_the_bulge_of_an_arc_between_two_outlines_is_not_missed():
+    robot = DifferentialDrive(radius=0.2, camera_offset=(0.5, 0.0), mast_radius=0.05)
+    turn = np.radians(4.99)
+    # A pin that the mast's circle (0.55 m) covers half way through the turn, but not the hull of its two ends.
+    near, far = 0.5 * np.cos(turn / 2) + 0.05 + 1e-4, 0.6
+    assert near < 0.55 - 1e-4
+    pin = shapely.LineString([(near, 0), (far, 0)]).buffer(1e-6, cap_style="flat")
+    pin = shapely.affinity.rotate(pin, turn / 2, origin=(0, 0), use_radians=True)
+    world = World.from_polygons([pin], extent=shapely.box(-2, -2, 2, 2))
+    collision = PlanarCollision(robot, world)
+    assert collision.states_free(state(0, 0, 0.0))[0]
+    assert collision.states_free(state(0, 0, turn))[0]
+    assert not collision.states_free(state(0, 0, turn / 2))[0]
+    motion = Motions(world, robot, robot.laws["turn"], state(0, 0, 0.0), state(0, 0, turn))
+    assert not collision.motions_free(motion)[0]
 
 
 def test_no_states_and_no_motions_are_no_trouble():

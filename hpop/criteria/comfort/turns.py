@@ -18,8 +18,8 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 class Turns:
     """N, the number of turns in place, whatever their angle; those at start and goal count.
 
-    Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A motion counts when it
-    turns the base by more than one degree.
+    Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A motion counts when
+    it turns the base by more than one degree.
     """
 
     def cost(self, m: Motions) -> Column:
