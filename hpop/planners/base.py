@@ -179,8 +179,8 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
         if criterion.aggregate == "trajectory":
             filters.append(criterion)
             notes.append(
-                f"{criterion.name} has memory and does not add up: it is evaluated on the trajectories that are optimal "
-                "in the other criteria"
+                f"{criterion.name} has memory and does not add up: it is evaluated on the trajectories that are "
+                "optimal in the other criteria"
             )
             continue
         stand_in = criterion
@@ -195,8 +195,8 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             optimised.append(stand_in)
     if not optimised:
         raise UnsupportedCriterion(
-            f"{planner_name} needs a criterion that adds up along edges; {', '.join(c.name for c in filters)} have memory "
-            "(aggregate 'trajectory'). Add one, such as 'length'."
+            f"{planner_name} needs a criterion that adds up along edges; {', '.join(c.name for c in filters)} have "
+            "memory (aggregate 'trajectory'). Add one, such as 'length'."
         )
     names = [criterion.name for criterion in optimised]
     repeated = sorted({name for name in names if names.count(name) > 1})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -38,6 +38,7 @@ def test_other_counts_of_headings_are_refused(count):
 
 
 @given(st.sampled_from([4, 8, 16]), st.floats(-20, 20))
+@settings(deadline=None)
 def test_the_nearest_heading_is_nearest_on_the_circle(count, yaw):
     headings = Headings(count)
     best, gap = headings.nearest(yaw)
@@ -63,6 +64,7 @@ def test_passed_cells_are_those_that_the_line_of_a_step_touches(step):
 
 
 @given(hnp.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))), st.sampled_from(STEPS[16]), st.booleans())
+@settings(deadline=None)
 def test_steps_join_free_cells_and_pass_only_free_cells(free, step, corner_cutting):
     rows, columns = free.shape
     expected = set()
