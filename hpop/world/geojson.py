@@ -19,6 +19,10 @@ from hpop.world.shapes import Obstacle, check_heights, check_positive, shown
 from hpop.world.world import WHOLE, Heights, World
 
 Meaning = Literal["obstacles", "free", "outline"]
+POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
+POLYGONS = ("Polygon", "MultiPolygon")
+GEOMETRIES = (*POINTS, *LINES, *POLYGONS)
+WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
 
 
 def read(
@@ -54,16 +58,16 @@ def read(
     if polygons not in get_args(Meaning):
         raise MapError(f"polygons must be one of {', '.join(get_args(Meaning))}; got {shown(polygons)}.")
     scale = check_positive("scale", scale)
-    x0, y0 = _point(origin)
+    x0, y0 = check_origin(origin)
     content = read_bytes(path, "GeoJSON file")
     notes: list[str] = []
     shapes: list[tuple[Polygon, Heights]] = []
-    for where, feature in _features(_parse(read_text(content, path, "GeoJSON file"), path), path):
-        geometry = _polygon(feature, where, notes)
+    for where, feature in features(content, path):
+        geometry = geometry_of(feature, where, POLYGONS, notes)
         if geometry is not None:
             heights = _heights(feature, where, notes)
-            placed = shapely.transform(geometry, lambda points: (points - (x0, y0)) * scale)
-            shapes += [(part, heights) for part in _parts(placed, where, notes)]
+            placed = place(geometry, scale, (x0, y0))
+            shapes += [(part, heights) for part in polygons_of(placed, where, notes)]
     if not shapes:
         raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
     source = file_source("geojson", path, {"scale": scale, "origin": [x0, y0], "polygons": polygons}, content)
@@ -80,7 +84,8 @@ def read(
     ).read_from(source)
 
 
-def _point(origin: Any) -> tuple[float, float]:
+def check_origin(origin: Any) -> tuple[float, float]:
+    """The file's point that becomes (0, 0), as two finite floats, or `MapError`."""
     try:
         x, y = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
@@ -97,37 +102,35 @@ def _parse(text: str, path: str | Path) -> Any:
         raise MapError(f"{path} is not JSON: {error}.") from None
 
 
-def _features(data: Any, path: str | Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield (where, feature) of a FeatureCollection, a Feature, or a bare geometry."""
+def features(content: bytes, path: str | Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield (where, feature) of a file that holds a FeatureCollection, a Feature, or a bare geometry."""
+    data = _parse(read_text(content, path, "GeoJSON file"), path)
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
-        features = data.get("features")
-        if not isinstance(features, list):
-            raise MapError(
-                f"{path}: a FeatureCollection must have a list of features; got {shown(features)}."
-            )
+        found = data.get("features")
+        if not isinstance(found, list):
+            raise MapError(f"{path}: a FeatureCollection must have a list of features; got {shown(found)}.")
     elif kind == "Feature":
-        features = [data]
-    elif kind in ("Polygon", "MultiPolygon"):
-        features = [{"type": "Feature", "properties": {}, "geometry": data}]
+        found = [data]
+    elif isinstance(kind, str) and kind in GEOMETRIES:
+        found = [{"type": "Feature", "properties": {}, "geometry": data}]
     else:
-        raise MapError(
-            f"{path} must hold a GeoJSON FeatureCollection, Feature or Polygon; got type {shown(kind)}."
-        )
-    for number, feature in enumerate(features):
+        raise MapError(f"{path} must hold a GeoJSON FeatureCollection, Feature or geometry; got type {shown(kind)}.")
+    for number, feature in enumerate(found):
         if not isinstance(feature, dict):
             raise MapError(f"{path}: feature {number} must be an object; got {shown(feature)}.")
         yield f"feature {number}", feature
 
 
-def _polygon(feature: dict[str, Any], where: str, notes: list[str]) -> BaseGeometry | None:
+def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], notes: list[str]) -> BaseGeometry | None:
+    """A feature's geometry in the plane, in the file's units; None, and a note, unless it is one of the kinds."""
     data = feature.get("geometry")
     if data is None:
         notes.append(f"{where} has no geometry: left out.")
         return None
     kind = data.get("type") if isinstance(data, dict) else None
-    if kind not in ("Polygon", "MultiPolygon"):
-        notes.append(f"{where} is a {shown(kind)}, not a polygon: left out.")
+    if kind not in kinds:
+        notes.append(f"{where} is a {shown(kind)}, not a {WORDS[kinds]}: left out.")
         return None
     try:
         with np.errstate(invalid="ignore"):
@@ -142,15 +145,18 @@ def _polygon(feature: dict[str, Any], where: str, notes: list[str]) -> BaseGeome
     return geometry
 
 
-def _parts(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:
+def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> BaseGeometry:
+    """From the file's units to metres."""
+    return shapely.transform(geometry, lambda points: (points - origin) * scale)
+
+
+def polygons_of(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:
     """Return the valid polygons of a geometry; a self-crossing outline is mended and noted."""
     if not geometry.is_valid:
         notes.append(f"{where} is not a valid polygon ({shapely.is_valid_reason(geometry)}): mended.")
         geometry = shapely.make_valid(geometry)
     return [
-        part
-        for part in shapely.get_parts(shapely.get_parts(geometry))
-        if isinstance(part, Polygon) and part.area > 0
+        part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, Polygon) and part.area > 0
     ]
 
 

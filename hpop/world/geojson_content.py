@@ -1,0 +1,166 @@
+"""Reader for what a GeoJSON (RFC 7946) file says of a building's life: points of interest, visitor flows, zones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.errors import MapError
+from hpop.world.content import Content, Landmark, Zone
+from hpop.world.files import read_bytes
+from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, check_origin, features, geometry_of, place, polygons_of
+from hpop.world.shapes import check_positive, shown
+
+FLOW_WIDTH = 3.0
+"""Width of the way along a flow, m."""
+Paths = str | Path | Sequence[str | Path]
+
+
+def read(
+    *,
+    landmarks: Paths = (),
+    flows: Paths = (),
+    zones: Paths = (),
+    scale: float = 1.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    width: float = FLOW_WIDTH,
+) -> tuple[Content, tuple[str, ...]]:
+    """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
+
+    Parameters
+    ----------
+    landmarks : path or paths
+        Each point is a `Landmark`. Its name is the first that is there of the properties ``name``, ``label`` and
+        ``title``, the feature's ``id``, and the properties ``id`` and ``type``; the properties ``z`` (m), ``facing``
+        (rad) and ``weight`` are the landmark's.
+    flows : path or paths
+        Each line is a one-way `Zone` in the direction in which it is drawn, ``width`` across, or as the property
+        ``width`` (m) says; it ends where the line ends.
+    zones : path or paths
+        Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, or a
+        number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
+    scale, origin
+        As `hpop.world.geojson.read` has them for the plan to which this belongs.
+    width : float
+        Of the way along a flow, m.
+
+    Returns
+    -------
+    The content, and notes on what was left out or mended: features without geometry, properties, or a rule, and those
+    of another geometry than was asked for.
+
+    Raises
+    ------
+    MapError
+        If a file is missing or no GeoJSON, has nothing of the geometry that was asked for, or a property makes no
+        sense.
+    """
+    width = check_positive("width", width)
+    source = _Source(check_positive("scale", scale), check_origin(origin), [])
+    seen = source.made(landmarks, POINTS, _landmark)
+    ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
+    rules = source.made(zones, POLYGONS, _zone)
+    content = Content(
+        landmarks=tuple(item for item in seen if isinstance(item, Landmark)),
+        zones=tuple(item for item in (*ways, *rules) if isinstance(item, Zone)),
+    )
+    return content, tuple(source.notes)
+
+
+@dataclass(frozen=True)
+class _Feature:
+    """A feature's name (empty without one) and properties."""
+
+    name: str
+    properties: dict[str, Any]
+
+
+Maker = Callable[[Any, _Feature], Landmark | Zone | str | None]
+"""From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where files lie in the world, and notes on what they hold."""
+
+    scale: float
+    origin: tuple[float, float]
+    notes: list[str]
+
+    def made(self, paths: Paths, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
+        """What the geometries of some kinds in the files stand for."""
+        things: list[Landmark | Zone] = []
+        for path in [paths] if isinstance(paths, str | Path) else paths:
+            first, found = len(self.notes), False
+            for where, data in features(read_bytes(path, "GeoJSON file"), path):
+                geometry = geometry_of(data, f"{path}: {where}", kinds, self.notes)
+                if geometry is None:
+                    continue
+                found = True
+                feature = self._described(data, f"{path}: {where}")
+                for part in self._parts(geometry, f"{path}: {where}"):
+                    thing = _told(make, part, feature, f"{path}: {where}")
+                    if isinstance(thing, str):
+                        self.notes.append(f"{path}: {where} {thing}")
+                    elif thing is not None:
+                        things.append(thing)
+            if not found:
+                raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes[first:])}".rstrip())
+        return things
+
+    def _described(self, data: dict[str, Any], where: str) -> _Feature:
+        properties = data.get("properties")
+        if not isinstance(properties, dict):
+            self.notes.append(f"{where} has no properties.")
+            properties = {}
+        named = [properties.get(key) for key in ("name", "label", "title")]
+        candidates = [*named, data.get("id"), properties.get("id"), properties.get("type")]
+        texts = (" ".join(str(item).split()) for item in candidates if isinstance(item, str | int))
+        return _Feature(next((text for text in texts if text), ""), properties)
+
+    def _parts(self, geometry: BaseGeometry, where: str) -> list[Any]:
+        placed = place(geometry, self.scale, self.origin)
+        if geometry.geom_type in POLYGONS:
+            return list(polygons_of(placed, where, self.notes))
+        return list(shapely.get_parts(placed))
+
+
+def _told(make: Maker, part: BaseGeometry, feature: _Feature, where: str) -> Landmark | Zone | str | None:
+    """What a part stands for; an error says where."""
+    try:
+        return make(part, feature)
+    except MapError as error:
+        raise MapError(f"{where}: {error}") from None
+
+
+def _landmark(point: Point, feature: _Feature) -> Landmark:
+    given = {key: feature.properties.get(key) for key in ("z", "facing", "weight")}
+    return Landmark(
+        point.x, point.y, name=feature.name, **{key: value for key, value in given.items() if value is not None}
+    )
+
+
+def _flow(line: LineString, feature: _Feature, width: float) -> Zone | str:
+    own = feature.properties.get("width")
+    width = width if own is None else check_positive("property width", own)
+    if line.length == 0:
+        return "is a line without length: left out."
+    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=feature.name)
+
+
+def _zone(area: Polygon, feature: _Feature) -> Zone | str | None:
+    kind, limit, closed = (feature.properties.get(key) for key in ("kind", "limit", "closed"))
+    if kind == "speed" or (kind is None and limit is not None):
+        return Zone("speed", area, limit=limit, name=feature.name)
+    if kind == "keep-out" or (kind is None and isinstance(closed, int | float) and closed):
+        return Zone("keep-out", area, name=feature.name)
+    if kind is None and closed is not None:
+        return None  # it says that it is open
+    got = "" if kind is None else f"; its kind is {shown(kind)}"
+    return f"has no rule (kind speed or keep-out, limit, or closed){got}: left out."
