@@ -4,19 +4,59 @@ from hpop.criteria.base import Criterion, criterion, make_criterion, motion_cost
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.comfort.rotation import Rotation
 from hpop.criteria.comfort.turns import Turns
-from hpop.criteria.performance.obstruction import Exposure, Obstruction
+from hpop.criteria.others.against_flow import AgainstFlow
+from hpop.criteria.others.cutting_between import CuttingBetween
+from hpop.criteria.others.hall_zones import HallZones
+from hpop.criteria.others.o_space import OSpace
+from hpop.criteria.others.personal_space import PersonalSpace
+from hpop.criteria.others.social_force import SocialForce
+from hpop.criteria.others.speeding import Speeding
+from hpop.criteria.others.time_to_collision import TimeToCollision
+from hpop.criteria.others.visibility_to_people import VisibilityToPeople
+from hpop.criteria.performance.landmark_visibility import LandmarkBlindness, LandmarkVisibility
+from hpop.criteria.performance.obstruction import Exposure, Obstruction, WorstObstruction
+from hpop.criteria.performance.openness import Enclosure, Openness
+from hpop.criteria.performance.orientation_retention import NetMisalignment, OrientationRetention
+from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks
+from hpop.criteria.robot.bending_energy import BendingEnergy
 from hpop.criteria.robot.clearance import Clearance
+from hpop.criteria.robot.curvature_sign_changes import CurvatureSignChanges
 from hpop.criteria.robot.duration import Duration
+from hpop.criteria.robot.energy import Energy
+from hpop.criteria.robot.proximity import Proximity
+from hpop.criteria.robot.smoothness import Smoothness
 
 __all__ = [
+    "AgainstFlow",
+    "BendingEnergy",
     "Clearance",
     "Criterion",
+    "CurvatureSignChanges",
+    "CuttingBetween",
     "Duration",
+    "Enclosure",
+    "Energy",
     "Exposure",
+    "HallZones",
+    "LandmarkBlindness",
+    "LandmarkVisibility",
     "Length",
+    "NetMisalignment",
+    "OSpace",
     "Obstruction",
+    "Openness",
+    "OrientationRetention",
+    "PersonalSpace",
+    "Proximity",
     "Rotation",
+    "Smoothness",
+    "SocialForce",
+    "Speeding",
+    "TimeToCollision",
     "Turns",
+    "UnseenLandmarks",
+    "VisibilityToPeople",
+    "WorstObstruction",
     "criterion",
     "make_criterion",
     "motion_costs",

@@ -122,8 +122,8 @@ class DifferentialDrive:
 
     @property
     def provides(self) -> frozenset[str]:
-        """Bodies that criteria can ask for."""
-        return frozenset({"base", "camera"})
+        """What criteria can ask for: two bodies, and wheels ``wheel_base`` apart."""
+        return frozenset({"base", "camera", "wheels"})
 
     @property
     def state_names(self) -> tuple[str, ...]:

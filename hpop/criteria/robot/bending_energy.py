@@ -1,0 +1,42 @@
+"""Bending energy: how much and how sharply the path bends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+
+
+@criterion("bending_energy", group="R", unit="1/m", aggregate="sum")
+@dataclass(frozen=True)
+class BendingEnergy:
+    """∫ κ² ds of the base's path, with corners rounded to arcs of radius ``rounding`` metres.
+
+    Bending energy is that of a thin rod along the path (Euler's elastica; Horn, "The curve of least energy", ACM TOMS
+    9(4), 1983), and infinite at corners. So a turn in place by Δθ is charged as the arc that rounds it,
+    |Δθ|/rounding, also at start and goal and where the segments beside it are too short for the arc; and a motion
+    that bends more sharply than ``rounding`` is charged like that arc: the cost of a motion of length L is Δθ²/max(L,
+    rounding |Δθ|). Among piecewise-linear trajectories it ranks as the total rotation does: count ``turns`` beside
+    it.
+
+    Within a motion the curvature is taken as constant: exact for straight moves, turns in place and arcs; else a
+    lower bound.
+    """
+
+    rounding: float = 0.5  # m
+
+    def __post_init__(self) -> None:
+        if not 0 < self.rounding < np.inf:
+            raise CriterionError(f"'rounding' must be a positive radius in m, got {self.rounding!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Integral (M,) of the squared curvature, 1/m."""
+        turned = m.base.turned
+        way = np.maximum(m.base.length, self.rounding * turned)
+        bends = way > 0
+        return np.where(bends, turned * turned / np.where(bends, way, 1.0), 0.0)

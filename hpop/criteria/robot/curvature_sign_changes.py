@@ -1,0 +1,67 @@
+"""Curvature sign changes: how often the path bends to the other side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.history import History
+
+LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading in place is no turn, as in `turns`
+
+
+@criterion("curvature_sign_changes", group="R", unit="1", aggregate="trajectory", smooth=False, quantum=1.0)
+@dataclass(frozen=True)
+class CurvatureSignChanges:
+    """How often the path stops bending to one side and bends to the other: sign flips of the curvature κ.
+
+    Becerra et al. 2020 (arXiv 2002.10696) chose by it: of 1000 RRT trajectories, the one with the fewest.
+
+    κ is the change of heading per metre over pieces of at most ``spacing`` metres, into which each stretch between
+    turns in place is cut evenly; |κ| < ``least`` counts as straight and breaks nothing: left, straight, left is no
+    flip. A turn in place of more than one degree is curvature of its own sense, whatever its angle. The heading is
+    that of the base, which drives along its path, and changes evenly within a motion.
+    """
+
+    spacing: float = 0.25  # m
+    least: float = 0.05  # 1/m
+
+    def __post_init__(self) -> None:
+        if not 0 < self.spacing < np.inf:
+            raise CriterionError(f"'spacing' must be a positive length in m, got {self.spacing!r}")
+        if not 0 <= self.least < np.inf:
+            raise CriterionError(f"'least' must be a curvature of at least 0 per metre, got {self.least!r}")
+
+    def cost(self, m: History) -> Column:
+        """Number of sign flips (M,) at the end of each motion."""
+        length = m.of_motions(lambda motions: motions.base.length)
+        rotation = m.of_motions(lambda motions: motions.base.rotation)
+        in_place = length == 0
+        stretch = np.cumsum(np.diff(in_place, prepend=in_place[0]))  # (M,) number of each motion's stretch
+        motions, signs = [], []
+        for number in range(stretch[-1] + 1):
+            (index,) = np.nonzero(stretch == number)
+            if in_place[index[0]]:
+                motions.append(index)
+                signs.append(np.where(np.abs(rotation[index]) > LEAST_TURN, np.sign(rotation[index]), 0.0))
+            else:
+                ends, bends = self._bends(length[index], rotation[index])
+                motions.append(index[ends])
+                signs.append(bends)
+        motion, sign = np.concatenate(motions), np.concatenate(signs)
+        motion, sign = motion[sign != 0], sign[sign != 0]
+        flips = motion[1:][np.diff(sign) != 0]
+        return np.cumsum(np.bincount(flips, minlength=len(m)))
+
+    def _bends(self, length: FloatArray, rotation: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Pieces (P,) of a stretch: the motion in which each ends, and the sign of its curvature."""
+        way = np.concatenate([[0.0], np.cumsum(length)])
+        heading = np.concatenate([[0.0], np.cumsum(rotation)])
+        cuts = np.linspace(0.0, way[-1], int(np.ceil(way[-1] / self.spacing - 1e-9)) + 1)
+        curvature = np.diff(np.interp(cuts, way, heading)) / np.diff(cuts)
+        ends = np.minimum(np.searchsorted(way[1:], cuts[1:] * (1.0 - 1e-12)), length.size - 1)
+        return ends, np.where(np.abs(curvature) >= self.least, np.sign(curvature), 0.0)

@@ -1,0 +1,52 @@
+"""Smoothness: the dimensionless jerk of what the robot does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.history import History
+
+
+@criterion("smoothness", group="R", unit="1", aggregate="trajectory", smooth=False)
+@dataclass(frozen=True)
+class Smoothness:
+    """(T⁵/D²) ∫ |p'''|² dt of the base, dimensionless: how much it jerks, whatever its speed and the size of the path.
+
+    Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J. Motor
+    Behavior 41(6), 2009. The smoothest movement from rest to rest along a line costs 720. A trajectory that goes
+    nowhere costs 0.
+
+    p is the base's position in the executed motion, T its duration and D the length of its path (theirs is the
+    distance of the ends, which would be 0 on a round trip). The acceleration of an executed move jumps, and a jump
+    has infinite jerk; so the acceleration is sampled every ``ramp`` seconds, at the middles, and taken to change
+    linearly between: a jump then lasts ``ramp`` seconds and costs |Δp''|²/ramp. The value therefore depends on
+    ``ramp``: compare only values with the same one. It is 0 before the start and after the end.
+
+    The running value is that of the motion done so far.
+    """
+
+    ramp: float = 0.1  # s
+
+    def __post_init__(self) -> None:
+        if not 0 < self.ramp < np.inf:
+            raise CriterionError(f"'ramp' must be a positive time in s, got {self.ramp!r}")
+
+    def cost(self, m: History) -> Column:
+        """Dimensionless jerk (M,) of what has been done at the end of each motion."""
+        executed = m.executed
+        samples = int(np.ceil(executed.duration / self.ramp))
+        middles = self.ramp * (np.arange(samples, dtype=np.float64) + 0.5)
+        _, second = executed.rates(middles)
+        x, y = (np.where(middles < executed.duration, a, 0.0) for a in (second.x, second.y))
+        jumps = np.diff(x, prepend=0.0, append=0.0) ** 2 + np.diff(y, prepend=0.0, append=0.0) ** 2
+        when = np.minimum(self.ramp * np.arange(samples + 1), executed.duration)
+        elapsed = m.passed[1:]
+        done = np.searchsorted(when, elapsed, side="right")
+        jerk = np.concatenate([[0.0], np.cumsum(jumps / self.ramp)])[done]
+        path = np.cumsum(m.of_motions(lambda motions: motions.base.length))
+        return elapsed**5 * jerk / np.where(path > 0, path, np.inf) ** 2
