@@ -46,6 +46,22 @@ def smooth_abs(x: Column) -> Column:
     return np.where(square < 1.0, inside, np.abs(x))
 
 
+def smooth_step(x: Column) -> Column:
+    """1 where x >= 0, else 0; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact outside.
+
+    With s = x/w the polynomial is 1/2 + (15 s - 10 s³ + 3 s⁵)/16: it rises from 0 to 1 with no slope or curvature at
+    its ends.
+
+    >>> float(smooth_step(-0.1)), float(smooth_step(0.0))
+    (0.0, 1.0)
+    """
+    if not is_symbolic(x):
+        return np.where(x >= 0.0, 1.0, 0.0)
+    s = np.minimum(np.maximum(x / SMOOTHING, -1.0), 1.0)
+    square = s * s
+    return 0.5 + s * (15.0 - 10.0 * square + 3.0 * square * square) / 16.0
+
+
 def wrap(angle: Column) -> Column:
     """The same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
 

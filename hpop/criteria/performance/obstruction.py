@@ -1,4 +1,4 @@
-"""Obstruction of the camera: the paper's V, a mean over time, and exposure, the integral that adds up."""
+"""Obstruction of the camera: the paper's V, a mean over time; exposure, the integral that adds up; the worst moment."""
 
 from __future__ import annotations
 
@@ -47,3 +47,18 @@ class Obstruction(_Obstructed):
     def integral(self) -> Exposure:
         """What adds up in its place."""
         return Exposure(self.radius)
+
+
+@criterion("worst_obstruction", group="P", unit="1", aggregate="max", requires=("camera",))
+@dataclass(frozen=True)
+class WorstObstruction(_Obstructed):
+    """max over t of phi(p(t)): the obstructed fraction where the view is worst; phi as in :class:`Obstruction`.
+
+    A mean hides a short squeeze through a narrow passage in a long walk; the maximum does not. Not in the paper. It is
+    looked for at both ends and in the middle of pieces no longer than a field cell c: as phi changes by at most 3/(4 r)
+    a metre, beside walls of the whole height, no more than 3 c / (16 r) is missed.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Largest obstructed fraction (M,)."""
+        return m.worst(lambda s: m.world.obstruction(s.camera, self.radius))

@@ -1,0 +1,68 @@
+"""Visibility of landmarks: how much the viewer sees of what is worth seeing, as a mean and as its integral."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+from hpop.world.visibility import landmarks_unseen
+
+
+@dataclass(frozen=True)
+class _Unseen:
+    """A viewer who looks for the world's landmarks.
+
+    near, far  m    a landmark counts fully up to ``near`` from the camera, falling linearly to nothing at ``far``
+    fov        rad  angle of view, centred on the camera's yaw; 2 pi is all round
+    """
+
+    near: float = 3.0
+    far: float = 10.0
+    fov: float = 2 * np.pi
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.near < self.far < np.inf:
+            raise CriterionError(
+                f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
+            )
+        if not 0 < self.fov <= 2 * np.pi + 1e-9:
+            raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the unseen share, s."""
+        return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, near=self.near, far=self.far, fov=self.fov))
+
+
+@criterion("landmark_blindness", group="P", unit="s", aggregate="sum", requires=("camera", "landmarks"))
+@dataclass(frozen=True)
+class LandmarkBlindness(_Unseen):
+    """∫ (1 - visibility(t)) dt: the time for which seeing no landmark at all would be as bad.
+
+    The additive part of :class:`LandmarkVisibility`, so exact searches can minimise it.
+    """
+
+
+@criterion("landmark_visibility", group="P", unit="1", aggregate="time-mean", requires=("camera", "landmarks"))
+@dataclass(frozen=True)
+class LandmarkVisibility(_Unseen):
+    """1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= fov/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i.
+
+    s_i is the line of sight in three dimensions (`hpop.world.visibility`), β_i the bearing off the camera's yaw, ν_i
+    the angle in the plane between the landmark's front and the direction to the camera (cos 1 if it has no front), d_i
+    the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0 at ``far``.
+
+    The camera is a 360-degree one, but its viewer looks somewhere: by default anywhere (fov 2 pi), else about the
+    camera's yaw. All factors but the bearing are one smooth field of the plane: the border of a shadow is about two
+    cells wide. The bearing's edge is sharp, and smoothed on symbols only, so a landmark that comes into view within a
+    motion is timed to half a quadrature node (2.5 degrees, a quarter of a cell). Weights are the landmarks'.
+    """
+
+    @property
+    def integral(self) -> LandmarkBlindness:
+        """What adds up in its place."""
+        return LandmarkBlindness(self.near, self.far, self.fov)

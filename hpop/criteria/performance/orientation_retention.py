@@ -1,0 +1,77 @@
+"""Orientation retention: whether a viewer who feels turns in round numbers still knows where they face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.history import History
+from hpop.math import wrap
+from hpop.motions import Motions
+
+TIE = 1e-9  # turns within this share of a multiple's half count as halfway
+
+
+@dataclass(frozen=True)
+class _RoundTurns:
+    """A viewer who remembers each turn as the nearest ``multiple``, rad (halfway: the smaller one)."""
+
+    multiple: float = np.pi / 2
+
+    def __post_init__(self) -> None:
+        if not 0 < self.multiple <= np.pi:
+            raise CriterionError(
+                f"'multiple' must be an angle in (0, pi] rad, such as pi/4 or pi/2; got {self.multiple!r}"
+            )
+
+    def _missed(self, turn: Column) -> Column:
+        """Signed angle (M,), rad, by which a turn goes beyond the nearest multiple; at most half a multiple."""
+        count = np.ceil(np.abs(turn) / self.multiple - 0.5 - TIE)
+        return np.sign(turn) * (np.abs(turn) - self.multiple * count)
+
+
+@criterion("orientation_retention", group="P", unit="rad", aggregate="sum", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class OrientationRetention(_RoundTurns):
+    """Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k, over the camera's turns θ_k.
+
+    Turns by 90 degrees (or 45) are easy to keep count of; others are remembered as the nearest one, so the viewer's
+    idea of where they face goes wrong by e_k. FACTS, section 5, names the quantity; this definition is the project's.
+    It is a sum, so exact searches can minimise it, and it bounds the misalignment |Σ e_k| in the end
+    (:class:`NetMisalignment`), in which errors may cancel and which needs memory. Each motion that turns is one turn:
+    one planned in two pieces counts as two.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """What each motion (M,) turns beyond the nearest multiple, rad."""
+        return np.abs(self._missed(m.camera.rotation))
+
+
+@criterion("net_misalignment", group="P", unit="rad", aggregate="trajectory", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class NetMisalignment(_RoundTurns):
+    """|wrap(Σ_k e_k)|: by how much the viewer is wrong in the end about where they face.
+
+    e_k is as in :class:`OrientationRetention`, but here a turn is a maximal stretch of motions that turn the camera one
+    after the other, either way; a move without rotation ends it. Errors of either sign cancel.
+    """
+
+    def cost(self, m: History) -> Column:
+        """Misalignment (M,), rad, at the end of each motion."""
+        turned = m.of_motions(lambda batch: batch.camera.rotation)
+        turning = np.abs(turned) > TIE
+        so_far = self._missed(_since_last(turning, turned)) * turning
+        complete = so_far * (turning & ~np.append(turning[1:], False))
+        return np.abs(wrap(np.cumsum(complete) - complete + so_far))
+
+
+def _since_last(turning: BoolArray, turned: FloatArray) -> FloatArray:
+    """Rotation (M,) since the last motion that did not turn, rad."""
+    total = np.concatenate([[0.0], np.cumsum(turned)])
+    still = np.where(turning, 0, np.arange(1, turning.size + 1))
+    since: FloatArray = total[1:] - total[np.maximum.accumulate(still)]
+    return since

@@ -1,0 +1,71 @@
+"""Unseen landmarks: what the viewer has missed in the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import BoolArray, Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.history import History, Track
+from hpop.world.content import Landmark
+from hpop.world.visibility import bearing, sees
+
+STEP = 0.05  # s between the moments at which the viewer looks
+
+
+@criterion(
+    "unseen_landmarks", group="P", unit="1", aggregate="trajectory", requires=("camera", "landmarks"), smooth=False
+)
+@dataclass(frozen=True)
+class UnseenLandmarks:
+    """Σ_i w_i [landmark i was never seen] / Σ_i w_i, over the landmarks of the world.
+
+    A landmark is seen while the line of sight to it is free, the camera is in front of it and at most ``far`` m away,
+    and its bearing is at most ``fov`` / 2 off the camera's yaw; it was seen when that has lasted ``least`` seconds in
+    all. With least 0 a moment is enough.
+
+    least  s    in all, not in one piece
+    far    m    in three dimensions
+    fov    rad  angle of view, centred on the camera's yaw; 2 pi is all round
+
+    Two paths to one place with equal shares may have seen different landmarks, so the share does not add up: a search
+    would need the set of those seen in its labels. It is judged on the execution, looked at every 0.05 s: what is in
+    view for less may be missed.
+    """
+
+    least: float = 0.0
+    far: float = 10.0
+    fov: float = 2 * np.pi
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.least < np.inf:
+            raise CriterionError(f"'least' must be a time >= 0 s, got {self.least!r}")
+        if not 0 < self.far < np.inf:
+            raise CriterionError(f"'far' must be a distance above 0 m, got {self.far!r}")
+        if not 0 < self.fov <= 2 * np.pi + 1e-9:
+            raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
+
+    def cost(self, m: History) -> Column:
+        """Weighted share (M,) of the landmarks not seen by the end of each motion."""
+        track = m.track(STEP)
+        unseen = np.zeros(len(m))
+        total = 0.0
+        for landmark in m.world.content.landmarks:
+            seen_at = self._seen_at(track, self._sees(m, track, landmark))
+            unseen = unseen + landmark.weight * (m.passed[1:] < seen_at)
+            total += landmark.weight
+        return unseen / total
+
+    def _sees(self, m: History, track: Track, landmark: Landmark) -> BoolArray:
+        seen = sees(m.world, track.camera, landmark, far=self.far)
+        off = np.abs(bearing(track.camera, landmark.x, landmark.y))
+        return np.asarray(seen & ((off <= 0.5 * self.fov) | (self.fov >= 2 * np.pi)), dtype=bool)
+
+    def _seen_at(self, track: Track, seen: BoolArray) -> float:
+        """Time, s, by which a landmark has been in view for long enough; inf if it never is."""
+        lasted = np.concatenate([[0.0], np.cumsum(np.diff(track.times) * (seen[1:] & seen[:-1]))])
+        enough = np.flatnonzero(seen & (lasted >= self.least - 1e-9))
+        return float(track.times[enough[0]]) if enough.size else np.inf

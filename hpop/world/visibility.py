@@ -1,0 +1,335 @@
+"""What a camera sees: landmarks behind obstacles or not, and how much of the open space round it.
+
+Both are fields over the plane, sampled once per world and camera height and kept by the world. A line of sight runs in
+three dimensions: an obstacle hides a landmark where the line passes over the obstacle's outline between its bottom and
+its top.
+
+An obstacle begins to hide where a line from the landmark *enters* it. So what contains a landmark (a display case, the
+cell of a map in which a picture hangs) does not hide it; it does where the line has left it and enters it again. A
+picture on a wall needs a ``facing``, or it is seen from behind the wall as well.
+
+Obstacles are those of the world, each with its heights, and all beyond the extent if `World.outside_is_obstacle`.
+Keep-out zones and people hide nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import Column, FloatArray
+from hpop.errors import OptionError
+from hpop.math import is_symbolic, smooth_abs, smooth_step
+from hpop.world.content import Landmark
+from hpop.world.field import PAD, Field, grid_points
+
+if TYPE_CHECKING:
+    from hpop.world.world import World
+
+MAX_NODES = 2_000_000
+"""Samples of a field; a larger world is sampled more coarsely."""
+SPLIT = 3
+"""A sample of the line of sight is the mean over SPLIT x SPLIT exact lines, spread over its cell."""
+RAYS = 360
+"""Rays of an isovist."""
+BEYOND = 1.0
+"""Metres of obstacle round a world whose outside is obstacle."""
+MAX_HEIGHTS = 16
+"""Distinct camera heights that one call may ask for."""
+
+
+class CameraPose(Protocol):
+    """What these functions ask of a pose: columns (M,) in metres and radians; z in numbers, never symbols."""
+
+    @property
+    def x(self) -> Column: ...
+    @property
+    def y(self) -> Column: ...
+    @property
+    def z(self) -> Column: ...
+    @property
+    def yaw(self) -> Column: ...
+
+
+def line_of_sight(world: World, landmark: Landmark, camera_z: float) -> Field:
+    """Whether a camera at height ``camera_z``, m, has a free line to a landmark: 1 yes, 0 no, as a `Field`.
+
+    Each sample is the share of nine exact lines spread over its cell, so values between are met within two and a half
+    cells of the border of a shadow, and nowhere else.
+
+    >>> from hpop.world import World
+    >>> room = World.from_polygons([shapely.box(4, 2, 5, 3)], extent=shapely.box(0, 0, 10, 5))
+    >>> line_of_sight(room, Landmark(1.0, 2.5), 1.2)([3.0, 8.0, 8.0], [2.5, 2.5, 0.5]).round(9)
+    array([1., 0., 1.])
+    """
+
+    def make() -> Field:
+        xs, ys, spacing = _grid(world)
+        return Field(_lit(world, landmark, camera_z, xs, ys, spacing), spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+    return world._cached(("line of sight", landmark, float(camera_z)), make)
+
+
+def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
+    """How well the landmark at a place of ``world.content.landmarks`` is seen, in [0, 1], whatever the camera's yaw.
+
+    Line of sight, times the cosine between the landmark's front and the direction to the camera in the plane, 0 from
+    behind (1 from all sides if it has no front), times 1 up to ``near`` m, falling linearly to 0 at ``far`` m from the
+    camera.
+    """
+    landmark = world.content.landmarks[index]
+
+    def make() -> Field:
+        sight = line_of_sight(world, landmark, camera_z)
+        xs, ys, spacing = _grid(world)
+        dx, dy = (xs - landmark.x)[None, :], (ys - landmark.y)[:, None]
+        flat = np.hypot(dx, dy)
+        distance = np.hypot(flat, camera_z - landmark.z)
+        value = sight.values * np.clip((far - distance) / (far - near), 0.0, 1.0)
+        if landmark.facing is not None:
+            along = dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing)
+            value = value * np.where(flat > 0, np.clip(along / np.where(flat > 0, flat, 1.0), 0.0, 1.0), 1.0)
+        return Field(value, spacing, sight.origin)
+
+    return world._cached(("landmark", landmark, float(camera_z), float(near), float(far)), make)
+
+
+def landmarks_unseen(world: World, pose: CameraPose, *, near: float, far: float, fov: float = 2 * math.pi) -> Column:
+    """1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
+
+    A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw, rad; on symbols that edge is
+    smoothed.
+    """
+    if fov >= 2 * math.pi:
+        return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
+    if is_symbolic(pose.x) or is_symbolic(pose.y) or is_symbolic(pose.yaw):
+        return _by_height(pose, lambda z: _unseen_on_symbols(world, pose, z, near, far, fov))
+    return _by_height(pose, lambda z: _unseen_in_view(world, pose, z, near, far, fov))
+
+
+def sees(world: World, pose: CameraPose, landmark: Landmark, *, far: float) -> Column:
+    """Whether (M,) a camera in front of a landmark, at most ``far`` m from it, has a free line to it; numbers only."""
+    dx, dy = pose.x - landmark.x, pose.y - landmark.y
+    free = _by_height(pose, lambda z: line_of_sight(world, landmark, z)(pose.x, pose.y)) > 0.5
+    close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
+    if landmark.facing is None:
+        return free & close
+    return free & close & (dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing) > 0.0)
+
+
+def bearing(pose: CameraPose, x: float, y: float) -> Column:
+    """Angle (M,), rad in (-pi, pi], by which a point is to the left of the camera's yaw; 0 where the camera is."""
+    dx, dy, ahead, left = x - pose.x, y - pose.y, np.cos(pose.yaw), np.sin(pose.yaw)
+    apart = dx * dx + dy * dy > 0
+    along, aside = ahead * dx + left * dy, ahead * dy - left * dx
+    return np.arctan2(np.where(apart, aside, 0.0), np.where(apart, along, 1.0))
+
+
+def openness(world: World, pose: CameraPose, radius: float) -> Column:
+    """Open share (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
+    return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
+
+
+def openness_field(world: World, camera_z: float, radius: float) -> Field:
+    """Area of the isovist, ½ ∫ R(θ)² dθ with R no longer than ``radius`` m, over pi radius², as a `Field`.
+
+    R is the distance to the first obstacle that reaches the camera's height, along 360 rays; 0 within obstacles. One
+    ray more or less at the edge of a gap changes the share by at most 1/360.
+    """
+    if not (math.isfinite(radius) and radius > 0):
+        raise OptionError(f"the radius of an isovist must be a finite length above 0 m; got {radius!r}.")
+    key = ("openness", world._active((camera_z, camera_z)), float(radius))
+    return world._cached(key, lambda: _sample_openness(world, float(camera_z), float(radius)))
+
+
+def _by_height(pose: CameraPose, evaluate: Callable[[float], Column]) -> Column:
+    """What ``evaluate`` gives (M,) for each camera's height."""
+    if is_symbolic(pose.z):
+        raise OptionError("visibility needs camera heights as numbers; here they are variables.")
+    heights = np.asarray(pose.z, dtype=np.float64)
+    if heights.size and heights.min() == heights.max():
+        return evaluate(float(heights.flat[0]))
+    distinct = np.unique(heights)
+    if distinct.size > MAX_HEIGHTS:
+        raise OptionError(
+            f"visibility needs a field for each camera height, at most {MAX_HEIGHTS}; got {distinct.size} distinct "
+            "heights. Round the heights."
+        )
+    return sum((np.where(heights == z, 1.0, 0.0) * evaluate(float(z)) for z in distinct), start=0.0 * pose.x)
+
+
+# Landmarks
+
+
+def _shares(world: World) -> FloatArray:
+    """Weights (L,) of the landmarks, which add up to 1."""
+    weights = np.array([landmark.weight for landmark in world.content.landmarks], dtype=np.float64)
+    shares: FloatArray = weights / weights.sum()
+    return shares
+
+
+def _fields(world: World, z: float, near: float, far: float) -> list[Field]:
+    return [landmark_field(world, i, z, near, far) for i in range(len(world.content.landmarks))]
+
+
+def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
+    def make() -> Field:
+        fields = _fields(world, z, near, far)
+        seen = sum(share * field.values for share, field in zip(_shares(world), fields, strict=True))
+        return Field(np.clip(1.0 - seen, 0.0, 1.0), fields[0].spacing, fields[0].origin)
+
+    return world._cached(("landmarks", z, float(near), float(far)), make)
+
+
+def _unseen_on_symbols(world: World, pose: CameraPose, z: float, near: float, far: float, fov: float) -> Column:
+    seen = 0.0
+    for share, field, mark in zip(_shares(world), _fields(world, z, near, far), world.content.landmarks, strict=True):
+        inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, mark.x, mark.y)))
+        seen = seen + share * field(pose.x, pose.y) * inside
+    return np.maximum(1.0 - seen, 0.0)
+
+
+def _unseen_in_view(world: World, pose: CameraPose, z: float, near: float, far: float, fov: float) -> FloatArray:
+    """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
+    from hpop.world._sight import unseen
+
+    def make() -> FloatArray:
+        fields = zip(_shares(world), _fields(world, z, near, far), strict=True)
+        return np.stack([np.pad(share * field.values, PAD, mode="edge") for share, field in fields], axis=2)
+
+    coefficients = world._cached(("landmarks in view", z, float(near), float(far)), make)
+    marks = np.array([(mark.x, mark.y) for mark in world.content.landmarks])
+    xs, ys, spacing = _grid(world)
+    x, y, yaw = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (pose.x, pose.y, pose.yaw)))
+    corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
+    out = np.empty(x.size)
+    unseen(coefficients, marks, math.cos(0.5 * fov), *corner, spacing, x.ravel(), y.ravel(), yaw.ravel(), out)
+    return out.reshape(x.shape)
+
+
+def _lit(
+    world: World, landmark: Landmark, camera_z: float, xs: FloatArray, ys: FloatArray, spacing: float
+) -> FloatArray:
+    """Share (H, W) of free lines of sight round each sample."""
+    from hpop.world._sight import lit, shadows
+
+    edges, bottom, top = _outlines(world)
+    near, far = _hiding(bottom, top, landmark.z, camera_z)
+    hides = near < far
+    step = spacing / SPLIT
+    first = (SPLIT - 1) / 2
+    corner = np.array([xs[0] - first * step, ys[0] - first * step])
+    turns = np.zeros((ys.size * SPLIT, xs.size * SPLIT + 1), dtype=np.int64)
+    light = (np.array([landmark.x, landmark.y]) - corner) / step
+    shadows((edges[hides] - np.tile(corner, 2)) / step, near[hides], far[hides], light[0], light[1], turns)
+    out = np.zeros((ys.size, xs.size))
+    lit(turns, SPLIT, out)
+    return np.clip(out, 0.0, 1.0)
+
+
+def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:
+    """Where the shadow of each prism begins and ends, in multiples (E,) of the distance of its outline.
+
+    At a share t of the way to the camera the line of sight has the height z(t); it is between bottom and top for t in
+    (low, high), whatever the camera's place. An outline at distance d hides the cameras at d / t, from d / high to d /
+    low.
+    """
+    rise = camera_z - landmark_z
+    if abs(rise) < 1e-9:
+        within = (bottom < camera_z) & (camera_z < top)
+        return np.where(within, 1.0, np.inf), np.full(bottom.shape, np.inf)
+    ends = np.sort(np.stack([bottom - landmark_z, top - landmark_z]) / rise, axis=0)
+    low, high = np.clip(ends, 0.0, 1.0)
+    hides = high > low
+    touches = low < 1e-9  # the landmark's own height: without end
+    far = np.where(touches, np.inf, 1.0 / np.where(touches, 1.0, low))
+    return np.where(hides, 1.0 / np.where(hides, high, 1.0), np.inf), far
+
+
+# Isovists
+
+
+def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
+    from hpop.world._sight import isovist_areas
+
+    xs, ys, spacing = _grid(world)
+    x, y = (c.ravel() for c in np.meshgrid(xs, ys))
+    solid = world.solid(camera_z, camera_z)
+    bottom, top = _outside_heights(world)
+    if bottom < camera_z < top:
+        solid = shapely.union_all([solid, _outside(world)])
+    edges = _edges(solid)
+    angles = (np.arange(RAYS) + 0.5) * (2 * math.pi / RAYS)
+    cos, sin = np.cos(angles), np.sin(angles)
+    area = np.empty(x.size)
+    low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
+    for points in _tiles(x, y, 0.5 * radius):
+        corner = np.array([x[points].min(), y[points].min()]) - radius
+        other = np.array([x[points].max(), y[points].max()]) + radius
+        close = np.flatnonzero((low <= other).all(axis=1) & (high >= corner).all(axis=1))
+        part = np.empty(points.size)
+        isovist_areas(edges[close], x[points], y[points], radius, cos, sin, part)
+        area[points] = part
+    shapely.prepare(solid)
+    share = np.where(shapely.contains_xy(solid, x, y), 0.0, area / (math.pi * radius**2))
+    return Field(np.clip(share, 0.0, 1.0).reshape(ys.size, xs.size), spacing, (float(xs[0]), float(ys[0]), 0.0))
+
+
+def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
+    """Places of the points in each square of a side, m."""
+    column, row = np.floor((x - x.min()) / side), np.floor((y - y.min()) / side)
+    number = (row * (column.max() + 1) + column).astype(np.int64)
+    order = np.argsort(number, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
+
+
+# Geometry
+
+
+def _grid(world: World) -> tuple[FloatArray, FloatArray, float]:
+    """Positions (xs, ys) of the samples, and their spacing, m."""
+    x0, y0, x1, y1 = world.bounds
+    spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+    xs, ys = grid_points(world.bounds, spacing)
+    return xs, ys, spacing
+
+
+def _outside(world: World) -> BaseGeometry:
+    """What is obstacle beyond the extent, m."""
+    around = shapely.box(*world.bounds).buffer(BEYOND, join_style="mitre")
+    return shapely.difference(around, world.extent) if world.outside_is_obstacle else shapely.MultiPolygon()
+
+
+def _outside_heights(world: World) -> tuple[float, float]:
+    return world.raster.heights if world.raster is not None else (-math.inf, math.inf)
+
+
+def _outlines(world: World) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Edges (E, 4) of all obstacles, each by itself, m, and the bottom and top (E,) of each edge's obstacle, m."""
+
+    def make() -> tuple[FloatArray, FloatArray, FloatArray]:
+        solids: list[tuple[BaseGeometry, tuple[float, float]]]
+        solids = [(obstacle.polygon, obstacle.heights) for obstacle in world.obstacles]
+        if world.raster is not None:
+            solids.append((world.raster_solid(), world.raster.heights))
+        solids.append((_outside(world), _outside_heights(world)))
+        edges = [_edges(geometry) for geometry, _ in solids]
+        heights = np.repeat([heights for _, heights in solids], [len(part) for part in edges], axis=0)
+        return np.concatenate(edges), heights[:, 0].copy(), heights[:, 1].copy()
+
+    return world._cached(("outlines",), make)
+
+
+def _edges(geometry: BaseGeometry) -> FloatArray:
+    """Edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
+    parts = [part for part in shapely.get_parts(geometry) if part.area > 0]
+    rings = shapely.get_rings(shapely.orient_polygons(np.array(parts, dtype=object)))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    ends = np.concatenate([points[:-1], points[1:]], axis=1)[ring[1:] == ring[:-1]]
+    proper: FloatArray = ends[(ends[:, :2] != ends[:, 2:]).any(axis=1)]
+    return proper
