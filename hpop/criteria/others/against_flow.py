@@ -1,0 +1,40 @@
+"""Moving against the direction of one-way zones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.others.robot import base_velocity
+from hpop.criteria.others.zone_fields import one_way_flows
+from hpop.motions import Instants, Motions
+
+
+@criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("one-way zones",))
+@dataclass(frozen=True)
+class AgainstFlow:
+    """∫ (-v · direction)₊ dt in one-way zones: metres moved against the allowed direction.
+
+    The direction at a place is that of the nearest segment of the zone's path; moving across it costs nothing. It
+    is the place of the base's axis that counts. Where zones overlap each counts. A rule of this library, no
+    published measure.
+
+    A zone's border, and the line where the direction changes, are blurred over about two field cells on either side
+    (see :class:`hpop.world.field.Field`), so that the cost has a gradient.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Metres (M,) moved against the direction."""
+        if not m.law.varies & {"x", "y"}:
+            return 0.0 * m.base.start.x  # who turns in place moves in no direction
+        flows = one_way_flows(m.world)
+
+        def against(s: Instants) -> Column:
+            x, y = s.base.x, s.base.y
+            vx, vy = base_velocity(m, s)
+            return sum(np.maximum(-(vx * ahead(x, y) + vy * left(x, y)), 0.0) for ahead, left in flows)
+
+        return m.integrate(against)

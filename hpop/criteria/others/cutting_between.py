@@ -1,0 +1,68 @@
+"""Cutting between people who talk with each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+from hpop.world.content import Person
+from hpop.world.proxemics import any_moves, position
+
+
+@criterion("cutting_between", group="O", unit="1", aggregate="sum", requires=("groups",), smooth=False, quantum=1.0)
+@dataclass(frozen=True)
+class CuttingBetween:
+    """How often the path crosses a segment p_i p_j between two people of one conversation, all pairs counted.
+
+    A place exactly on the line through the two counts as on the left of the way from p_i to p_j, so a path may be
+    split anywhere, on the segment too, and each crossing counts once. A path that comes from the right, touches the
+    segment and turns back has crossed it twice; one that does so from the left, not at all.
+
+    Each motion is taken as straight from start to end, and so is the way of people who walk during it: exact for
+    straight moves, and for two who walk side by side.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Number of crossings (M,)."""
+        content = m.world.content
+        pairs = [tuple(content.people[i] for i in pair) for group in content.groups for pair in combinations(group, 2)]
+        start_t = end_t = None
+        if any_moves(person for pair in pairs for person in pair):
+            if m.t0 is None:
+                raise CriterionError(
+                    "'cutting_between' needs to know when each motion begins, because people who talk walk; on a graph "
+                    "without time, give them no velocity"
+                )
+            start_t, end_t = m.t0, m.t0 + m.duration
+        crossings = 0.0 * m.base.start.x
+        for one, other in pairs:
+            begin = _seen_from(one, other, m.base.start.x, m.base.start.y, start_t)
+            end = _seen_from(one, other, m.base.end.x, m.base.end.y, end_t)
+            crossings = crossings + _crossed(begin, end)
+        return crossings
+
+
+def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
+    """Places (N,) along the way from one to the other (0 at the one, 1 at the other), and to its left, same scale."""
+    ax, ay = position(one, t)
+    bx, by = position(other, t)
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    scale = 1.0 / np.where(square > 0, square, np.inf)  # two at one place have nothing between them
+    return ((x - ax) * dx + (y - ay) * dy) * scale, ((y - ay) * dx - (x - ax) * dy) * scale
+
+
+def _crossed(begin: tuple[Column, Column], end: tuple[Column, Column]) -> Column:
+    """1 where the straight way from begin to end crosses from 0 to 1 on the axis, else 0."""
+    (along, left), (to_along, to_left) = begin, end
+    changes = np.where(np.logical_and(left >= 0, to_left < 0), 1.0, 0.0)
+    changes = np.where(np.logical_and(left < 0, to_left >= 0), 1.0, changes)
+    share = left / np.where(changes > 0, left - to_left, 1.0)
+    crossing = along + share * (to_along - along)
+    return np.where(np.logical_and(crossing >= 0, crossing <= 1), changes, 0.0)

@@ -1,0 +1,65 @@
+"""Time spent in people's intimate, personal and social zones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.others.robot import check_radius, clock, reach
+from hpop.errors import CriterionError
+from hpop.math import hypot
+from hpop.motions import Motions
+from hpop.world.content import Person
+from hpop.world.proxemics import HALL, offset, over
+
+
+@criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("people",))
+@dataclass(frozen=True)
+class HallZones:
+    """∫ Σ_people w(gap) dt: time in people's zones, each zone with its weight; two people disturbed count twice.
+
+    Zones of Hall 1966 (The Hidden Dimension): intimate to .45 m, personal to 1.2 m, social to 3.6 m, public beyond
+    (weight 0). The gap is measured between surfaces: from the person's body to the robot, taken as round about its
+    axis with ``robot_radius``, by default as far as the model reaches. The weights are this library's choice.
+
+    Deviation: the weight does not jump at a zone's border but changes over ``softness`` metres about it (a
+    polynomial of degree 5, half the change at the border itself), so that the cost has a gradient.
+    :func:`hpop.criteria.others.metrics.zone_fractions` has the sharp zones.
+    """
+
+    intimate: float = 1.0
+    personal: float = 0.5
+    social: float = 0.1
+    softness: float = 0.3
+    robot_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.inf > self.intimate >= self.personal >= self.social >= 0 and self.intimate > 0):
+            raise CriterionError(
+                "the weights of zones must be finite, at least 0, none larger than that of the zone within it, "
+                f"and not all 0; got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
+            )
+        if not 0 < self.softness <= 2 * HALL["intimate"]:
+            raise CriterionError(f"'softness' must be in (0, {2 * HALL['intimate']}] m, got {self.softness!r}")
+        check_radius(self.robot_radius)
+
+    def cost(self, m: Motions) -> Column:
+        """Weighted time (M,) in zones, s."""
+        people, radius = m.world.content.people, reach(m.model, self.robot_radius)
+        weights = (self.intimate, self.personal, self.social, 0.0)
+        steps = [(limit, w - beyond) for limit, (w, beyond) in zip(HALL.values(), pairwise(weights), strict=True)]
+
+        def weight(person: Person, x: Column, y: Column, t: Column | None) -> Column:
+            gap = hypot(*offset(person, x, y, t)) - person.radius - radius
+            return sum(step * self._within(limit - gap) for limit, step in steps if step > 0)
+
+        return m.integrate(lambda s: over(people, weight, np.add, s.base.x, s.base.y, clock(s, people)))
+
+    def _within(self, depth: Column) -> Column:
+        """0 outside a border, 1 inside, and between them over the softness; twice differentiable."""
+        u = np.clip(depth / self.softness + 0.5, 0.0, 1.0)
+        return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)

@@ -1,0 +1,108 @@
+"""What studies report of a robot among people, measured on a trajectory; nothing here is minimised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.others.robot import check_radius, reach
+from hpop.criteria.others.time_to_collision import time_to_collision
+from hpop.errors import CriterionError
+from hpop.world.proxemics import HALL, offset
+
+if TYPE_CHECKING:
+    from hpop.trajectory import Trajectory
+    from hpop.world import World
+
+STEP = 0.01  # s
+COMPLIANT = 0.5  # m
+
+
+@dataclass(frozen=True)
+class SocialMetrics:
+    """Metrics of Francis et al. 2023 (Principles and guidelines for evaluating social robot navigation algorithms).
+
+    min_human_distance       m  least gap between the surfaces of robot and people; ∞ without people, negative in a
+                                collision
+    space_compliance         1  share of the time in which all people are at least ``COMPLIANT`` = .5 m away
+    least_time_to_collision  s  ∞ when robot and people never are on a collision course
+    path_efficiency          1  shortest length / max(length, shortest length), as SPL has it for one success; None when
+                                no shortest length is given
+    """
+
+    min_human_distance: float
+    space_compliance: float
+    least_time_to_collision: float
+    path_efficiency: float | None
+
+
+def social_metrics(
+    trajectory: Trajectory,
+    world: World,
+    *,
+    shortest_length: float | None = None,
+    robot_radius: float | None = None,
+    step: float = STEP,
+) -> SocialMetrics:
+    """Measure a trajectory among people; give its ``execution()`` to measure what the robot really does.
+
+    shortest_length  m  of the shortest path from start to goal, for the path efficiency
+    robot_radius     m  of the robot, round about its axis; by default as far as the model reaches
+    step             s  between samples; the ends of motions are sampled too
+
+    Raises CriterionError for a step or a length that is none.
+    """
+    check_radius(robot_radius)
+    if shortest_length is not None and not 0 < shortest_length < np.inf:
+        raise CriterionError(f"'shortest_length' must be a positive length in m, got {shortest_length!r}")
+    radius = reach(trajectory.model, robot_radius)
+    middles = _middles(trajectory, step)
+    times = np.union1d(middles, trajectory.times)
+    base = trajectory.model.pose("base", trajectory.at(times))
+    velocity, _ = trajectory.rates(times)
+    least = np.inf
+    for person in world.content.people:
+        px, py = offset(person, base.x, base.y, times)
+        vx, vy = velocity.x - person.velocity[0], velocity.y - person.velocity[1]
+        least = min(least, float(time_to_collision(px, py, vx, vy, radius + person.radius).min()))
+    length = sum(float(motions.base.length.sum()) for _, motions in trajectory.batches(world))
+    return SocialMetrics(
+        min_human_distance=float(_gaps(trajectory, world, times, radius).min()),
+        space_compliance=float(np.mean(_gaps(trajectory, world, middles, radius) >= COMPLIANT)),
+        least_time_to_collision=least,
+        path_efficiency=None if shortest_length is None else shortest_length / max(length, shortest_length),
+    )
+
+
+def zone_fractions(
+    trajectory: Trajectory, world: World, *, robot_radius: float | None = None, step: float = STEP
+) -> dict[str, float]:
+    """Fraction of time in each of Hall's zones of the nearest person: "intimate", "personal", "social", "public".
+
+    Zones are sharp here, gaps between surfaces; sampled every ``step`` seconds.
+    """
+    check_radius(robot_radius)
+    gaps = _gaps(trajectory, world, _middles(trajectory, step), reach(trajectory.model, robot_radius))
+    zone = np.searchsorted(list(HALL.values()), gaps, side="right")  # a zone ends where the next begins
+    shares = np.bincount(zone, minlength=len(HALL) + 1) / gaps.size
+    return dict(zip((*HALL, "public"), shares.tolist(), strict=True))
+
+
+def _middles(trajectory: Trajectory, step: float) -> FloatArray:
+    """Middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
+    if not 0 < step < np.inf:
+        raise CriterionError(f"'step' must be a positive time in s, got {step!r}")
+    count = max(1, int(np.ceil(trajectory.duration / step)))
+    return np.asarray((np.arange(count) + 0.5) * (trajectory.duration / count))
+
+
+def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float) -> FloatArray:
+    """Gap (N,), m, between the surfaces of the robot and the nearest person at times (N,)."""
+    base = trajectory.model.pose("base", trajectory.at(times))
+    nearest = np.full(times.shape, np.inf)
+    for person in world.content.people:
+        nearest = np.minimum(nearest, np.hypot(*offset(person, base.x, base.y, times)) - person.radius - radius)
+    return nearest

@@ -1,0 +1,57 @@
+"""O-space: the place in the middle of a conversation, which is not for passing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.others.robot import clock
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+from hpop.world.content import Person
+from hpop.world.proxemics import over, position
+
+
+@criterion("o_space", group="O", unit="s", aggregate="sum", requires=("groups",))
+@dataclass(frozen=True)
+class OSpace:
+    """∫ Σ_groups exp(-|p - c|²/2σ²) dt: time in the middle of conversations, 1 at the centre.
+
+    c = mean(p_i + ``stride`` · heading_i) over those who talk: the votes for the centre of an F-formation (Kendon
+    1990; a stride of 1.5 m). heading_i is the body's yaw, also of people who walk while they talk: it says whom
+    they face. The width σ = ``sigma`` m is this library's choice: half a stride.
+    """
+
+    stride: float = 1.5
+    sigma: float = 0.75
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.stride < np.inf:
+            raise CriterionError(f"'stride' must be a length in m, at least 0, got {self.stride!r}")
+        if not 0 < self.sigma < np.inf:
+            raise CriterionError(f"'sigma' must be a positive length in m, got {self.sigma!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the intrusion, s."""
+        content = m.world.content
+        groups = [tuple(content.people[i] for i in group) for group in content.groups]
+        talking = [person for group in groups for person in group]
+
+        def intrusion(group: tuple[Person, ...], x: Column, y: Column, t: Column | None) -> Column:
+            centre_x, centre_y = self.centre(group, t)
+            square = (x - centre_x) ** 2 + (y - centre_y) ** 2
+            return np.exp(square * (-0.5 / self.sigma**2))
+
+        return m.integrate(lambda s: over(groups, intrusion, np.add, s.base.x, s.base.y, clock(s, talking)))
+
+    def centre(self, group: tuple[Person, ...], t: Column | None = None) -> tuple[Column, Column]:
+        """Centre (x, y), m, of a conversation at times t (N,), s; t is only needed when somebody in it walks."""
+        places = [position(person, t) for person in group]
+        ahead = self.stride / len(group)
+        x = sum(px for px, _ in places) / len(group) + ahead * sum(math.cos(person.yaw) for person in group)
+        y = sum(py for _, py in places) / len(group) + ahead * sum(math.sin(person.yaw) for person in group)
+        return x, y

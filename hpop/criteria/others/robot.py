@@ -1,0 +1,41 @@
+"""What people see of a robot: how far it reaches, and how fast its base moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.errors import CriterionError
+from hpop.motions import Instants, Model, Motions
+from hpop.world.content import Person
+from hpop.world.proxemics import any_moves
+
+
+def reach(model: Model, radius: float | None) -> float:
+    """Radius, m, of the robot about its axis: as given, or as far as the model's parts reach (0 without parts)."""
+    if radius is not None:
+        return radius
+    return max((float(part.reach) for part in getattr(model, "parts", ())), default=0.0)
+
+
+def check_radius(radius: float | None) -> None:
+    """Raise CriterionError unless a robot's radius is None or a length."""
+    if radius is not None and not 0 <= radius < np.inf:
+        raise CriterionError(
+            f"'robot_radius' must be a length in m, at least 0, or None for the model's; got {radius!r}"
+        )
+
+
+def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
+    """Velocity (x, y) of the base, m/s, world frame; a law that keeps the base in place is not asked how fast it is."""
+    if not m.law.varies & {"x", "y"}:
+        still = 0.0 * s.base.x
+        return still, still
+    return s.speed * np.cos(s.base.yaw), s.speed * np.sin(s.base.yaw)
+
+
+def clock(s: Instants, people: Iterable[Person]) -> Column | None:
+    """Times of moments, s, if somebody moves; else None, so that who stands may be on graphs without time."""
+    return s.t if any_moves(people) else None

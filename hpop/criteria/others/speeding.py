@@ -1,0 +1,38 @@
+"""Speeding in speed zones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.others.zone_fields import speed_limits
+from hpop.math import smooth_abs
+from hpop.motions import Instants, Motions
+
+
+@criterion("speeding", group="O", unit="m", aggregate="sum", requires=("speed zones",))
+@dataclass(frozen=True)
+class Speeding:
+    """∫ (v - limit)₊ dt in speed zones: metres covered beyond what the limits allow.
+
+    v is the speed of the base, and it is the place of its axis that counts; where zones overlap the lowest limit
+    holds. A rule of this library, no published measure.
+
+    A zone's border is blurred over about two field cells on either side (see :class:`hpop.world.field.Field`), so
+    that the cost has a gradient; what a path straight across a border costs is not changed by it.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Metres (M,) covered in excess."""
+        if not m.law.varies & {"x", "y"}:
+            return 0.0 * m.base.start.x  # who turns in place covers no metres
+        limits = speed_limits(m.world)
+
+        def excess(s: Instants) -> Column:
+            x, y, speed = s.base.x, s.base.y, smooth_abs(s.speed)
+            return sum(np.maximum(speed - limit, 0.0) * inside(x, y) for limit, inside in limits)
+
+        return m.integrate(excess)

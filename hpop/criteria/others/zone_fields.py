@@ -1,0 +1,84 @@
+"""Zones as fields: how much of a place is inside, and which way one may go there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import FloatArray
+from hpop.world import World
+from hpop.world.content import Zone
+from hpop.world.field import Field, grid_points
+
+MAX_SAMPLES = 4_000_000
+
+
+def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
+    """Each limit, m/s, with the share of a place where it holds; where speed zones overlap, the lowest holds."""
+
+    def make() -> tuple[tuple[float, Field], ...]:
+        zones = [zone for zone in world.content.zones if zone.kind == "speed" and zone.limit is not None]
+        found = []
+        lower: BaseGeometry = shapely.Polygon()
+        for limit in sorted({float(zone.limit) for zone in zones if zone.limit is not None}):
+            area = shapely.union_all([zone.area for zone in zones if zone.limit == limit])
+            rest = shapely.difference(area, lower)
+            lower = shapely.union(lower, area)
+            if rest.area > 0:
+                xs, ys = _grid(world, rest)
+                found.append((limit, _field(xs, ys, _shares(rest, xs, ys))))
+        return tuple(found)
+
+    return world._cached(("speed limits",), make)
+
+
+def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
+    """For each one-way zone the allowed direction (x, y), of length 1 inside and 0 outside.
+
+    The direction at a place is that of the nearest segment of the zone's path.
+    """
+
+    def make() -> tuple[tuple[Field, Field], ...]:
+        return tuple(_flow(world, zone) for zone in world.content.zones if zone.kind == "one-way")
+
+    return world._cached(("one-way flows",), make)
+
+
+def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
+    xs, ys = _grid(world, zone.area)
+    shares = _shares(zone.area, xs, ys)
+    corners = shapely.get_coordinates(zone.path)
+    steps = np.diff(corners, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    steps, lengths = steps[lengths > 0], lengths[lengths > 0]
+    x, y = np.meshgrid(xs, ys)
+    along = shapely.line_locate_point(zone.path, shapely.points(x, y))
+    nearest = np.minimum(np.searchsorted(np.cumsum(lengths), along, side="right"), lengths.size - 1)
+    ahead = steps / lengths[:, None]  # (segments, 2)
+    return _field(xs, ys, shares * ahead[nearest, 0]), _field(xs, ys, shares * ahead[nearest, 1])
+
+
+def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
+    """Sample positions a field cell apart, coarser only where the zone would take more than four million."""
+    x0, y0, x1, y1 = shapely.bounds(area)
+    spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
+    return grid_points((x0, y0, x1, y1), spacing)
+
+
+def _field(xs: FloatArray, ys: FloatArray, values: FloatArray) -> Field:
+    return Field(values, float(xs[1] - xs[0]), (float(xs[0]), float(ys[0]), 0.0))
+
+
+def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
+    """Share (H, W) of the square about each sample that lies in an area."""
+    half = 0.5 * float(xs[1] - xs[0])
+    x, y = np.meshgrid(xs, ys)
+    squares = shapely.box(x - half, y - half, x + half, y + half)
+    shapely.prepare(area)
+    shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
+    border = shapely.intersects(area, squares) & (shares == 0)
+    shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
+    return np.clip(shares, 0.0, 1.0)
