@@ -8,7 +8,7 @@ import numpy as np
 import hpop
 
 
-@hpop.criterion("glare", group="C", unit="s", aggregate="sum", requires=("camera",))
+@hpop.criterion("glare", group="C", unit="s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class Glare:
     """Seconds of glare: the view's centre is near the sun, weighted by the fourth power of the cosine between."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
+from hpop.errors import UnsupportedCriterion
 from hpop.math import is_symbolic, smooth_abs
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ class Instants:
         """Time of each moment, s, from the start of the trajectory."""
         self.read.add("t")
         if self._motions.t0 is None:
-            raise AttributeError("these motions have no time: they are edges of a graph without time")
+            raise UnsupportedCriterion("it asks for the time, which edges of a graph without time do not have")
         return self._t
 
     @cached_property

@@ -8,22 +8,27 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
-from hpop.arrays import FloatArray
+from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
+from hpop.planners.grid import Headings
+from hpop.planners.lattice_graph import StateLattice
 from hpop.trajectory import Trajectory
 from hpop.world import World
+from hpop.world.content import Landmark, Person, Zone
 
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
+FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
+FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
 
 
 class Check(NamedTuple):
@@ -63,9 +68,14 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
         "gives the same costs when asked again",
         _fault(lambda: _differ("the second time", ask(criterion), ask(criterion), 0.0)),
     )
+    if not getattr(criterion, "world_frame", False):
+        yield Check(
+            "costs the same wherever the world's frame lies", _fault(lambda: _reframed(criterion, world, model))
+        )
     if criterion.aggregate == "trajectory":
         return
     yield Check("costs the same on a trajectory as on its edges", _fault(lambda: _as_edges(criterion, world, model)))
+    yield Check("adds up along lattice edges to the trajectory's cost", _fault(lambda: _walk(criterion, rng, world)))
     yield Check("costs a motion the same alone and in a batch", _fault(lambda: _alone(criterion, batches)))
     yield Check("costs halves of a move as much as the whole", _fault(lambda: _halves(criterion, batches)))
     if criterion.smooth:
@@ -74,12 +84,23 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
 
 
 def random_world(rng: np.random.Generator) -> World:
-    """A room of 12 x 9 m with boxes of random places, sizes and heights."""
+    """A room of 12 x 9 m with boxes of random places, sizes and heights, standing people, landmarks and zones."""
     corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
     sizes = rng.uniform(0.3, 1.5, size=(8, 2))
     tops = rng.uniform(0.5, 2.5, size=8)
     boxes = [(shapely.box(*c, *(c + s)), (0.0, float(top))) for c, s, top in zip(corners, sizes, tops, strict=True)]
-    return World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0))
+    places = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(6, 2)).tolist()
+    yaws = rng.uniform(-np.pi, np.pi, size=5).tolist()
+    line = shapely.LineString(rng.uniform((1.0, 1.0), (11.0, 8.0), size=(3, 2)))
+    return World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0)).with_content(
+        people=[Person(x, y, yaw) for (x, y), yaw in zip(places[:3], yaws[:3], strict=True)],
+        groups=[(0, 1)],
+        landmarks=[Landmark(x, y, facing=facing) for (x, y), facing in zip(places[3:], [None, *yaws[3:]], strict=True)],
+        zones=[
+            Zone("speed", shapely.box(2.0, 2.0, 8.0, 6.0), limit=0.5),
+            Zone("one-way", line.buffer(1.5), path=line),
+        ],
+    )
 
 
 def random_motions(rng: np.random.Generator, world: World, model: DifferentialDrive, kind: str, size: int) -> Motions:
@@ -160,25 +181,98 @@ def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> s
     for index, motions in trajectory.batches(world):
         # On a graph without time; a criterion that asks for the time is only defined on trajectories.
         costs[index] = motion_costs(criterion, replace(motions, t0=None))
-    expected = {
-        "sum": costs.sum(),
-        "time-mean": costs.sum() / trajectory.duration,
-        "max": costs.max(),
-    }[criterion.aggregate]
     return _differ(
-        "on the trajectory", np.array([expected]), np.array([trajectory_cost(criterion, trajectory, world)]), 1e-9
+        "on the trajectory", _added_up(criterion, costs, trajectory), _value(criterion, trajectory, world), 1e-9
     )
+
+
+def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
+    """Edges of a lattice on a random walk, evaluated among all others, against the walk as a trajectory."""
+    lattice = StateLattice(DifferentialDrive(radius=0.2), world, (0.5, 0.5), 0.5, Headings(8), False)
+    edges = [(tails, heads, motion_costs(criterion, motions)) for tails, heads, motions in lattice.batches()]
+    tails, heads, costs = (np.concatenate([edge[i] for edge in edges]) for i in range(3))
+    state = int(rng.choice(tails))
+    walk, paid = [state], []
+    for _ in range(60):
+        edge = int(rng.choice(np.flatnonzero(tails == state)))
+        state = int(heads[edge])
+        walk.append(state)
+        paid.append(costs[edge])
+    trajectory = lattice.trajectory(np.array(walk))
+    added = _added_up(criterion, np.array(paid), trajectory)
+    return _differ("along lattice edges", _value(criterion, trajectory, world), added, 1e-9)
+
+
+def _added_up(criterion: Criterion, costs: FloatArray, trajectory: Trajectory) -> FloatArray:
+    if criterion.aggregate == "max":
+        return np.array([costs.max()])
+    return np.array([costs.sum() / (trajectory.duration if criterion.aggregate == "time-mean" else 1.0)])
+
+
+def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
+    return np.array([trajectory_cost(criterion, trajectory, world)])
+
+
+def _reframed(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
+    """World and trajectory turned and shifted together; fields are then sampled on another grid, hence the tolerance."""
+    trajectory = _detour(model, 1.0)
+    s = trajectory.states
+    x, y = _turned(s.x, s.y)
+    moved = Trajectory(model, States(x=x, y=y, yaw=s.yaw + FRAME[2]), trajectory.kinds)
+    there = _value(criterion, moved, reframed(world))
+    return _differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
+
+
+def reframed(world: World) -> World:
+    """A polygon world turned and shifted by ``FRAME``, content and all."""
+
+    def place(geometry: Any) -> Any:
+        return shapely.transform(geometry, lambda points: np.stack(_turned(points[:, 0], points[:, 1]), axis=1))
+
+    def pose(thing: Any, facing: str) -> dict[str, float]:
+        x, y = _turned(thing.x, thing.y)
+        angle = getattr(thing, facing)
+        return {"x": float(x), "y": float(y), facing: None if angle is None else angle + FRAME[2]}
+
+    content = world.content
+    return World.from_polygons(
+        [(place(obstacle.polygon), obstacle.heights) for obstacle in world.obstacles], extent=place(world.extent)
+    ).with_content(
+        people=[replace(person, **pose(person, "yaw")) for person in content.people],
+        groups=content.groups,
+        landmarks=[replace(landmark, **pose(landmark, "facing")) for landmark in content.landmarks],
+        zones=[
+            replace(zone, area=place(zone.area), path=None if zone.path is None else place(zone.path))
+            for zone in content.zones
+        ],
+    )
+
+
+def _turned(x: Any, y: Any) -> tuple[Any, Any]:
+    cos, sin = np.cos(FRAME[2]), np.sin(FRAME[2])
+    return cos * x - sin * y + FRAME[0], sin * x + cos * y + FRAME[1]
+
+
+class _SampledWorld(World):
+    """A world whose clearance is the sampled field for numbers too, as it is for symbols: then both must be equal."""
+
+    def clearance(self, x: Column, y: Column, *, z: tuple[float, float] = (-np.inf, np.inf)) -> Column:
+        return self.clearance_field(z=z)(x, y)
+
+    @classmethod
+    def of(cls, world: World) -> World:
+        sampled = object.__new__(cls)
+        sampled.__dict__.update(world.__dict__)
+        return sampled
 
 
 def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
     from hpop.symbols import SymbolicMotions
 
-    for motions in (replace(m, panels=3) for m in batches):
+    for motions in (replace(m, world=_SampledWorld.of(m.world), panels=3) for m in batches):
         symbols = SymbolicMotions.of(motions)
         value, _ = symbols.values_and_jacobian(criterion.cost(symbols.motions))
-        # Fields that are exact on numbers (clearance) are sampled for symbols, to within a cell.
-        limits = (motions.world.cell, 1.0) if criterion.aggregate == "max" else (1e-6, None)
-        fault = _differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, *limits)
+        fault = _differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)
         if fault:
             return fault
     return ""

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_arg
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.errors import CriterionError
+from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.history import History
 from hpop.motions import Motions, missing
 from hpop.registry import criteria
@@ -65,7 +65,6 @@ class Criterion(Protocol):
     def smooth(self) -> bool: ...
     @property
     def quantum(self) -> float: ...
-
     def cost(self, m: Any) -> Column:
         """Cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, its integral, its worst moment.
 
@@ -83,8 +82,12 @@ def criterion(
     requires: tuple[str, ...] = (),
     smooth: bool = True,
     quantum: float = DEFAULT_QUANTUM,
+    world_frame: bool = False,
 ) -> Callable[[T], T]:
     """Declare and register a criterion; see :class:`Criterion` for what the arguments mean.
+
+    ``world_frame`` says that it knows directions or places by itself, apart from the world's content (where the sun
+    stands), so that turning the world with everything in it changes its cost.
 
     Raises CriterionError when the declaration is wrong or the name is taken.
     """
@@ -113,6 +116,7 @@ def criterion(
             "requires": requires,
             "smooth": smooth,
             "quantum": quantum,
+            "world_frame": world_frame,
         }
         taken = {field.name for field in dataclasses.fields(cls)} & set(declared)
         if taken:
@@ -171,7 +175,10 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
         raise CriterionError(
             f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the world has"
         )
-    costs = np.asarray(criterion.cost(m))
+    try:
+        costs = np.asarray(criterion.cost(m))
+    except UnsupportedCriterion as error:
+        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
     if costs.shape != (size,):
         raise CriterionError(
             f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
