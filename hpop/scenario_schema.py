@@ -1,0 +1,139 @@
+"""The form of a scenario file: its keys and what may stand there, strictly."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from hpop.world.geojson_content import FLOW_WIDTH
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+DEFAULT_MODEL = "differential_drive"
+DEFAULT_PLANNER = "lattice"
+Point = tuple[float, float]
+Heights = tuple[float, float]
+Paths = str | list[str]
+
+
+class _Strict(BaseModel):
+    model_config = STRICT
+
+
+class RosMap(_Strict):
+    """A ROS map_server map; ``keep_out`` is a mask of the same kind."""
+
+    path: str
+    unknown_is_free: bool = False
+    keep_out: str | None = None
+    height: Heights | None = None
+
+
+class MovingAI(_Strict):
+    """A MovingAI grid map; ``resolution`` is the side of a cell, m."""
+
+    path: str
+    resolution: float = Field(default=1.0, gt=0)
+
+
+class GeoJSON(_Strict):
+    """A GeoJSON floor plan; coordinates less ``origin`` times ``scale`` are metres.
+
+    Other files, of the same scale and origin, may hold points that are landmarks, lines that are flows of visitors
+    ``flow_width`` m across, and polygons that are zones.
+    """
+
+    path: str
+    scale: float = Field(default=1.0, gt=0)
+    origin: Point = (0.0, 0.0)
+    polygons: Literal["obstacles", "free", "outline"] = "obstacles"
+    landmarks: Paths = []
+    flows: Paths = []
+    zones: Paths = []
+    flow_width: float = Field(default=FLOW_WIDTH, gt=0)
+
+
+class Image(_Strict):
+    """A blueprint image in which dark is obstacle; ``resolution`` is the side of a pixel, m."""
+
+    path: str
+    resolution: float = Field(gt=0)
+    threshold: float = Field(default=0.5, gt=0, lt=1)
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    height: Heights | None = None
+
+
+class Prism(_Strict):
+    """An obstacle: corners in m, and the heights between which it stands; without, the whole height."""
+
+    corners: list[Point] = Field(min_length=3)
+    height: Heights | None = None
+
+
+class Polygons(_Strict):
+    """Obstacles written out; the robot stays in ``extent`` and off ``keep_out``."""
+
+    obstacles: list[Prism] = []
+    extent: list[Point] | None = Field(default=None, min_length=3)
+    keep_out: list[list[Point]] = []
+
+
+class WorldSection(_Strict):
+    """Exactly one of the ways to give a world."""
+
+    ros_map: RosMap | None = None
+    movingai: MovingAI | None = None
+    geojson: GeoJSON | None = None
+    image: Image | None = None
+    polygons: Polygons | None = None
+
+
+class PersonEntry(_Strict):
+    """A person, m, m/s; the yaw in rad or as text such as "90 deg"."""
+
+    x: float
+    y: float
+    yaw: float | str = 0.0
+    velocity: Point = (0.0, 0.0)
+    radius: float = Field(default=0.25, gt=0)
+    name: str = ""
+
+
+class LandmarkEntry(_Strict):
+    """A point of interest, m; where it faces in rad or as text such as "90 deg"."""
+
+    x: float
+    y: float
+    z: float = 1.5
+    facing: float | str | None = None
+    weight: float = Field(default=1.0, gt=0)
+    name: str = ""
+
+
+class ZoneEntry(_Strict):
+    """An area, m, with a speed ``limit``, m/s, closed, or to be passed along a ``path``, m."""
+
+    kind: Literal["speed", "keep-out", "one-way"]
+    area: list[Point] = Field(min_length=3)
+    limit: float | None = Field(default=None, gt=0)
+    path: list[Point] | None = Field(default=None, min_length=2)
+    name: str = ""
+
+
+Named = dict[str, dict[str, Any] | None]
+Entry = dict[str, Any]
+
+
+class ScenarioFile(_Strict):
+    """The keys of a scenario file."""
+
+    world: WorldSection
+    model: str | Named = DEFAULT_MODEL
+    start: tuple[float, float, float | str]
+    goal: tuple[float, float, float | str]
+    criteria: list[str | Named] = Field(min_length=1)
+    planner: str | Named | Annotated[list[str | Named], Field(min_length=1)] = DEFAULT_PLANNER
+    people: list[Entry] = []
+    groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
+    landmarks: list[Entry] = []
+    zones: list[Entry] = []
