@@ -39,11 +39,12 @@ class Lattice:
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search
 
-    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is represented
-    by its integral, and criteria with memory only filter what was found. Guarantees that no path of the lattice is better in one cost and no worse in the others, costs
-    rounded to the criteria's quanta edge by edge; every float Pareto vector is covered within quantum times number of
-    edges. The lattice is anchored at the start; the goal is the nearest free position within step / sqrt(2) from which
-    the robot could go straight to where the goal was asked for.
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
+    represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
+    lattice is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge;
+    every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start;
+    the goal is the nearest free position within step / sqrt(2) from which the robot could go straight to where the
+    goal was asked for.
     """
 
     step: float = 0.25
@@ -62,9 +63,11 @@ class Lattice:
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice.
 
-        Raises QueryError when start or goal is blocked, off the map or off the headings, UnsupportedCriterion when no
-        criterion adds up along edges, CriterionError for a cost that is negative or not finite.
+        Raises QueryError when start or goal is blocked, off the map or off the headings, or when people move,
+        UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
+        finite.
         """
+        _refuse_who_moves(problem)
         objectives = edge_objectives(problem.criteria, "lattice")
         if len(objectives.optimised) > MAX_COSTS:
             raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
@@ -135,6 +138,18 @@ class Lattice:
         end = States(x=np.array([x]), y=np.array([y]), yaw=start.yaw)
         law = lattice.model.laws["move"]
         return bool(lattice.collision.motions_free(Motions(lattice.world, lattice.model, law, start, end))[0])
+
+
+def _refuse_who_moves(problem: Problem) -> None:
+    """Raise QueryError that names people who move: the lattice has no time, so it cannot tell where they will be."""
+    people = problem.world.content.people
+    moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
+    if moving:
+        raise QueryError(
+            f"the lattice has no time, so it cannot tell where people who move will be: {', '.join(moving)}. Give them "
+            "no velocity to plan round where they are now, or leave them out and evaluate the criteria on the front's "
+            "trajectories, in the world with them."
+        )
 
 
 def _candidates(
