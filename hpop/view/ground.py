@@ -125,8 +125,9 @@ def draw_obstacles(axes: Axes, world: World, camera_z: float) -> list[Patch]:
         if shapes:
             _fill(axes, shapely.union_all(shapes), patch, zorder=2.0 if patch is dark else 1.8)
             entries += [patch] * (patch not in entries)
-    if not world.keep_out.is_empty:
-        _fill(axes, world.keep_out, zone, zorder=1.6)
+    closed = shapely.union_all([world.keep_out, *(z.area for z in world.content.zones if z.kind == "keep-out")])
+    if not closed.is_empty:
+        _fill(axes, closed, zone, zorder=1.6)
         entries.append(zone)
     border = PathPatch(outline(world.extent), facecolor="none", edgecolor=QUIET, linewidth=0.6, zorder=2.2)
     axes.add_patch(border)

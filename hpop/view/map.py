@@ -23,6 +23,7 @@ from hpop.frontier.choosing import column_index
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.trajectory import Trajectory
+from hpop.view.content import draw_content
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import Box, Sheet
 from hpop.view.style import (
@@ -93,7 +94,7 @@ def draw_map(
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="map")
-    symbols: list[Handle] = [*draw_obstacles(axes, problem.world, ball.z)]
+    symbols: list[Handle] = [*draw_obstacles(axes, problem.world, ball.z), *draw_content(axes, problem.world, view)]
     bars: list[Bar] = []
     if scale is not None:
         bars += _draw_all(axes, front, scale)

@@ -1,0 +1,160 @@
+"""People, conversations, landmarks and zones on a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, PathPatch
+from shapely.geometry import LineString
+
+from hpop.arrays import FloatArray
+from hpop.view.ground import View, outline
+from hpop.view.style import HALO, SMALL
+from hpop.world import World
+from hpop.world.content import Landmark, Person, Zone
+
+INK = "#202020"
+SKIN = "#ffffff"
+TALK = "#6a3d9a"
+STAR = "#ffc20a"
+SLOW = "#b3541e"
+WAY = "#2f6690"
+LEAST_RADIUS = 0.008  # of a person's disc, as a share of the map's longer side
+REACH = 0.06  # length of a velocity of 1 m/s, as a share of the map's longer side
+PITCH = 0.11  # from one arrow of a way to the next, as a share of the map's longer side
+MOST_NAMES = 12  # landmarks and people are named where there are no more
+Handle = Line2D | Patch
+
+
+def draw_content(axes: Axes, world: World, view: View) -> list[Handle]:
+    """Draw what a world's content has in view, but keep-out zones; returns the legend entries of what there is."""
+    content = world.content
+    shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)
+    people = [person for person in content.people if shapely.intersects_xy(shown, person.x, person.y)]
+    landmarks = [mark for mark in content.landmarks if shapely.intersects_xy(shown, mark.x, mark.y)]
+    zones = [zone for zone in content.zones if shown.intersects(zone.area)]
+    talks = [[content.people[i] for i in group] for group in content.groups]
+    side = max(view.width, view.height)
+    _draw_names(axes, people, landmarks, side)
+    return [
+        *_draw_zones(axes, zones, side),
+        *_draw_groups(axes, [talk for talk in talks if any(person in people for person in talk)]),
+        *_draw_landmarks(axes, landmarks, side),
+        *_draw_people(axes, people, side),
+    ]
+
+
+def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
+    """A disc with a tick where the person looks; an arrow along the velocity of one who walks."""
+    for person in people:
+        radius = _disc(person, side)
+        axes.add_patch(Circle((person.x, person.y), radius, facecolor=SKIN, edgecolor=INK, zorder=6, gid="person"))
+        tick = _ray(person.x, person.y, person.yaw, 1.5 * radius)
+        axes.plot(*tick, color=INK, linewidth=1.4, zorder=6.1, gid="heading")
+        if person.moves:
+            tip = (person.x + REACH * side * person.velocity[0], person.y + REACH * side * person.velocity[1])
+            arrow = {"arrowstyle": "->", "color": INK, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", tip, (person.x, person.y), arrowprops=arrow, zorder=5.9).set_gid("velocity")
+    size = "" if all(person.radius == _disc(person, side) for person in people) else " (enlarged)"
+    look = {"marker": "o", "markersize": 6.5, "markerfacecolor": SKIN, "markeredgecolor": INK}
+    if any(not person.moves for person in people):
+        yield Line2D([], [], linestyle="none", label=f"person{size}, tick: heading", **look)  # type: ignore[arg-type]
+    if any(person.moves for person in people):
+        label = f"person walking{size},\narrow: velocity"
+        yield Line2D([], [], color=INK, linewidth=1.1, label=label, **look)  # type: ignore[arg-type]
+
+
+def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:
+    """A line between two who talk, round three or more."""
+    look = {"color": TALK, "linewidth": 1.8, "linestyle": (0, (1.5, 1))}
+    for talk in talks:
+        points: FloatArray = np.array([(person.x, person.y) for person in talk])
+        middle = points.mean(axis=0)
+        round_it = np.argsort(np.arctan2(*(points - middle).T[::-1]), kind="stable")
+        ring = points if len(points) == 2 else points[[*round_it, round_it[0]]]
+        axes.plot(*ring.T, zorder=5.8, gid="conversation", **look)  # type: ignore[arg-type]
+    if talks:
+        yield Line2D([], [], label="conversation", **look)  # type: ignore[arg-type]
+
+
+def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> Iterator[Handle]:
+    """A star, with a tick where its front looks."""
+    look = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
+    for mark in landmarks:
+        if mark.facing is not None:
+            tick = _ray(mark.x, mark.y, mark.facing, 0.025 * side)
+            axes.plot(*tick, color=INK, linewidth=1.4, zorder=5.6, gid="facing")
+        axes.plot([mark.x], [mark.y], linestyle="none", markersize=11, zorder=5.7, gid="landmark", **look)  # type: ignore[arg-type]
+    if landmarks:
+        front = ", tick: its front" if any(mark.facing is not None for mark in landmarks) else ""
+        yield Line2D([], [], linestyle="none", markersize=9.5, label=f"landmark{front}", **look)  # type: ignore[arg-type]
+
+
+def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Handle]:
+    """Hatched areas: the speed limit in the middle, or arrows along the way."""
+    for kind, label, colour, hatch in (
+        ("speed", "speed limit", SLOW, "...."),
+        ("one-way", "one-way, along the arrows", WAY, "///"),
+    ):
+        for zone in (zone for zone in zones if zone.kind == kind):
+            patch = PathPatch(outline(zone.area), facecolor="none", edgecolor=colour, hatch=hatch, zorder=1.7)
+            patch.set(linewidth=1.0, alpha=0.55, gid=f"{kind} zone")
+            patch.set_hatch_linewidth(0.5)
+            axes.add_patch(patch)
+            if zone.path is not None:
+                _draw_way(axes, zone.path, side)
+            if zone.limit is not None:
+                middle = zone.area.representative_point()
+                _write(axes, f"{zone.limit:g} m/s", middle.x, middle.y, (0, 0), SLOW, "center")
+        if any(zone.kind == kind for zone in zones):
+            yield Patch(facecolor="none", edgecolor=colour, hatch=hatch, label=label)
+
+
+def _draw_way(axes: Axes, path: LineString, side: float) -> None:
+    """Arrows along a path, at least one."""
+    count = max(1, round(path.length / (PITCH * side)))
+    size = min(0.035 * side, path.length / count)
+    for middle in (np.arange(count) + 0.5) * path.length / count:
+        tail, tip = (path.interpolate(middle + off) for off in (-size / 2, size / 2))
+        arrow = {"arrowstyle": "-|>", "color": WAY, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", (tip.x, tip.y), (tail.x, tail.y), arrowprops=arrow, zorder=1.75).set_gid("way")
+
+
+def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
+    """Names on the upper right of discs and stars, if they are few."""
+    things: list[Person | Landmark] = [*people, *landmarks]
+    named = [thing for thing in things if thing.name]
+    for thing in named if len(named) <= MOST_NAMES else ():
+        beside = 0.7 * _disc(thing, side) if isinstance(thing, Person) else 0.0
+        _write(axes, thing.name, thing.x + beside, thing.y + beside, (2, 1) if beside else (6, 3), INK, "left")
+
+
+def _write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
+    """Text beside a point, off by so many typographical points; on the map or not at all."""
+    label = axes.annotate(
+        text,
+        (x, y),
+        off,
+        textcoords="offset points",
+        color=colour,
+        fontsize=SMALL,
+        ha=align,
+        va="center" if align == "center" else "bottom",
+        zorder=6.5,
+        annotation_clip=True,
+    )
+    label.set_path_effects(list(HALO))
+
+
+def _disc(person: Person, side: float) -> float:
+    """Radius of the disc that stands for a person, m: large enough to be seen."""
+    return max(person.radius, LEAST_RADIUS * side)
+
+
+def _ray(x: float, y: float, yaw: float, length: float) -> tuple[FloatArray, FloatArray]:
+    reach = np.array([0.0, length])
+    return x + reach * np.cos(yaw), y + reach * np.sin(yaw)
