@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.math import SMOOTHING, hypot, is_symbolic, smooth_abs, wrap
+from hpop.math import SMOOTHING, hypot, is_symbolic, smooth_abs, smooth_step, wrap
 from hpop.symbols import lift
 
 finite = st.floats(-1e6, 1e6)
@@ -81,6 +81,26 @@ def test_smooth_abs_meets_the_absolute_value_with_equal_slope_and_curvature():
     curvature = (slopes[0] - slopes[1]) / (SMOOTHING * 1e-4)
     assert curvature == pytest.approx(0.0, abs=1.0)  # against 2 / SMOOTHING = 100 of a parabola
     assert on_symbols(smooth_abs, 0.0)[0] == 0.0
+
+
+@pytest.mark.parametrize("s", [-1e3, -1.0, 1.0, 1e3])
+def test_smooth_step_is_the_step_outside_its_width(s):
+    value, gradient = on_symbols(smooth_step, s * SMOOTHING)
+    assert value == smooth_step(s * SMOOTHING)
+    assert gradient[0] == 0.0
+
+
+def test_smooth_step_rises_evenly_about_one_half():
+    s = np.linspace(-1, 1, 41)
+    rise = np.array([on_symbols(smooth_step, SMOOTHING * u)[0] for u in s])
+    assert (np.diff(rise) > 0).all()
+    assert rise + rise[::-1] == pytest.approx(1.0)
+    ends = [on_symbols(smooth_step, SMOOTHING * u)[1][0] for u in (-1 + 1e-4, 0.0, 1 - 1e-4)]
+    assert ends == pytest.approx([0.0, 15 / 16 / SMOOTHING, 0.0], abs=1e-5)  # the slope of 15 s / 16 w
+
+
+def test_the_step_is_sharp_on_numbers():
+    assert smooth_step(np.array([-1e-300, 0.0, 1e-300])).tolist() == [0.0, 1.0, 1.0]
 
 
 def test_symbols_are_told_from_numbers():

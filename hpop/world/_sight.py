@@ -77,20 +77,20 @@ def lit(turns: IntArray, split: int, out: FloatArray) -> None:
 
 
 @njit(cache=True)
-def isovist_areas(
+def isovists(
     edges: FloatArray, x: FloatArray, y: FloatArray, radius: float, cos: FloatArray, sin: FloatArray, out: FloatArray
 ) -> None:
-    """Write to out (M,) the area (m^2) seen from each point, not farther than the radius.
+    """Write to out (M,) the share seen from each point of the disc with the radius (m) round it.
 
     edges (E, 4) m: x0, y0, x1, y1, the solid on the left; cos, sin (K,): directions of the rays, the middles of K
     equal sectors from angle 0. Each ray ends where it first enters the solid.
     """
     rays = cos.size
     sector = 2.0 * math.pi / rays
-    inverse = [1.0 / radius] * rays  # 1/m, of the length of each ray
+    shortened = [1.0] * rays  # radius / length of each ray, >= 1
     for k in range(x.size):
         for i in range(rays):
-            inverse[i] = 1.0 / radius
+            shortened[i] = 1.0
         for e in range(edges.shape[0]):
             ax, ay = edges[e, 0] - x[k], edges[e, 1] - y[k]
             bx, by = edges[e, 2] - x[k], edges[e, 3] - y[k]
@@ -98,9 +98,9 @@ def isovist_areas(
             length = math.hypot(bx - ax, by - ay)
             if cross > 0.0 or -cross >= radius * length:
                 continue
-            # Outward normal of the light's way in, over the distance of the edge's line.
-            d = max(-cross / length, TOUCHING)
-            nx, ny = (ay - by) / (length * d), (bx - ax) / (length * d)
+            # A ray in direction u ends at d / (n u): d is the distance of the edge's line, n its normal.
+            scale = radius / (length * max(-cross / length, TOUCHING))
+            nx, ny = scale * (ay - by), scale * (bx - ax)
             low = math.atan2(by, bx)
             span = math.atan2(ay, ax) - low
             if span < 0.0:
@@ -111,11 +111,11 @@ def isovist_areas(
             last = math.floor((low + span) / sector - 0.5)
             for i in range(first, last + 1):
                 j = i % rays
-                inverse[j] = max(inverse[j], nx * cos[j] + ny * sin[j])
-        area = 0.0
+                shortened[j] = max(shortened[j], nx * cos[j] + ny * sin[j])
+        closed = 0.0
         for i in range(rays):
-            area += 0.5 * sector / (inverse[i] * inverse[i])
-        out[k] = area
+            closed += 1.0 - 1.0 / (shortened[i] * shortened[i])
+        out[k] = 1.0 - closed / rays
 
 
 @njit(cache=True)

@@ -39,6 +39,8 @@ RAYS = 360
 """Rays of an isovist."""
 BEYOND = 1.0
 """Metres of obstacle round a world whose outside is obstacle."""
+ALL_ROUND = 2 * math.pi - 1e-3
+"""Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
 MAX_HEIGHTS = 16
 """Distinct camera heights that one call may ask for."""
 
@@ -105,7 +107,7 @@ def landmarks_unseen(world: World, pose: CameraPose, *, near: float, far: float,
     A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw, rad; on symbols that edge is
     smoothed.
     """
-    if fov >= 2 * math.pi:
+    if fov >= ALL_ROUND:
         return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
     if is_symbolic(pose.x) or is_symbolic(pose.y) or is_symbolic(pose.yaw):
         return _by_height(pose, lambda z: _unseen_on_symbols(world, pose, z, near, far, fov))
@@ -255,7 +257,7 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 
 
 def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
-    from hpop.world._sight import isovist_areas
+    from hpop.world._sight import isovists
 
     xs, ys, spacing = _grid(world)
     x, y = (c.ravel() for c in np.meshgrid(xs, ys))
@@ -266,17 +268,17 @@ def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
     edges = _edges(solid)
     angles = (np.arange(RAYS) + 0.5) * (2 * math.pi / RAYS)
     cos, sin = np.cos(angles), np.sin(angles)
-    area = np.empty(x.size)
+    share = np.empty(x.size)
     low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
     for points in _tiles(x, y, 0.5 * radius):
         corner = np.array([x[points].min(), y[points].min()]) - radius
         other = np.array([x[points].max(), y[points].max()]) + radius
         close = np.flatnonzero((low <= other).all(axis=1) & (high >= corner).all(axis=1))
         part = np.empty(points.size)
-        isovist_areas(edges[close], x[points], y[points], radius, cos, sin, part)
-        area[points] = part
+        isovists(edges[close], x[points], y[points], radius, cos, sin, part)
+        share[points] = part
     shapely.prepare(solid)
-    share = np.where(shapely.contains_xy(solid, x, y), 0.0, area / (math.pi * radius**2))
+    share[shapely.contains_xy(solid, x, y)] = 0.0
     return Field(np.clip(share, 0.0, 1.0).reshape(ys.size, xs.size), spacing, (float(xs[0]), float(ys[0]), 0.0))
 
 

@@ -30,7 +30,7 @@ class _Unseen:
             raise CriterionError(
                 f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
             )
-        if not 0 < self.fov <= 2 * np.pi + 1e-9:
+        if not 0 < self.fov <= 2 * np.pi + 1e-3:
             raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
 
     def cost(self, m: Motions) -> Column:

@@ -11,7 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History, Track
 from hpop.world.content import Landmark
-from hpop.world.visibility import bearing, sees
+from hpop.world.visibility import ALL_ROUND, bearing, sees
 
 STEP = 0.05  # s between the moments at which the viewer looks
 
@@ -45,7 +45,7 @@ class UnseenLandmarks:
             raise CriterionError(f"'least' must be a time >= 0 s, got {self.least!r}")
         if not 0 < self.far < np.inf:
             raise CriterionError(f"'far' must be a distance above 0 m, got {self.far!r}")
-        if not 0 < self.fov <= 2 * np.pi + 1e-9:
+        if not 0 < self.fov <= 2 * np.pi + 1e-3:
             raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
 
     def cost(self, m: History) -> Column:
@@ -62,10 +62,11 @@ class UnseenLandmarks:
     def _sees(self, m: History, track: Track, landmark: Landmark) -> BoolArray:
         seen = sees(m.world, track.camera, landmark, far=self.far)
         off = np.abs(bearing(track.camera, landmark.x, landmark.y))
-        return np.asarray(seen & ((off <= 0.5 * self.fov) | (self.fov >= 2 * np.pi)), dtype=bool)
+        return np.asarray(seen & ((off <= 0.5 * self.fov) | (self.fov >= ALL_ROUND)), dtype=bool)
 
     def _seen_at(self, track: Track, seen: BoolArray) -> float:
         """Time, s, by which a landmark has been in view for long enough; inf if it never is."""
-        lasted = np.concatenate([[0.0], np.cumsum(np.diff(track.times) * (seen[1:] & seen[:-1]))])
-        enough = np.flatnonzero(seen & (lasted >= self.least - 1e-9))
+        share = 0.5 * (1.0 * seen[1:] + seen[:-1])  # of each step
+        lasted = np.concatenate([[0.0], np.cumsum(share * np.diff(track.times))])
+        enough = np.flatnonzero((np.cumsum(seen) > 0) & (lasted >= self.least - 1e-9))
         return float(track.times[enough[0]]) if enough.size else np.inf

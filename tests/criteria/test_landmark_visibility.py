@@ -1,0 +1,116 @@
+"""Landmark visibility: against integrals of its formula along simple ways."""
+
+import numpy as np
+import pytest
+import shapely
+from scipy.integrate import quad
+
+from hpop.criteria import LandmarkBlindness, LandmarkVisibility, make_criterion, trajectory_cost
+from hpop.errors import CriterionError
+from hpop.models import DifferentialDrive
+from hpop.testing import check_criterion
+from hpop.trajectory import Trajectory
+from hpop.world import World
+from hpop.world.content import Landmark
+
+MODEL = DifferentialDrive()
+EYE = MODEL.camera_height
+
+
+def hall(*landmarks, obstacles=()):
+    return World.from_polygons(obstacles, extent=shapely.box(0, 0, 16, 10)).with_content(landmarks=landmarks)
+
+
+def test_driving_away_costs_what_the_distance_fades():
+    world = hall(Landmark(1, 5, z=EYE))
+    away = Trajectory.from_poses(MODEL, [(2, 5, 0), (15, 5, 0)])
+    seen, _ = quad(lambda d: np.clip((9 - d) / (9 - 4), 0, 1), 1, 14, points=[4, 9])
+    cost = trajectory_cost(LandmarkVisibility(near=4.0, far=9.0), away, world)
+    assert cost == pytest.approx(1 - seen / 13, abs=1e-3)
+
+
+def test_distances_are_measured_in_three_dimensions():
+    world = hall(Landmark(8, 5, z=EYE + 4))
+    here = Trajectory.from_poses(MODEL, [(8, 2, 0), (8, 2, 2)])
+    assert trajectory_cost(LandmarkVisibility(near=0.0, far=10.0), here, world) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_passing_a_picture_costs_the_cosine_of_the_angle_to_its_front():
+    # On a line 2 m in front of a picture at x = 8: cos = 2 / sqrt(4 + (x - 8)²).
+    world = hall(Landmark(8, 2, z=EYE, facing=np.pi / 2))
+    past = Trajectory.from_poses(MODEL, [(3, 4, 0), (13, 4, 0)])
+    seen, _ = quad(lambda x: 2 / np.hypot(2, x - 8), 3, 13)
+    assert trajectory_cost(LandmarkVisibility(near=20, far=30), past, world) == pytest.approx(1 - seen / 10, abs=1e-3)
+    behind = Trajectory.from_poses(MODEL, [(3, 1, 0), (13, 1, 0)])
+    assert trajectory_cost(LandmarkVisibility(), behind, world) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_behind_a_wall_the_landmark_is_missed_for_as_long_as_its_shadow_is_wide():
+    # Landmark at (8, 1), wall of half-width 1 at y = 3: at y = 5 its shadow goes from x = 6 to x = 10.
+    world = hall(Landmark(8, 1, z=EYE), obstacles=[shapely.box(7, 3, 9, 3.001)])
+    past = Trajectory.from_poses(MODEL, [(3, 5, 0), (13, 5, 0)])
+    criterion = LandmarkVisibility(near=20, far=30)
+    assert trajectory_cost(criterion, past, world) == pytest.approx(0.4, abs=2e-3)
+    assert trajectory_cost(criterion.integral, past, world) == pytest.approx(4 / MODEL.speed, abs=2e-2)
+
+
+def test_weights_say_how_much_each_landmark_counts():
+    # The wall hides the landmark in the south, of weight 1, never that in the north, of weight 3.
+    wall = shapely.box(0, 4, 16, 4.1)
+    world = hall(Landmark(8, 1, z=EYE), Landmark(8, 9, z=EYE, weight=3.0), obstacles=[wall])
+    past = Trajectory.from_poses(MODEL, [(3, 6, 0), (13, 6, 0)])
+    assert trajectory_cost(LandmarkVisibility(near=20, far=30), past, world) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("fov", [1.0, 2.0, 4.0])
+def test_a_viewer_looks_ahead_within_the_angle_of_view(fov):
+    world = hall(Landmark(8, 8, z=EYE), Landmark(4, 3, z=EYE, weight=2.0), Landmark(10, 4, z=EYE))
+    turns = Trajectory.from_poses(MODEL, [(8, 4, -3), (8, 4, -0.4), (8, 4, 2.4), (5, 6, 2.4)])
+    t = np.linspace(0, turns.duration, 200_001)
+    s = turns.at((t[1:] + t[:-1]) / 2)
+    seen = np.zeros(t.size - 1)
+    for mark in world.content.landmarks:
+        off = np.angle(np.exp(1j * (np.arctan2(mark.y - s.y, mark.x - s.x) - s.yaw)))
+        seen += mark.weight / 4 * (np.abs(off) <= fov / 2)
+    cost = trajectory_cost(LandmarkVisibility(near=20, far=30, fov=fov), turns, world)
+    assert cost == pytest.approx(1 - seen.mean(), abs=0.015)  # the nodes of a panel are up to 5 degrees apart
+
+
+@pytest.mark.parametrize("fov", [6.283, 2 * np.pi, 6.2832])
+def test_an_angle_of_view_with_a_few_decimals_is_all_round(fov):
+    world = hall(Landmark(8, 8, z=EYE))
+    away = Trajectory.from_poses(MODEL, [(8, 7, -np.pi / 2), (8, 6, -np.pi / 2)])
+    assert trajectory_cost(LandmarkVisibility(fov=fov), away, world) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_mean_stands_for_its_integral():
+    assert LandmarkVisibility(1.0, 2.0, 3.0).integral == LandmarkBlindness(1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("bad", "text"),
+    [
+        ({"near": -1.0}, "near"),
+        ({"near": 10.0}, "near"),
+        ({"far": np.inf}, "far"),
+        ({"far": np.nan}, "far"),
+        ({"fov": 0.0}, "fov"),
+        ({"fov": 7.0}, "fov"),
+        ({"fov": np.nan}, "fov"),
+    ],
+)
+@pytest.mark.parametrize("cls", [LandmarkVisibility, LandmarkBlindness])
+def test_bad_parameters_are_named(cls, bad, text):
+    with pytest.raises(CriterionError, match=text):
+        cls(**bad)
+
+
+def test_a_world_without_landmarks_is_refused():
+    away = Trajectory.from_poses(MODEL, [(2, 5, 0), (15, 5, 0)])
+    with pytest.raises(CriterionError, match="landmarks"):
+        trajectory_cost(LandmarkVisibility(), away, hall())
+
+
+@pytest.mark.parametrize("name", ["landmark_visibility", "landmark_blindness"])
+def test_they_conform(name):
+    check_criterion(make_criterion(name))
