@@ -354,7 +354,7 @@ class Motions:
         """
         constant = self._constant(rate)
         if constant is not None:
-            return constant + 0.0 * self.duration  # a rate may be one number
+            return constant
         largest: Column = None
         for phase in self.phases:
             value = self._phase_worst(rate, phase)
@@ -362,10 +362,28 @@ class Motions:
         return largest
 
     def _constant(self, rate: Rate) -> Column | None:
-        """The rate at the start, if what it reads does not change within the motions; else None."""
-        instants = self._instants(self.phases[0], 0.0, None)
-        value = rate(instants)
-        return None if instants.read & (self.law.varies | {"t", "velocity"}) else value
+        """The rate (M,), if nothing that it reads changes within the motions; else None.
+
+        What it reads is learnt from one motion. Motions in a row that begin alike in that (the turns at one place of a
+        lattice) are then evaluated once.
+        """
+        phase, fixed = self.phases[0], self.law.varies | {"t", "velocity"}
+        if self._symbolic:
+            instants = self._instants(phase, 0.0, None)
+            value = rate(instants)
+            return None if instants.read & fixed else value
+        probe = self._instants(phase, 0.0, np.zeros(min(1, len(self)), dtype=np.int64))
+        rate(probe)
+        if probe.read & fixed:
+            return None
+        new = np.zeros(len(self), dtype=bool)
+        new[:1] = True
+        for name in probe.read:
+            column = getattr(self.start, name)
+            new[1:] |= column[1:] != column[:-1]
+        first = np.flatnonzero(new)
+        values = np.broadcast_to(rate(self._instants(phase, 0.0, first)), first.shape)
+        return np.repeat(values, np.diff(np.append(first, len(self))))
 
     @property
     def _symbolic(self) -> bool:

@@ -214,7 +214,7 @@ def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatA
 
 
 def _reframed(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
-    """World and trajectory turned and shifted together; fields are then sampled on another grid, hence the tolerance."""
+    """World and trajectory turned and shifted together; fields lie on another grid then, hence the tolerance."""
     trajectory = _detour(model, 1.0)
     s = trajectory.states
     x, y = _turned(s.x, s.y)

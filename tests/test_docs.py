@@ -29,14 +29,15 @@ def test_the_scenario_in_the_readme_is_the_one_of_the_demo(tmp_path):
     assert shown == yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 
 
-def test_the_criterion_in_the_docs_passes_its_conformance_checks(tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", ["Glare", "DoorDistance", "Boredom"])
+def test_a_criterion_in_the_docs_passes_its_conformance_checks(name, tmp_path, monkeypatch):
     from hpop.testing import check_criterion
 
-    (block,) = blocks("docs/criteria.md")
-    module = tmp_path / "glare_of_the_docs.py"  # pickling needs an importable module
-    module.write_text(block.replace('"glare"', '"glare_of_the_docs"'))
+    (block,) = (block for block in blocks("docs/criteria.md") if f"class {name}:" in block)
+    module = tmp_path / f"docs_{name.lower()}.py"  # pickling needs an importable module
+    module.write_text(re.sub(r'criterion\("', r'criterion("docs_', block))
     monkeypatch.syspath_prepend(tmp_path)
-    check_criterion(importlib.import_module(module.stem).Glare())
+    check_criterion(getattr(importlib.import_module(module.stem), name)())
 
 
 def test_the_search_in_the_docs_finds_what_it_says():

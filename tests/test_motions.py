@@ -126,17 +126,28 @@ def test_a_rate_of_the_heading_alone_is_integrated_as_finely_as_one_of_the_posit
     assert motions.worst(lambda s: -np.cos(3.0 * s.camera.yaw))[0] == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_rate_that_reads_nothing_that_changes_is_exact_and_evaluated_once():
+def test_a_rate_that_reads_nothing_that_changes_is_exact_and_evaluated_once_a_place():
     calls = []
 
     def rate(s):
         calls.append(s.base.x.size)
         return np.exp(np.sin(17.0 * s.base.x))
 
-    motions = one(OFF_AXIS, "turn", 3.3, 4.0, 0.3, 3.0)
-    assert motions.integrate(rate)[0] == np.exp(np.sin(17.0 * 3.3)) * motions.duration[0]
-    assert motions.worst(rate)[0] == np.exp(np.sin(17.0 * 3.3))
-    assert calls == [1, 1]
+    x = np.array([3.3] * 50 + [5.1] * 30 + [3.3])
+    states = States(x=x, y=np.full(81, 4.0), yaw=np.linspace(0.0, 1.0, 81))
+    end = States(x=x, y=states.y, yaw=states.yaw + 1.5)
+    motions = Motions(WORLD, OFF_AXIS, OFF_AXIS.laws["turn"], states, end)
+    np.testing.assert_array_equal(motions.integrate(rate), np.exp(np.sin(17.0 * x)) * motions.duration)
+    np.testing.assert_array_equal(motions.worst(rate), np.exp(np.sin(17.0 * x)))
+    assert calls == [1, 3, 1, 3]  # each time one motion to learn what is read, then the three places
+
+
+def test_no_motions_cost_nothing():
+    nothing = States(x=np.zeros(0), y=np.zeros(0), yaw=np.zeros(0))
+    for kind in ("move", "turn"):
+        motions = Motions(WORLD, OFF_AXIS, OFF_AXIS.laws[kind], nothing, nothing)
+        for rate in (lambda s: s.base.x, lambda s: s.camera.yaw, lambda s: s.speed):
+            assert motions.integrate(rate).shape == motions.worst(rate).shape == (0,)
 
 
 def test_a_rate_that_reads_the_camera_off_the_axis_is_not_constant_during_a_turn():

@@ -10,7 +10,6 @@ import pytest
 from hpop.criteria import make_criterion
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.motions import missing
 from hpop.registry import criteria
 from hpop.testing import check_criterion, conformance, random_motions, random_world
 
