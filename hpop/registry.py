@@ -1,4 +1,4 @@
-"""Names of criteria, planners and models: a decorator at home, an entry point abroad, loaded on first use.
+"""Names of criteria, planners, models and readers: a decorator at home, an entry point abroad, loaded on first use.
 
 A plugin package declares, for example::
 
@@ -10,19 +10,21 @@ and ``hpop.registry.criteria["glare"]`` finds it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from hpop.errors import CriterionError, HpopError, ModelError, OptionError, unknown_name
+from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, unknown_name
+
+T = TypeVar("T", bound=Callable[..., Any])
 
 # The paper's groups of criteria, so that no aspect is forgotten (Becerra et al. 2020).
 GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
-class Registry(Mapping[str, type]):
+class Registry(Mapping[str, T], Generic[T]):
     """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.
 
     A name taken twice and a package that cannot be loaded raise ``error``.
@@ -33,20 +35,19 @@ class Registry(Mapping[str, type]):
         self._error = error
         self._module = module
         self._group = group
-        self._types: dict[str, type] = {}
+        self._types: dict[str, T] = {}
         self._loaded = False
 
-    def add(self, name: str, item: type) -> None:
+    def add(self, name: str, item: T) -> None:
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
         taken = self._types.get(name)
-        if taken is not None and (taken.__module__, taken.__qualname__) != (item.__module__, item.__qualname__):
+        if taken is not None and _origin(taken) != _origin(item):
             raise self._error(
-                f"{self.kind} name {name!r} is taken by {taken.__module__}.{taken.__qualname__}; "
-                f"choose another for {item.__module__}.{item.__qualname__}"
+                f"{self.kind} name {name!r} is taken by {_origin(taken)}; choose another for {_origin(item)}"
             )
         self._types[name] = item
 
-    def __getitem__(self, name: str) -> type:
+    def __getitem__(self, name: str) -> T:
         if name not in self._types:
             self._load()
         if name not in self._types:
@@ -81,9 +82,15 @@ class Registry(Mapping[str, type]):
         self._loaded = True
 
 
-criteria = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
-planners = Registry("planner", "hpop.planners", "hpop.planners", OptionError)
-models = Registry("model", "hpop.models", "hpop.models", ModelError)
+def _origin(item: Any) -> str:
+    """Where a type or function is defined: module and name."""
+    return f"{item.__module__}.{item.__qualname__}"
+
+
+criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
+planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners", OptionError)
+models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
+readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers", "hpop.readers", MapError)
 
 
 def make_model(spec: Mapping[str, Mapping[str, Any]]) -> Any:

@@ -3,7 +3,7 @@
 ::
 
     world:
-      ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons
+      ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons, a reader of an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"
@@ -41,7 +41,7 @@ from hpop.criteria.base import Criterion
 from hpop.models import DifferentialDrive
 from hpop.planners.base import Planner
 from hpop.problem import Problem
-from hpop.registry import criteria, models, planners
+from hpop.registry import criteria, models, planners, readers
 from hpop.scenario_faults import Faults, entries
 from hpop.scenario_schema import (
     DEFAULT_MODEL,
@@ -51,6 +51,7 @@ from hpop.scenario_schema import (
     LandmarkEntry,
     MovingAI,
     PersonEntry,
+    ReaderFile,
     RosMap,
     ScenarioFile,
     WorldSection,
@@ -58,6 +59,7 @@ from hpop.scenario_schema import (
 )
 from hpop.world import World, geojson_content
 from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.readers import read_world
 from hpop.yaml_lines import Document, Place
 
 
@@ -79,8 +81,11 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     document = Document(Path(path))
     given, faults = document.values, Faults(document)
-    file = faults.validated(ScenarioFile, given, ())
-    faults.one_world(given.get("world"))
+    reader = _plugin_reader(given.get("world"))
+    file = faults.validated(ScenarioFile, given if reader is None else {**given, "world": {}}, ())
+    to_read = None if reader is None else faults.validated(ReaderFile, given["world"][reader], ("world", reader))
+    if reader is None:
+        faults.one_world(given.get("world"))
     model = faults.built(models, given.get("model", DEFAULT_MODEL), ("model",))
     wanted = [faults.built(criteria, spec, ("criteria", i)) for i, spec in enumerate(entries(given.get("criteria")))]
     asked = given.get("planner", DEFAULT_PLANNER)
@@ -98,8 +103,14 @@ def load_scenario(path: str | Path) -> Scenario:
     with faults.collected(("groups",)):
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
-    with faults.collected(("world", next(name for name, value in file.world if value is not None))):
-        world = _world(file.world, document.path.parent, content)
+    folder = document.path.parent
+    with faults.collected(("world", reader or next(name for name, value in file.world if value is not None))):
+        bare = (
+            _bare_world(file.world, folder)
+            if reader is None or to_read is None
+            else read_world(reader, folder / to_read.path, **to_read.model_extra)
+        )
+        world = _furnished(bare, file.world, folder, content)
     faults.raise_all()
     with faults.collected(("criteria",)):
         problem = Problem(world, cast(DifferentialDrive, model), start, goal, cast(list[Criterion], wanted))
@@ -154,9 +165,17 @@ def _unknown(member: int | str, names: list[str], times: int) -> str:
     return f"expected a person's place or name, got {member!r}; {places}" + (f", names are {known}" if known else "")
 
 
-def _world(section: WorldSection, folder: Path, content: Content) -> World:
-    """The world of a section with people, landmarks and zones; paths are relative to the folder."""
-    world, landmarks, zones = _bare_world(section, folder), content.landmarks, content.zones
+def _plugin_reader(section: Any) -> str | None:
+    """The reader of an installed package that a world section names, if it names one."""
+    if not isinstance(section, dict) or len(section) != 1:
+        return None
+    (name,) = section
+    return name if name not in WorldSection.model_fields and name in readers else None
+
+
+def _furnished(world: World, section: WorldSection, folder: Path, content: Content) -> World:
+    """A world with people, landmarks and zones, those in files of its section included."""
+    landmarks, zones = content.landmarks, content.zones
     if section.geojson is not None:
         given = section.geojson
         paths = {
@@ -182,7 +201,7 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
 
 
 def _bare_world(section: WorldSection, folder: Path) -> World:
-    """The world of a section as its reader gives it."""
+    """The world of a section as its reader gives it; paths are relative to the folder."""
     match next(value for _, value in section if value is not None):
         case RosMap() as given:
             keep_out = None if given.keep_out is None else folder / given.keep_out

@@ -107,7 +107,7 @@ class Faults:
                 got = " and ".join(given) or "none"
                 self.add(("world",), f"give exactly one of {', '.join(ways)}; got {got}")
 
-    def built(self, registry: Registry, spec: Any, place: Place) -> object:
+    def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
         """An object of a registry from a name, or from one name with its parameters, checked by their types."""
         if not isinstance(spec, str | dict):
             return None  # the file's schema says so

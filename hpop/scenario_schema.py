@@ -88,6 +88,13 @@ class WorldSection(_Strict):
     polygons: Polygons | None = None
 
 
+class ReaderFile(BaseModel):
+    """What an installed package's reader reads, and its options."""
+
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+    path: str
+
+
 class PersonEntry(_Strict):
     """A person, m, m/s; the yaw in rad or as text such as "90 deg"."""
 

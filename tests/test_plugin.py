@@ -1,0 +1,167 @@
+"""The example plugin, installed as a package of its own: its criterion and its reader are found and work."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hpop.errors import MapError, UnknownName
+from hpop.registry import readers
+from hpop.world import World
+from hpop.world.readers import read_world
+
+PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
+RUN = "from hpop.cli import main; main()"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """A folder into which the plugin is installed, built without a network."""
+    if importlib.util.find_spec("setuptools") is None:
+        pytest.skip("building the plugin needs setuptools")
+    source, target = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("site")
+    shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
+    pip = [sys.executable, "-m", "pip", "install", "--no-index", "--no-deps", "--no-build-isolation", "--target"]
+    command = [*pip, str(target), "--quiet", "--disable-pip-version-check", str(source)]
+    if tuple(map(int, version("setuptools").split(".")[:2])) < (70, 1):
+        # Older ones cannot build a wheel without another package; these are the steps of which a wheel is made.
+        steps = [
+            "egg_info",
+            "install_lib",
+            "--install-dir",
+            str(target),
+            "install_egg_info",
+            "--install-dir",
+            str(target),
+        ]
+        command = [sys.executable, "-c", "import setuptools; setuptools.setup()", "--quiet", *steps]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+def hpop(*arguments: str | Path, site: Path | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own, with or without the plugin's folder on its path."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    environment |= {"COLUMNS": "200"} | ({} if site is None else {"PYTHONPATH": str(site)})
+    command = [sys.executable, "-c", RUN, *map(str, arguments)]
+    return subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def plan(tmp_path) -> Path:
+    """The plugin's scenario in a folder of its own."""
+    for name in ("scenario.yaml", "plan.txt"):
+        shutil.copy(PLUGIN / name, tmp_path)
+    return tmp_path / "scenario.yaml"
+
+
+def changed(scenario: Path, world: dict) -> Path:
+    content = yaml.safe_load(scenario.read_text())
+    scenario.write_text(yaml.safe_dump({**content, "world": world}))
+    return scenario
+
+
+def test_its_criterion_is_listed_where_it_is_installed_only(site, tmp_path):
+    assert "oblique  m, sum, axis=0.0" in hpop("criteria", site=site, cwd=tmp_path).stdout
+    without = hpop("criteria", cwd=tmp_path)
+    assert without.returncode == 0
+    assert "oblique" not in without.stdout
+
+
+def test_its_criterion_passes_the_conformance_checks(site, tmp_path):
+    done = hpop("check", "oblique", site=site, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
+
+
+def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(site, plan):
+    out = plan.parent / "out"
+    done = hpop("plan", plan, "--out", out, site=site)
+    assert done.returncode == 0, done.stdout + done.stderr
+    points = json.loads((out / "front.json").read_text())["points"]
+    oblique, _, length = np.array([point["costs"] for point in points]).T
+    # The pillar of 1 x 1 m stands between start and goal, 5.5 m apart. Along the walls it is passed 1 m further down,
+    # which is 2 m longer than straight; obliquely it is shorter. The front has both.
+    assert length[oblique < 1e-9].min() == pytest.approx(5.5 + 2 * 1.0)
+    assert length.min() < 7.5
+    (plan.parent / "plan.txt").unlink()
+    shown = hpop("show", out, site=site)
+    assert shown.returncode == 0, shown.stderr
+    assert "verified" in shown.stdout
+
+
+def test_without_the_plugin_its_names_are_unknown(plan):
+    done = hpop("plan", plan, "--out", plan.parent / "out")
+    assert done.returncode == 4
+    assert "text_plan" in done.stderr
+    assert "no such key" in done.stderr
+    assert "unknown criterion 'oblique'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("world", "code", "message"),
+    [
+        ({"text_plan": {"path": "gone.txt"}}, 3, "cannot read the plan"),
+        ({"text_plan": {"path": "plan.txt", "sell": 1.0}}, 3, "unexpected keyword argument 'sell'"),
+        ({"text_plan": {"path": "plan.txt", "cell": -1.0}}, 3, "cell must be a positive length"),
+        ({"text_plan": {"cell": 1.0}}, 4, "world.text_plan.path: this key is missing"),
+        ({"text_plan": "plan.txt"}, 4, "world.text_plan: expected keys with values"),
+        ({"text_plan": {"path": "plan.txt"}, "movingai": {"path": "a.map"}}, 4, "no such key"),
+    ],
+)
+def test_what_its_reader_cannot_take_is_said_with_the_key(site, plan, world, code, message):
+    done = hpop("plan", changed(plan, world), "--out", plan.parent / "out", site=site)
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
+    assert message in done.stderr
+    assert "world" in done.stderr
+
+
+# Readers by name, without a package
+
+
+def test_the_readers_that_come_with_hpop_have_names():
+    assert {"geojson", "image", "movingai", "ros_map"} <= set(readers)
+
+
+def test_a_world_is_read_by_the_name_of_its_reader(tmp_path):
+    path = tmp_path / "room.map"
+    path.write_text("type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n")
+    named, direct = read_world("movingai", path, resolution=2.0), World.from_movingai(path, resolution=2.0)
+    assert named.bounds == direct.bounds == (0.0, 0.0, 6.0, 4.0)
+    assert named.describe() == direct.describe()
+
+
+def test_an_unknown_reader_lists_the_known_ones():
+    with pytest.raises(UnknownName, match=r"unknown reader 'movingay'; known: .*Did you mean 'movingai'\?"):
+        read_world("movingay", "room.map")
+
+
+def faulty(path, *, what="nothing"):
+    if what == "error":
+        raise KeyError("walls")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "reader 'faulty' must return a World, got NoneType"),
+        ({"what": "error"}, "reader 'faulty' cannot read 'a.txt': KeyError: 'walls'"),
+        ({"wat": 1}, r"reader 'faulty' takes \(path, \*, what='nothing'\); got an unexpected keyword argument 'wat'"),
+    ],
+)
+def test_a_reader_that_fails_is_named(monkeypatch, options, message):
+    assert "faulty" not in readers
+    monkeypatch.setitem(readers._types, "faulty", faulty)
+    with pytest.raises(MapError, match=message):
+        read_world("faulty", "a.txt", **options)
