@@ -98,6 +98,9 @@ def isovists(
             length = math.hypot(bx - ax, by - ay)
             if cross > 0.0 or -cross >= radius * length:
                 continue
+            apart = min(ax * ax + ay * ay, bx * bx + by * by) >= radius * radius
+            if apart and (ax * (bx - ax) + ay * (by - ay)) * (bx * (bx - ax) + by * (by - ay)) >= 0.0:
+                continue  # both ends out of reach, on one side of the foot
             # A ray in direction u ends at d / (n u): d is the distance of the edge's line, n its normal.
             scale = radius / (length * max(-cross / length, TOUCHING))
             nx, ny = scale * (ay - by), scale * (bx - ax)

@@ -37,8 +37,12 @@ SPLIT = 3
 """A sample of the line of sight is the mean over SPLIT x SPLIT exact lines, spread over its cell."""
 RAYS = 360
 """Rays of an isovist."""
+FINENESS = 50
+"""Samples of the openness a radius, at most: it changes slowly, and isovists cost more than lines."""
+COARSEST = 0.2
+"""Spacing, m, beyond which openness is not made coarser for that."""
 BEYOND = 1.0
-"""Metres of obstacle round a world whose outside is obstacle."""
+"""Metres of obstacle round a world whose outside is obstacle, and two samples more."""
 ALL_ROUND = 2 * math.pi - 1e-3
 """Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
 MAX_HEIGHTS = 16
@@ -259,7 +263,7 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
     from hpop.world._sight import isovists
 
-    xs, ys, spacing = _grid(world)
+    xs, ys, spacing = _grid(world, min(radius / FINENESS, COARSEST))
     x, y = (c.ravel() for c in np.meshgrid(xs, ys))
     solid = world.solid(camera_z, camera_z)
     bottom, top = _outside_heights(world)
@@ -293,17 +297,18 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 # Geometry
 
 
-def _grid(world: World) -> tuple[FloatArray, FloatArray, float]:
-    """Positions (xs, ys) of the samples, and their spacing, m."""
+def _grid(world: World, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
+    """Positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
     x0, y0, x1, y1 = world.bounds
-    spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+    spacing = max(world.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
     xs, ys = grid_points(world.bounds, spacing)
     return xs, ys, spacing
 
 
 def _outside(world: World) -> BaseGeometry:
     """What is obstacle beyond the extent, m."""
-    around = shapely.box(*world.bounds).buffer(BEYOND, join_style="mitre")
+    width = BEYOND + 2 * _grid(world)[2]
+    around = shapely.box(*world.bounds).buffer(width, join_style="mitre")
     return shapely.difference(around, world.extent) if world.outside_is_obstacle else shapely.MultiPolygon()
 
 

@@ -56,7 +56,7 @@ class WorstObstruction(_Obstructed):
 
     A mean hides a short squeeze through a narrow passage in a long walk; the maximum does not. Not in the paper. It is
     looked for at both ends and in the middle of pieces no longer than a field cell c: as phi changes by at most 3/(4 r)
-    a metre, beside walls of the whole height, no more than 3 c / (16 r) is missed.
+    a metre (what a moving disc sweeps, over the ball), no more than 3 c / (16 r) is missed.
     """
 
     def cost(self, m: Motions) -> Column:
