@@ -18,9 +18,9 @@ from hpop.motions import Instants, Motions
 class AgainstFlow:
     """∫ (-v · direction)₊ dt in one-way zones: metres moved against the allowed direction.
 
-    The direction at a place is that of the nearest segment of the zone's path; moving across it costs nothing. It
-    is the place of the base's axis that counts. Where zones overlap each counts. A rule of this library, no
-    published measure.
+    The direction at a place is that of the nearest segment of the zone's path (beyond a corner, half way between two);
+    moving across it costs nothing. It is the place of the base's axis that counts. Where zones overlap each counts. A
+    rule of this library, no published measure.
 
     A zone's border, and the line where the direction changes, are blurred over about two field cells on either side
     (see :class:`hpop.world.field.Field`), so that the cost has a gradient.

@@ -14,6 +14,7 @@ from hpop.world.content import Zone
 from hpop.world.field import Field, grid_points
 
 MAX_SAMPLES = 4_000_000
+SAME_PLACE = 1e-9  # share of a path's length within which its nearest point is a corner
 
 
 def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
@@ -38,7 +39,8 @@ def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
 def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
     """For each one-way zone the allowed direction (x, y), of length 1 inside and 0 outside.
 
-    The direction at a place is that of the nearest segment of the zone's path.
+    The direction at a place is that of the nearest segment of the zone's path; beyond a corner, where two segments are
+    equally near, it is half way between theirs.
     """
 
     def make() -> tuple[tuple[Field, Field], ...]:
@@ -54,11 +56,19 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     steps = np.diff(corners, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     steps, lengths = steps[lengths > 0], lengths[lengths > 0]
+    ahead = steps / lengths[:, None]  # (segments, 2)
+    ends = np.cumsum(lengths)
     x, y = np.meshgrid(xs, ys)
     along = shapely.line_locate_point(zone.path, shapely.points(x, y))
-    nearest = np.minimum(np.searchsorted(np.cumsum(lengths), along, side="right"), lengths.size - 1)
-    ahead = steps / lengths[:, None]  # (segments, 2)
-    return _field(xs, ys, shares * ahead[nearest, 0]), _field(xs, ys, shares * ahead[nearest, 1])
+    slack = SAME_PLACE * ends[-1]
+    before, after = (
+        np.minimum(np.searchsorted(ends, along + shift, side="right"), lengths.size - 1) for shift in (-slack, slack)
+    )
+    mean = ahead[before] + ahead[after]  # (H, W, 2)
+    norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
+    # A path that turns back on itself at a corner has no half way: then what comes after it counts.
+    way = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
+    return _field(xs, ys, shares * way[..., 0]), _field(xs, ys, shares * way[..., 1])
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:

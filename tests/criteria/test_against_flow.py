@@ -1,0 +1,121 @@
+"""Moving against one-way zones: against sampling with exact areas and nearest segments in plain loops."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop.criteria import AgainstFlow, trajectory_cost
+from hpop.criteria.others.zone_fields import one_way_flows
+from hpop.errors import CriterionError
+from hpop.models import DifferentialDrive
+from hpop.testing import check_criterion
+from hpop.trajectory import Trajectory
+from hpop.world import World
+from hpop.world.content import Zone
+
+ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
+ROBOT = DifferentialDrive(speed=0.8)
+CORRIDOR = shapely.box(-3, -1, 3, 1)
+
+
+def one_way(area, *points):
+    return Zone("one-way", area, path=shapely.LineString(points))
+
+
+def line(*points):
+    return Trajectory.from_poses(ROBOT, [(x, y, 0) for x, y in points])
+
+
+def cost(trajectory, *zones):
+    return trajectory_cost(AgainstFlow(), trajectory, ROOM.with_content(zones=zones))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, -0.3])
+def test_against_the_direction_each_metre_counts_by_its_cosine(angle):
+    zone = one_way(CORRIDOR.buffer(5), (-9, 0), (9, 0))
+    dx, dy = 4 * math.cos(angle), 4 * math.sin(angle)
+    assert cost(line((2, 0), (2 - dx, -dy)), zone) == pytest.approx(dx)
+    assert cost(line((2 - dx, -dy), (2, 0)), zone) == pytest.approx(0, abs=1e-9)
+
+
+def test_along_across_outside_and_turning_cost_nothing():
+    zone = one_way(CORRIDOR, (-3, 0), (3, 0))
+    assert cost(line((-5, 0), (5, 0)), zone) == pytest.approx(0, abs=1e-9)
+    assert cost(line((0, -3), (0, 3)), zone) == pytest.approx(0, abs=1e-9)
+    assert cost(line((5, 1.5), (-5, 1.5)), zone) == pytest.approx(0, abs=1e-9)
+    assert cost(Trajectory.from_poses(ROBOT, [(0, 0, 0), (0, 0, 3.0)]), zone) == 0
+
+
+def test_driving_through_against_it_costs_the_length_of_the_zone():
+    assert cost(line((6, 0.2), (-6, 0.2)), one_way(CORRIDOR, (-3, 0), (3, 0))) == pytest.approx(6.0, rel=1e-3)
+
+
+def test_zones_that_overlap_count_each():
+    zones = [one_way(CORRIDOR, (-3, 0), (3, 0)), one_way(CORRIDOR, (0, -1), (0, 1))]
+    assert cost(line((6, 0.2), (-6, 0.2)), *zones) == pytest.approx(6.0, rel=1e-3)
+    assert cost(line((6, 0.2), (-6, 0.2)), zones[0], zones[0]) == pytest.approx(12.0, rel=1e-3)
+
+
+def test_the_direction_is_that_of_the_nearest_segment():
+    corners = np.array([(-4.0, -3.0), (-1.0, 3.0), (-1.0, 3.0), (4.0, 2.0), (3.0, -4.0)])  # one corner is given twice
+    zone = one_way(shapely.box(-5, -5, 5, 5), *corners)
+    ahead, left = one_way_flows(ROOM.with_content(zones=[zone]))[0]
+    rng = np.random.default_rng(2)
+    checked = 0
+    for x, y in rng.uniform(-4, 4, (300, 2)):
+        segments = [(a, b) for a, b in itertools.pairwise(corners) if (a != b).any()]
+        distances = [shapely.LineString(segment).distance(shapely.Point(x, y)) for segment in segments]
+        if np.diff(np.sort(distances)[:2])[0] < 0.6:
+            continue  # the border between two directions is blurred, and beyond corners two are equally near
+        a, b = segments[int(np.argmin(distances))]
+        found = (ahead(np.array([x]), np.array([y]))[0], left(np.array([x]), np.array([y]))[0])
+        assert found == pytest.approx(tuple((b - a) / np.hypot(*(b - a))))
+        checked += 1
+    assert checked > 100
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 4.0])
+def test_beyond_a_corner_it_is_half_way_between_two_directions(turn):
+    def turned(x, y):
+        return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)
+
+    square = shapely.Point(0, 0).buffer(6)
+    zone = one_way(square, turned(-4, 0), turned(0, 0), turned(0, 4))
+    ahead, left = one_way_flows(ROOM.with_content(zones=[zone]))[0]
+    place = turned(2, -1)
+    assert (float(ahead(*place)), float(left(*place))) == pytest.approx(turned(math.sqrt(0.5), math.sqrt(0.5)))
+
+
+def test_beyond_a_point_where_the_path_turns_back_what_comes_after_counts():
+    zone = one_way(shapely.Point(0, 0).buffer(6), (-4, 0), (0, 0), (-2, 0))
+    ahead, left = one_way_flows(ROOM.with_content(zones=[zone]))[0]
+    assert (float(ahead(2.0, 0.5)), float(left(2.0, 0.5))) == pytest.approx((-1.0, 0.0), abs=1e-9)
+
+
+def test_a_path_round_a_bend_against_sampling():
+    corners = [(-4.0, 0.0), (0.0, 0.0), (0.0, 4.0)]
+    area = shapely.union(shapely.box(-4, -1, 1, 1), shapely.box(-1, 0, 1, 4))
+    zone = one_way(area, *corners)
+    trajectory = line((0.3, 6), (0.2, 0.1), (-6, -0.4), (3, -0.3))
+    n = 40_000
+    t = (np.arange(n) + 0.5) * trajectory.duration / n
+    s, (v, _) = trajectory.at(t), trajectory.rates(t)
+    inside = shapely.contains_xy(area, s.x, s.y)
+    upwards = np.hypot(np.maximum(s.x, 0), s.y) > np.hypot(s.x, np.minimum(s.y, 0))  # nearer to the second segment
+    along = np.where(upwards, v.y, v.x)
+    expected = np.mean(np.maximum(-along, 0) * inside) * trajectory.duration
+    assert expected == pytest.approx(8, abs=0.3)
+    assert cost(trajectory, zone) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_a_good_criterion(seed):
+    check_criterion(AgainstFlow(), seed=seed)
+
+
+def test_it_asks_for_one_way_zones():
+    with pytest.raises(CriterionError, match="requires one-way zones"):
+        cost(line((0, 0), (1, 0)), Zone("speed", CORRIDOR, limit=1.0))
