@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test bench lint clean
+.PHONY: demo test bench reference lint clean
 
 demo: $(READY)
 	$(BIN)/hpop plan examples/museum.yaml --out out/museum
@@ -14,6 +14,10 @@ test: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json
+	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
+
+reference: $(READY)
+	$(BIN)/python docs/make_reference.py
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -1,0 +1,103 @@
+"""Write ``criteria_reference.md``: every criterion that comes with hpop, from the registry and the docstrings.
+
+Run it after a criterion has changed: ``make reference``, or ``python docs/make_reference.py``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+from hpop.registry import GROUPS, criteria
+
+TARGET = Path(__file__).with_name("criteria_reference.md")
+HEAD = """# Reference of the criteria
+
+Written by `make reference` from the criteria themselves; do not edit. [Criteria](criteria.md) says how to write one.
+
+All are minimised and at least 0. *Adds up by* says how motions make up a trajectory: `sum`; `time-mean`, the sum over
+the duration; `max`, the worst moment; `trajectory`, with memory. A *smooth* one has a gradient. Costs are compared at
+the *quantum*, in the unit.
+"""
+AGGREGATES = {"sum": "sum", "time-mean": "time-mean", "max": "max (worst moment)", "trajectory": "trajectory (memory)"}
+
+
+def reference() -> str:
+    """The whole page."""
+    known = [cls for cls in criteria.values() if cls.__module__.startswith("hpop.")]  # no plugin's
+    parts = [HEAD]
+    for letter, group in GROUPS.items():
+        members = sorted((cls for cls in known if cls.group == letter), key=lambda cls: cls.name)
+        if members:
+            names = ", ".join(f"`{cls.name}`" for cls in members)
+            parts += [f"## {letter}: {group}\n\n{names}\n", *map(entry, members)]
+    return "\n".join(parts)
+
+
+def entry(cls: Any) -> str:
+    """One criterion: what it declares, its parameters, its docstring."""
+    declared = {
+        "unit": cls.unit,
+        "adds up by": AGGREGATES[cls.aggregate],
+        "requires": ", ".join(cls.requires) or "nothing",
+        "smooth": "yes" if cls.smooth else "no",
+        "quantum": f"{cls.quantum:g}",
+    }
+    if cls.world_frame:
+        declared["world frame"] = "knows directions or places by itself"
+    tables = [table([declared])]
+    if dataclasses.fields(cls):
+        tables.append(table(parameters(cls)))
+    return "\n\n".join([f"### `{cls.name}`", *tables, text(inspect.cleandoc(cls.__doc__))]) + "\n"
+
+
+def table(rows: list[dict[str, str]]) -> str:
+    """Rows with the same keys, as Markdown."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(row.values()) for row in rows)]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def parameters(cls: Any) -> list[dict[str, str]]:
+    """Name, default and unit of each field; the unit is what its line in the source says after the hash."""
+    source = inspect.getsource(cls)
+    rows = []
+    for field in dataclasses.fields(cls):
+        default = field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+        shown = "none; give it" if default is dataclasses.MISSING else number(default)
+        said = re.search(rf"^ +{field.name}: .*?  # (.+)$", source, re.MULTILINE)
+        rows.append({"parameter": f"`{field.name}`", "default": shown, "meaning": said.group(1) if said else ""})
+    if not any(row["meaning"] for row in rows):
+        rows = [{key: row[key] for key in ("parameter", "default")} for row in rows]
+    return rows
+
+
+def number(value: Any) -> str:
+    """A default as a reader would write it.
+
+    >>> number(0.1), number(None), number("walk")
+    ('0.1', 'None', "'walk'")
+    """
+    return f"{value:g}" if isinstance(value, float) else repr(value)
+
+
+def text(docstring: str) -> str:
+    """A docstring as Markdown: names in code, aligned lists kept as they are.
+
+    >>> text("``k`` of :class:`hpop.World`")
+    '`k` of `hpop.World`'
+    """
+    paragraphs = []
+    for paragraph in docstring.split("\n\n"):
+        if re.match(r"\w+(, \w+)* {2,}\S", paragraph):
+            paragraphs.append(f"```text\n{paragraph}\n```")
+            continue
+        marked = re.sub(r":\w+:`([^`]+)`", r"`\1`", paragraph).replace("``", "`").replace("*", "\\*")
+        paragraphs.append(marked.replace("](", "] ("))
+    return "\n\n".join(paragraphs)
+
+
+if __name__ == "__main__":
+    TARGET.write_text(reference(), encoding="utf-8")
