@@ -1,8 +1,16 @@
 """Criteria in four groups; importing this package registers those that come with hpop."""
 
 from hpop.criteria.base import Criterion, criterion, make_criterion, motion_costs, trajectory_cost
+from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
+from hpop.criteria.comfort.jerk import Jerk
 from hpop.criteria.comfort.length import Length
+from hpop.criteria.comfort.msdv import MSDV
+from hpop.criteria.comfort.net_winding import NetWinding
+from hpop.criteria.comfort.optic_flow import OpticFlow, PeakOpticFlow
+from hpop.criteria.comfort.passing_distance import PassingDistance
 from hpop.criteria.comfort.rotation import Rotation
+from hpop.criteria.comfort.rotation_time import RotationTime
+from hpop.criteria.comfort.sickness import Sickness
 from hpop.criteria.comfort.turns import Turns
 from hpop.criteria.others.against_flow import AgainstFlow
 from hpop.criteria.others.cutting_between import CuttingBetween
@@ -27,7 +35,9 @@ from hpop.criteria.robot.proximity import Proximity
 from hpop.criteria.robot.smoothness import Smoothness
 
 __all__ = [
+    "MSDV",
     "AgainstFlow",
+    "AngularAcceleration",
     "BendingEnergy",
     "Clearance",
     "Criterion",
@@ -38,17 +48,24 @@ __all__ = [
     "Energy",
     "Exposure",
     "HallZones",
+    "Jerk",
     "LandmarkBlindness",
     "LandmarkVisibility",
     "Length",
     "NetMisalignment",
+    "NetWinding",
     "OSpace",
     "Obstruction",
     "Openness",
+    "OpticFlow",
     "OrientationRetention",
+    "PassingDistance",
+    "PeakOpticFlow",
     "PersonalSpace",
     "Proximity",
     "Rotation",
+    "RotationTime",
+    "Sickness",
     "Smoothness",
     "SocialForce",
     "Speeding",

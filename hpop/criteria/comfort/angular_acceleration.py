@@ -1,0 +1,46 @@
+"""Angular acceleration that the canals would feel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.math import smooth_abs
+from hpop.motions import Motions
+
+FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
+
+
+@criterion("angular_acceleration", group="C", unit="rad/s", aggregate="sum", requires=("camera",))
+@dataclass(frozen=True)
+class AngularAcceleration:
+    """∫ (|α| - α_th)₊ dt of the camera's yaw: rotation that is seen, and that the canals should report but do not.
+
+    threshold  α_th, rad/s²; 1 deg/s² by default
+
+    Grabherr et al. 2008 measured yaw thresholds as the peak velocity v of one cycle of sinusoidal acceleration at
+    frequency f, which has the peak acceleration π f v: 0.51 deg/s² for the 0.71 deg/s at 0.23 Hz where the plateau
+    begins, 0.44 deg/s² for the 2.8 deg/s at 0.05 Hz. The default is twice that, a choice of this project.
+
+    α is constant within each phase of a law, so this is exact. A turn from rest to rest that reaches the turn rate ω
+    costs 2 ω (1 - α_th/α): few turns and gentle ones are cheap.
+    """
+
+    threshold: float = FELT
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.threshold < np.inf:
+            raise CriterionError(f"'threshold' must be an angular acceleration >= 0 in rad/s², got {self.threshold!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Excess (M,), rad/s."""
+        total: Column = 0.0
+        for phase in m.phases:
+            _, change = phase.share_rates(0.5)
+            excess = np.maximum(smooth_abs(m.camera.rotation * change) - self.threshold, 0.0)
+            total = total + phase.duration * excess
+        return total

@@ -1,0 +1,50 @@
+"""Jerk of the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import criterion
+from hpop.criteria.comfort._visual import camera_at
+from hpop.errors import CriterionError
+from hpop.history import History
+
+SPLIT = 10  # samples a smoothing time
+
+
+@criterion("jerk", group="C", unit="m²/s⁵", aggregate="trajectory", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class Jerk:
+    """∫ |p'''|² dt of the executed camera motion, seen at a bandwidth of ``1/smoothing``.
+
+    smoothing  h, s; by default 0.1 (10 Hz)
+
+    The robot's trapezoids have impulses of jerk, whose square has no integral. So p''' is the third difference over h,
+    (p(t + 3h/2) - 3 p(t + h/2) + 3 p(t - h/2) - p(t - 3h/2)) / h³: the jerk smoothed three times by a moving mean of
+    h. A jump of the acceleration by a then costs 11 a²/(20 h) if the next is at least 3 h away: a run from rest to rest
+    with acceleration a has four, 2.2 a²/h. The value grows with the bandwidth: compare only equal ones.
+    """
+
+    smoothing: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.smoothing < np.inf:
+            raise CriterionError(f"'smoothing' must be a time of at least 0.001 s, got {self.smoothing!r}")
+
+    def cost(self, m: History) -> FloatArray:
+        """Integral (M,), m²/s⁵, up to the end of each motion; the last has what smoothing spreads beyond it."""
+        step, duration = self.smoothing / SPLIT, m.executed.duration
+        half = 3 * SPLIT // 2  # steps from the middle of the third difference to its ends
+        index = np.arange(-2 * half, int(np.ceil(duration / step)) + 2 * half + 1)
+        times = np.asarray(step * index, dtype=np.float64)
+        _, position = camera_at(m, times)
+        position = position - position[0]
+        jerk = position[3 * SPLIT :] - 3 * position[2 * SPLIT : -SPLIT] + 3 * position[SPLIT : -2 * SPLIT]
+        jerk = (jerk - position[: -3 * SPLIT]) / self.smoothing**3  # (N, 3)
+        done = np.asarray(np.cumsum(np.sum(jerk * jerk, axis=1)) * step, dtype=np.float64)
+        running = m.at_motion_ends(times[half:-half], done)
+        running[-1] = done[-1]
+        return running

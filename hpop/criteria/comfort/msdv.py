@@ -1,0 +1,74 @@
+"""Motion sickness dose value of the visual motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import criterion
+from hpop.criteria.comfort._visual import visual_motion
+from hpop.history import History
+
+STEP = 0.02  # s: 50 Hz, 80 times the upper corner of Wf, so the bilinear transform bends nothing
+
+# Corner frequencies (Hz) and quality factors of Wf, ISO 2631-1:1997, annex A.
+HIGH_PASS = 0.08
+LOW_PASS = 0.63
+TRANSITION = (0.25, 0.86)  # of acceleration to velocity
+STEP_UP = ((0.0625, 0.80), (0.1, 0.80))
+
+
+def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Factors of Wf(s), numerator and denominator, highest power first: band limits, transition, upward step."""
+    butterworth = 2**-0.5
+    high, low = _quadratic(HIGH_PASS, butterworth), _quadratic(LOW_PASS, butterworth)
+    rise, settle = (_quadratic(*corner) for corner in STEP_UP)
+    transition = _quadratic(*TRANSITION)
+    return (np.array([1.0, 0.0, 0.0]), high), (low[-1:], low), (transition[-1:], transition), (rise, settle)
+
+
+def weighting(frequency: float) -> float:
+    """|Wf| at a frequency, Hz.
+
+    >>> round(weighting(0.16), 3)
+    1.006
+    """
+    s = 2j * np.pi * frequency
+    return float(np.prod([abs(np.polyval(b, s) / np.polyval(a, s)) for b, a in sections()]))
+
+
+def _quadratic(frequency: float, quality: float) -> FloatArray:
+    """s² + s w/Q + w²."""
+    w = 2 * np.pi * frequency
+    return np.array([1.0, w / quality, w * w])
+
+
+def weighted(acceleration: FloatArray, step: float) -> FloatArray:
+    """Accelerations (N, k), m/s², every ``step`` seconds, filtered by Wf from rest; each column by itself."""
+    from scipy.signal import bilinear, sosfilt
+
+    # Factor by factor: the coefficients of their product would lose nearly all digits at this rate.
+    digital = np.array([np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections()])
+    filtered: FloatArray = sosfilt(digital, acceleration, axis=0)
+    return filtered
+
+
+@criterion("msdv", group="C", unit="m/s^1.5", aggregate="trajectory", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class MSDV:
+    """sqrt(∫ a_w² dt), the motion sickness dose value of ISO 2631-1:1997, of the visual motion.
+
+    a_w is the acceleration of the executed camera motion, weighted by Wf, which passes about 0.1 to 0.3 Hz. The
+    standard is about vertical motion that is felt (some MSDV/3 % vomit). Here a seated user feels nothing and sees
+    the robot's motion, so both horizontal components in the camera's frame, ahead and left, are weighted and their
+    squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives.
+    """
+
+    def cost(self, m: History) -> FloatArray:
+        """Dose (M,), m/s^1.5, up to the end of each motion."""
+        visual = visual_motion(m, STEP)
+        squares = np.sum(weighted(visual.acceleration[:, :2], visual.step) ** 2, axis=1)
+        dose = np.sqrt(np.cumsum(squares) * visual.step)
+        return m.at_motion_ends(visual.times, dose)

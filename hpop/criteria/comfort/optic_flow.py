@@ -1,0 +1,108 @@
+"""Optic flow: how fast what the user sees streams past."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.errors import CriterionError
+from hpop.math import is_symbolic
+from hpop.motions import Instants, Motions
+from hpop.world.bearings import Bearings, bearings
+
+
+@dataclass(frozen=True)
+class _Flow:
+    """Flow along horizontal bearings round the camera."""
+
+    nearest: float = 0.3
+    bearings: int = 16
+
+    def __post_init__(self) -> None:
+        if not 0.01 <= self.nearest < 20:
+            raise CriterionError(f"'nearest' must be a distance in [0.01, 20) m, got {self.nearest!r}")
+        if type(self.bearings) is not int or not 4 <= self.bearings <= 360:
+            raise CriterionError(f"'bearings' must be a number of directions from 4 to 360, got {self.bearings!r}")
+
+    def _around(self, m: Motions) -> Bearings:
+        return bearings(m.world, camera_height(m), self.bearings)
+
+
+@criterion("optic_flow", group="C", unit="rad", aggregate="sum", requires=("camera",))
+@dataclass(frozen=True)
+class OpticFlow(_Flow):
+    """∫ mean over bearings |v sin β / d(β) - ω| dt, rad: all that streams past a user, translation and rotation.
+
+    nearest   m  nearer surfaces count as this near: up to the wall itself the flow would grow without bound
+    bearings  horizontal directions, evenly spaced in the world
+
+    The flow on a sphere of a camera that translates with v is v sin β / d at the bearing β from its direction of
+    motion, d the distance to what is seen there; that of a rotation is ω at any depth. d is the distance to the
+    nearest obstacle at the camera's height, 20 m where there is none, so floor and ceiling are left out. A turn about
+    the camera costs its angle; a move costs the same at any speed, since slow flow lasts longer. In the middle of a
+    corridor of half-width w a metre costs 1/(2 w) rad.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Flow (M,), rad."""
+        if camera_stays(m):
+            return m.camera.turned
+        around, straight = self._around(m), m.law.varies <= {"x", "y"}
+
+        def rate(s: Instants) -> Column:
+            turn_rate = 0.0 if straight else s.turn_rate
+            return around.mean_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate, self.nearest)
+
+        return m.integrate(rate)
+
+
+@criterion("peak_optic_flow", group="C", unit="rad/s", aggregate="max", requires=("camera",))
+@dataclass(frozen=True)
+class PeakOpticFlow(_Flow):
+    """max over time and bearings of |v sin β / d(β) - ω|, rad/s: the fastest streaming; see `OpticFlow` for the terms.
+
+    In the middle of a corridor of half-width w it is v / w, at a right angle to the motion. Between two of 16 bearings
+    lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Fastest flow (M,), rad/s."""
+        if camera_stays(m):
+            return fastest_turn(m)
+        around, straight = self._around(m), m.law.varies <= {"x", "y"}
+
+        def rate(s: Instants) -> Column:
+            turn_rate = 0.0 if straight else s.turn_rate
+            return around.peak_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate, self.nearest)
+
+        return m.worst(rate)
+
+
+def camera_stays(m: Motions) -> bool:
+    """Whether no motion of the batch moves the camera: turns about its own axis."""
+    return m.law.varies <= {"yaw"} and m.model.lever("camera") == 0.0
+
+
+def fastest_turn(m: Motions) -> Column:
+    """Largest turn rate (M,), rad/s: a phase's share grows fastest at one of its ends."""
+    fastest: Column = 0.0
+    for phase in m.phases:
+        for u in (0.0, 1.0):
+            fastest = np.maximum(fastest, m.camera.turned * phase.share_rates(u)[0])
+    return fastest
+
+
+def camera_height(m: Motions) -> float:
+    """Height of the camera above the floor, m: the same for all motions of a batch.
+
+    Raises CriterionError where it is not.
+    """
+    z = m.camera.start.z
+    if is_symbolic(z) or np.ptp(z) > 1e-6:
+        raise CriterionError(
+            "surfaces round the camera are found at one camera height, but this camera goes up and down"
+        )
+    return float(np.round(z[0], 6))

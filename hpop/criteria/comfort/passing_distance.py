@@ -1,0 +1,47 @@
+"""Passing distance: how near walls and objects go by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.comfort.optic_flow import camera_height
+from hpop.errors import CriterionError
+from hpop.motions import Motions
+from hpop.world.bearings import MARGIN, as_seen
+
+
+@criterion("passing_distance", group="C", unit="m", aggregate="max", requires=("camera",), quantum=1e-3)
+@dataclass(frozen=True)
+class PassingDistance:
+    """max of (enough - d(camera))₊ while the camera translates: by how much it passes nearer than ``enough`` metres.
+
+    enough  m  distance beyond which passing feels natural, at most 5
+    band    m  obstacles that overlap the heights [camera - band, camera + band] count
+
+    Naturalness depends on the passing distance to walls and objects (user studies of immersive telepresence,
+    2020-2022). It is about what the user sees go by, so unlike ``clearance`` it takes the camera, not the base; only
+    obstacles near eye level, not a kerb below or a lintel above; nothing that is invisible, such as keep-out zones;
+    and only motions that move the camera, not a turn about it close to a wall. It is not weighted by the speed: see
+    ``peak_optic_flow``.
+    """
+
+    enough: float = 1.0
+    band: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.enough <= MARGIN:
+            raise CriterionError(f"'enough' must be a distance in (0, {MARGIN:g}] m, got {self.enough!r}")
+        if not 0 <= self.band < np.inf:
+            raise CriterionError(f"'band' must be a height >= 0 in m, got {self.band!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Worst shortfall (M,), m."""
+        z = camera_height(m)
+        heights = (z - self.band, z + self.band)
+        seen = as_seen(m.world, heights)
+        worst = m.worst(lambda s: np.maximum(self.enough - seen.clearance(s.camera.x, s.camera.y, z=heights), 0.0))
+        return np.where(m.camera.length > 0.0, worst, 0.0)

@@ -1,0 +1,27 @@
+"""Time spent rotating."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.motions import Motions
+
+
+@criterion("rotation_time", group="C", unit="s", aggregate="sum", requires=("camera",))
+@dataclass(frozen=True)
+class RotationTime:
+    """The time in which the camera turns, s; standing before and after a turn does not count.
+
+    A turn by |Δθ| from rest to rest lasts |Δθ|/ω + ω/α, or 2 sqrt(|Δθ|/α) where it is too short to reach ω. With fast
+    ramps that is Σ |Δθ|/ω. Widdowson et al. 2019: faster fixed rotations shorten the sensory conflict; beside
+    ``rotation`` this tells slow turns from fast ones.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Time (M,), s, in phases that turn the camera."""
+        busy = sum(phase.duration for phase in m.phases if phase.shape != "hold")
+        return np.where(m.camera.turned > 0.0, busy, 0.0)

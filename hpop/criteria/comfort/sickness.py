@@ -1,0 +1,42 @@
+"""Predicted motion sickness incidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import criterion
+from hpop.criteria.comfort._visual import visual_motion
+from hpop.criteria.comfort.svc import STEP, sicken
+from hpop.errors import CriterionError
+from hpop.history import History
+
+
+@criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class Sickness:
+    """Share of people, %, whom the subjective-vertical-conflict model expects to have vomited at the end.
+
+    vection  share of the seen motion that is taken for one's own, in [0, 1]; 1 is complete vection, the worst case
+
+    The user sits still and sees the executed motion of the camera, in its own frame: a robot's accelerations tilt the
+    vertical that she expects, most about 0.2 Hz. See :mod:`hpop.criteria.comfort.svc` for the model (Wada and
+    others), its constants and what is this project's reading. The answer builds up over tau_I = 12 minutes, so short
+    drives give small numbers: compare them, and combine with ``rotation``, for a turn about the vertical leaves the
+    vertical where it is and costs nothing here unless the camera is off the axis or still accelerating.
+    """
+
+    vection: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.vection <= 1:
+            raise CriterionError(f"'vection' must be a share in [0, 1], got {self.vection!r}")
+
+    def cost(self, m: History) -> FloatArray:
+        """Incidence (M,), %, at the end of each motion."""
+        visual = visual_motion(m, STEP)
+        turning = np.stack([0.0 * visual.turn_rate, 0.0 * visual.turn_rate, visual.turn_rate], axis=1)
+        sick = sicken(seen=visual.acceleration, seen_rotation=turning, vection=self.vection, step=visual.step)
+        return m.at_motion_ends(visual.times, np.concatenate([[0.0], sick.incidence[:-1]]))

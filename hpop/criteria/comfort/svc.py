@@ -1,0 +1,106 @@
+"""The subjective-vertical-conflict model of motion sickness with six degrees of freedom, felt and seen.
+
+Motion sickness comes from the conflict between the vertical that the senses report, v, and the one that the brain
+expects, v_hat (Bles and Bos 1998). Here in the form of Kamiji, Kurata, Wada and Doi (2007) as revised by Inoue, Liu
+and Wada (SAE 2023-01-0176: the form IN1, its constants below). Vectors are in the head's frame; f = g + a is the felt
+specific force, a the acceleration and w the angular velocity of the head.
+
+Felt:      w_s = T_d T_a s² / ((T_d s + 1)(T_a s + 1)) w         semicircular canals
+           v' = (f - v)/tau - w_s x v,    a_s = f - v            otoliths: vertical and acceleration
+Expected:  w_hat = K_w w + K_wc (w_s - w_hat_s),   w_hat_s = T_d s / (T_d s + 1) w_hat
+           a_hat = K_a a + K_ac (a_s - a_hat_s),   f_hat = a_hat + g_hat
+           v_hat' = (f_hat - v_hat)/tau - w_hat_s x v_hat,   a_hat_s = f_hat - v_hat
+           g_hat' = K_vc (v - v_hat)
+Sickness:  u = (|v - v_hat|/b)²,  H = u/(1 + u),  tau_I² M'' + 2 tau_I M' + M = P H    M in % of people who vomit
+
+**Seen.** The terms K_a a and K_w w are what the brain knows of the motion other than from its vestibular organs. A
+seated user feels nothing (a = w = 0: without vision there is no conflict at all, M is 0) but is told by her eyes that
+she moves: a share ``vection`` of the seen acceleration and angular velocity is added to these terms. That is this
+project's reading of "visually driven"; published visual versions add feedback gains of their own, fitted to other
+experiments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+
+GRAVITY = 9.81  # m/s²
+STEP = 0.01  # s, of Euler's method, as in the published simulations; the answer to a jolt errs by about 5 %
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Constants of IN1 (Inoue, Liu, Wada 2023); see the module for where they stand."""
+
+    k_a: float = 0.1
+    k_w: float = 0.1
+    k_wc: float = 10.0
+    k_vc: float = 5.0  # 1/s
+    k_ac: float = 0.5
+    tau_d: float = 7.0  # s
+    tau_a: float = 190.0  # s
+    tau: float = 2.0  # s
+    b: float = 0.5  # m/s²
+    p: float = 85.0  # %
+    tau_i: float = 720.0  # s
+
+
+@dataclass(frozen=True, eq=False)
+class Sickened:
+    """What the model predicts.
+
+    incidence  (N,)  %     people who would have vomited, after each step
+    conflict   (N,)  m/s²  |v - v_hat| at the beginning of each step
+    """
+
+    incidence: FloatArray
+    conflict: FloatArray
+
+
+def sicken(
+    *,
+    felt: FloatArray | None = None,
+    felt_rotation: FloatArray | None = None,
+    seen: FloatArray | None = None,
+    seen_rotation: FloatArray | None = None,
+    vection: float = 1.0,
+    step: float = STEP,
+    constants: Constants | None = None,
+) -> Sickened:
+    """Run the model over samples (N, 3) every ``step`` seconds, from a head upright and at rest for long.
+
+    felt           m/s²   acceleration of the head (ahead, left, up) without gravity; none: it keeps still
+    felt_rotation  rad/s  angular velocity of the head
+    seen           m/s²   acceleration that the eyes report; none: nothing is seen to move
+    seen_rotation  rad/s  angular velocity that the eyes report
+
+    A head that turns out of the upright needs ``felt`` in its own frame with gravity's change added: felt = f - (0,
+    0, g).
+    """
+    from hpop.criteria.comfort._conflict import integrate
+
+    given = [signal for signal in (felt, felt_rotation, seen, seen_rotation) if signal is not None]
+    if not given or any(signal.shape != (len(given[0]), 3) for signal in given):
+        raise ValueError(f"give at least one signal, all of one shape (N, 3); got {[s.shape for s in given]}")
+
+    def filled(signal: FloatArray | None) -> FloatArray:
+        return np.zeros(given[0].shape) if signal is None else np.ascontiguousarray(signal, dtype=np.float64)
+
+    gravity = np.array([0.0, 0.0, GRAVITY])
+    incidence, conflict = np.empty(len(given[0])), np.empty(len(given[0]))
+    integrate(
+        filled(felt) + gravity,
+        filled(felt_rotation),
+        vection * filled(seen),
+        vection * filled(seen_rotation),
+        gravity,
+        np.array(astuple(constants or Constants())),
+        step,
+        incidence,
+        conflict,
+    )
+    return Sickened(incidence, conflict)

@@ -1,0 +1,164 @@
+"""What a camera sees round it: the distance to the nearest surface, along each bearing and in all.
+
+Surfaces are the outlines of obstacles that overlap a height range, and the border of the extent where the outside
+counts as obstacle. Keep-out zones, other borders and people are no surfaces: the camera sees through them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon
+
+from hpop.arrays import Column, FloatArray
+from hpop.errors import OptionError
+from hpop.math import is_symbolic
+from hpop.world.content import Content
+from hpop.world.edge_grid import EdgeGrid
+from hpop.world.field import PAD, Field, grid_points
+from hpop.world.planar import FreeSpace
+from hpop.world.world import Heights, World
+
+REACH = 20.0
+"""Metres beyond which surfaces do not count: flow past them is below 0.05 rad/s at 1 m/s."""
+MARGIN = 5.0
+"""Metres beyond an open extent in which a world as the camera sees it is still known."""
+MAX_NODES = 250_000
+"""Grid nodes of the distances per bearing: a larger world is sampled more coarsely."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bearings:
+    """Distance to the nearest surface along world bearings, on a grid, seen as cubic B-splines (see `Field`).
+
+    directions  (B, 2)     (cos, sin) of bearing 2 pi b / B, from the x axis
+    distances   (H, W, B)  m   row 0 at the lowest y, padded as in `Field`; at most `REACH`, 0 inside an obstacle
+    spacing     float      m
+    origin      (x, y)     m   where distances[PAD, PAD] was sampled
+
+    Beside a straight wall the distance along a bearing is linear in the position, so the splines are exact, from two
+    steps off the wall and its ends on; where one surface hides another they blur the edge over four steps.
+    """
+
+    directions: FloatArray
+    distances: FloatArray
+    spacing: float
+    origin: tuple[float, float]
+    _fields: dict[int, Field] = field(default_factory=dict, repr=False)
+
+    def distance(self, bearing: int, x: Column, y: Column) -> Column:
+        """Distance (M,), m, along bearing number ``bearing``; arrays or CasADi columns."""
+        if bearing not in self._fields:
+            samples = self.distances[PAD:-PAD, PAD:-PAD, bearing]
+            self._fields[bearing] = Field(samples, self.spacing, (*self.origin, 0.0))
+        return self._fields[bearing](x, y)
+
+    def mean_flow(
+        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
+    ) -> Column:
+        """Mean (M,), rad/s, over the bearings of the speed at which what is seen there changes its bearing.
+
+        A camera that moves with ``velocity`` (x, y) m/s and turns at ``turn_rate`` rad/s sees a surface at distance d,
+        at angle beta from its direction of motion, shift by v sin(beta) / d - turn_rate. Distances below ``nearest`` m
+        count as that.
+        """
+        if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
+            return self._kernel(x, y, velocity, turn_rate, nearest, largest=False)
+        return sum(self._shifts(x, y, velocity, turn_rate, nearest)) / len(self.directions)
+
+    def peak_flow(
+        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
+    ) -> Column:
+        """Largest (M,), rad/s, where `mean_flow` gives the mean."""
+        if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
+            return self._kernel(x, y, velocity, turn_rate, nearest, largest=True)
+        first, *others = self._shifts(x, y, velocity, turn_rate, nearest)
+        for other in others:
+            first = np.maximum(first, other)
+        return first
+
+    def _shifts(
+        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
+    ) -> list[Column]:
+        shifts = []
+        for b, (cos, sin) in enumerate(self.directions.tolist()):
+            across = velocity[0] * sin - velocity[1] * cos
+            shifts.append(np.abs(across / np.maximum(self.distance(b, x, y), nearest) - turn_rate))
+        return shifts
+
+    def _kernel(
+        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float, *, largest: bool
+    ) -> FloatArray:
+        from hpop.world._rays import flow
+
+        u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
+        shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, turn_rate)))
+        u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity, turn_rate))
+        out = np.empty(u.shape)
+        flow(self.distances, self.directions, u, v, vx, vy, rate, nearest, largest, out)
+        return out
+
+
+def as_seen(world: World, heights: Heights) -> World:
+    """Return the world that a camera sees within a range of heights, m: its `clearance` is the distance to surfaces.
+
+    That is exact up to `MARGIN` beyond the extent, where the world ends. Made once a world and range.
+    """
+
+    def make() -> World:
+        open_ = shapely.box(*world.bounds).buffer(MARGIN, join_style="mitre")
+        extent = world.extent if _is_walled(world, heights) else open_
+        return replace(world, keep_out=MultiPolygon(), content=Content(), extent=extent)
+
+    return world._cached(("as seen", type(world), world._active(heights)), make)
+
+
+def bearings(world: World, z: float, count: int = 16) -> Bearings:
+    """Return the distances along ``count`` bearings at height z, m; computed once a world and height."""
+    if not (math.isfinite(z) and count >= 4):
+        raise OptionError(f"bearings need a finite height and at least 4 directions; got z={z!r}, count={count!r}.")
+
+    def make() -> Bearings:
+        solid, walled = world.solid(z, z), _is_walled(world, (z, z))
+        border = FreeSpace(shapely.difference(world.extent, solid) if walled else solid)
+        spacing = _spacing(world)
+        xs, ys = grid_points(world.bounds, spacing)
+        x, y = (np.ascontiguousarray(c.ravel()) for c in np.meshgrid(xs, ys))
+        angles = 2 * np.pi * np.arange(count) / count
+        directions = np.ascontiguousarray(np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 15))
+        distances = _cast(border.edges.reshape(-1, 4), x, y, directions)
+        distances[border.contains(x, y) != walled] = 0.0
+        padded = np.pad(distances.reshape(ys.size, xs.size, count), ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+        return Bearings(directions, padded, spacing, (float(xs[0]), float(ys[0])))
+
+    return world._cached(("bearings", world._active((z, z)), count), make)
+
+
+def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:
+    """Distances (M, B), m, to the first edge along each direction."""
+    out = np.full((x.size, len(directions)), REACH)
+    if len(edges):
+        from hpop.world._rays import cast
+
+        grid = EdgeGrid.build(edges)
+        shape = (int(grid.rings.shape[0]), int(grid.rings.shape[1]))
+        cast(grid.edges, grid.start, grid.members, shape, grid.corner, grid.side, x, y, directions, REACH, out)
+    return out
+
+
+def _is_walled(world: World, heights: Heights) -> bool:
+    """Whether what lies beyond the extent is obstacle at these heights: it is as high as the raster's cells."""
+    return world.outside_is_obstacle and (world.raster is None or world._active(heights)[1])
+
+
+def _spacing(world: World) -> float:
+    x0, y0, x1, y1 = world.bounds
+    return max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+
+
+def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    return np.ascontiguousarray(array) if array.shape == shape else np.broadcast_to(array, shape).copy()

@@ -1,0 +1,119 @@
+"""Optic flow: closed forms in a corridor and for turns, and brute force with rays by shapely along the trajectory."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop.criteria import OpticFlow, PeakOpticFlow, motion_costs, trajectory_cost
+from hpop.errors import CriterionError
+from hpop.models import DifferentialDrive
+from hpop.motions import Motions, States
+from hpop.testing import check_criterion
+from hpop.trajectory import Trajectory
+from hpop.world import World
+
+WALLS = [shapely.box(-90, 1, 90, 2), shapely.box(-90, -2, 90, -1)]
+CORRIDOR = World.from_polygons(WALLS, extent=shapely.box(-10, -2, 10, 2))
+HALL = shapely.Polygon(shapely.box(-1, -1, 11, 9).exterior, [shapely.box(0, 0, 10, 8).exterior])
+ROOM = World.from_polygons([HALL], extent=shapely.box(0, 0, 10, 8))
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0])
+def test_a_metre_in_the_middle_of_a_corridor_costs_half_its_inverse_half_width_at_any_speed(speed):
+    path = Trajectory.from_poses(DifferentialDrive(speed=speed), [(-3, 0, 0), (4, 0, 0)])
+    assert trajectory_cost(OpticFlow(), path, CORRIDOR) == pytest.approx(7 / (2 * 1.0), rel=1e-9)
+    assert trajectory_cost(PeakOpticFlow(), path, CORRIDOR) == pytest.approx(speed / 1.0, rel=1e-9)
+
+
+def test_near_one_wall_of_a_corridor_more_flows():
+    path = Trajectory.from_poses(DifferentialDrive(), [(-3, 0.4, 0), (4, 0.4, 0)])
+    assert trajectory_cost(OpticFlow(), path, CORRIDOR) == pytest.approx(7 / 4 * (1 / 0.6 + 1 / 1.4), rel=1e-9)
+    assert trajectory_cost(PeakOpticFlow(), path, CORRIDOR) == pytest.approx(1 / 0.6, rel=1e-9)
+
+
+def test_nearer_than_nearest_counts_as_that():
+    path = Trajectory.from_poses(DifferentialDrive(), [(-3, 0.8, 0), (4, 0.8, 0)])
+    assert trajectory_cost(PeakOpticFlow(nearest=0.5), path, CORRIDOR) == pytest.approx(1 / 0.5)
+    assert trajectory_cost(PeakOpticFlow(nearest=0.1), path, CORRIDOR) == pytest.approx(1 / 0.2)
+
+
+def test_a_turn_about_the_camera_costs_its_angle_and_its_fastest_rate():
+    robot = DifferentialDrive(turn_rate=1.5, turn_acceleration=3.0)
+    long, short = (Trajectory.from_poses(robot, [(0, 0, 0), (0, 0, angle)]) for angle in (-2.0, 0.3))
+    assert trajectory_cost(OpticFlow(), long, CORRIDOR) == pytest.approx(2.0)
+    assert trajectory_cost(PeakOpticFlow(), long, CORRIDOR) == pytest.approx(1.5)
+    assert trajectory_cost(PeakOpticFlow(), short, CORRIDOR) == pytest.approx(math.sqrt(3.0 * 0.3))
+
+
+def brute_force(robot, path, samples):
+    """Mean over bearings integrated over time, and the largest, by shapely rays at the planned states and rates."""
+    times = (np.arange(samples) + 0.5) * path.duration / samples
+    states, (rates, _) = path.at(times), path.rates(times)
+    camera = robot.pose("camera", states)
+    ahead, left = robot.camera_offset
+    velocity_x = rates.x - rates.yaw * (ahead * np.sin(states.yaw) + left * np.cos(states.yaw))
+    velocity_y = rates.y + rates.yaw * (ahead * np.cos(states.yaw) - left * np.sin(states.yaw))
+    flows = []
+    for x, y, vx, vy, w in zip(camera.x, camera.y, velocity_x, velocity_y, rates.yaw, strict=True):
+        for angle in 2 * np.pi * np.arange(16) / 16:
+            ray = shapely.LineString([(x, y), (x + 20 * math.cos(angle), y + 20 * math.sin(angle))])
+            distance = shapely.Point(x, y).distance(shapely.intersection(ray, HALL))
+            beta = angle - math.atan2(vy, vx)
+            flows.append(abs(math.hypot(vx, vy) * math.sin(beta) / max(distance, 0.3) - w))
+    return np.mean(flows) * path.duration, np.max(flows)
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, -0.1)])
+def test_a_path_through_a_hall_agrees_with_rays_cast_along_it(offset):
+    robot = DifferentialDrive(camera_offset=offset)
+    path = Trajectory.from_poses(robot, [(1, 1, 0.3), (6, 2.7, 0.3), (8, 7, 2.0)])
+    total, peak = brute_force(robot, path, 1500)
+    assert trajectory_cost(OpticFlow(), path, ROOM) == pytest.approx(total, rel=0.01)
+    assert trajectory_cost(PeakOpticFlow(), path, ROOM) == pytest.approx(peak, rel=0.02)
+
+
+def test_between_two_bearings_the_peak_beside_a_wall_is_missed_by_less_than_four_percent():
+    tilt = math.radians(11.25)
+    wall = shapely.affinity.rotate(shapely.box(-90, 1, 90, 2), math.degrees(tilt), origin=(0, 0))
+    world = World.from_polygons([wall], extent=shapely.box(-5, -5, 5, 5))
+    path = Trajectory.from_poses(DifferentialDrive(), [(0, 0, tilt), (3 * math.cos(tilt), 3 * math.sin(tilt), tilt)])
+    found = [trajectory_cost(PeakOpticFlow(bearings=count), path, world) for count in (16, 64)]
+    assert 0.96 < found[0] < found[1] <= 1.0 + 1e-9
+
+
+def test_a_camera_that_goes_up_and_down_is_refused():
+    class Lift(DifferentialDrive):
+        def pose(self, body, states):
+            pose = super().pose(body, states)
+
+            class Raised:
+                x, y, yaw, pitch, z = pose.x, pose.y, pose.yaw, pose.pitch, pose.z + states.x
+
+            return Raised()
+
+    robot = Lift()
+    start, end = (States(x=np.array([0.0, 1.0]) + d, y=np.zeros(2), yaw=np.zeros(2)) for d in (0.0, 0.5))
+    with pytest.raises(CriterionError, match="one camera height"):
+        motion_costs(OpticFlow(), Motions(CORRIDOR, robot, robot.laws["move"], start, end))
+
+
+@pytest.mark.parametrize("kind", [OpticFlow, PeakOpticFlow])
+def test_parameters_are_checked(kind):
+    for nearest in (0.0, -1.0, 20.0, math.nan):
+        with pytest.raises(CriterionError, match="'nearest' must be a distance"):
+            kind(nearest=nearest)
+    for bearings in (3, 16.0, 1000):
+        with pytest.raises(CriterionError, match="'bearings' must be a number"):
+            kind(bearings=bearings)
+
+
+@pytest.mark.parametrize("kind", [OpticFlow, PeakOpticFlow])
+def test_optic_flow_conforms(kind):
+    check_criterion(kind(bearings=8))
+
+
+def test_one_adds_up_and_the_other_is_the_worst_moment():
+    assert (OpticFlow.group, OpticFlow.unit, OpticFlow.aggregate) == ("C", "rad", "sum")
+    assert (PeakOpticFlow.group, PeakOpticFlow.unit, PeakOpticFlow.aggregate) == ("C", "rad/s", "max")

@@ -1,0 +1,154 @@
+"""Distances to what a camera sees: closed forms beside walls, shapely rays among random obstacles, cells, heights."""
+
+import math
+
+import casadi
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hpop.errors import OptionError
+from hpop.symbols import lift
+from hpop.world import World
+from hpop.world.bearings import MARGIN, REACH, as_seen, bearings
+
+ANGLES = 2 * np.pi * np.arange(16) / 16
+
+
+def by_shapely(solid, x, y, angle):
+    """Distance along a ray to a solid, at most REACH."""
+    ray = shapely.LineString([(x, y), (x + REACH * math.cos(angle), y + REACH * math.sin(angle))])
+    hit = shapely.intersection(ray, shapely.boundary(solid))
+    return REACH if hit.is_empty else shapely.distance(shapely.Point(x, y), hit)
+
+
+def numbers(column, **inputs):
+    """The values of a column of symbols."""
+    symbols = [casadi.MX.sym(name, len(value)) for name, value in inputs.items()]
+    function = casadi.Function("f", symbols, [casadi.MX(column(*(lift(s, s.numel()) for s in symbols)))])
+    return np.array(function(*inputs.values())).ravel()
+
+
+def test_beside_a_wall_the_distance_is_that_of_the_oblique_ray_exactly():
+    world = World.from_polygons([shapely.box(-50, 2, 50, 3)], extent=shapely.box(-10, -3, 10, 3))
+    x, y = np.array([0.0, 1.234, -2.0]), np.array([0.0, 1.377, -0.51])
+    around = bearings(world, 1.2)
+    for b, angle in enumerate(ANGLES):
+        expected = (2 - y) / math.sin(angle) if 1e-9 < angle < np.pi - 1e-9 else np.full(3, REACH)
+        assert around.distance(b, x, y) == pytest.approx(np.minimum(expected, REACH), abs=1e-9)
+
+
+def test_in_a_corridor_the_mean_flow_is_a_quarter_of_both_inverse_distances():
+    walls = [shapely.box(-50, 1, 50, 2), shapely.box(-50, -2, 50, -1)]
+    world = World.from_polygons(walls, extent=shapely.box(-10, -2, 10, 2))
+    x, y, still = np.array([0.0, 3.3]), np.array([0.0, 0.37]), np.zeros(2)
+    for count in (8, 16, 24):
+        around = bearings(world, 1.2, count)
+        mean = around.mean_flow(x, y, (1.3 + still, still), still, 0.1)
+        # d = w / |sin| on either side, so the flow is v sin² / w, and the mean of sin² over evenly spaced angles 1/2.
+        assert mean == pytest.approx(1.3 * 0.25 * (1 / (1 - y) + 1 / (1 + y)), rel=1e-9)
+        peak = around.peak_flow(x, y, (1.3 + still, still), still, 0.1)
+        assert peak == pytest.approx(1.3 / (1 - np.abs(y)), rel=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=8, deadline=None)
+def test_at_the_nodes_of_its_grid_it_is_what_shapely_finds_along_the_ray(seed):
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(0, 8, size=(6, 1, 2))
+    solids = [shapely.convex_hull(shapely.MultiPoint(c + rng.normal(size=(5, 2)))) for c in corners]
+    world = World.from_polygons(solids, extent=shapely.box(0, 0, 8, 6))
+    around, union = bearings(world, 1.0), shapely.union_all(solids)
+    rows, columns = (n - 4 for n in around.distances.shape[:2])
+    for i, j in zip(rng.integers(0, rows, 40), rng.integers(0, columns, 40), strict=True):
+        x, y = around.origin[0] + j * around.spacing, around.origin[1] + i * around.spacing
+        expected = [0.0 if union.contains(shapely.Point(x, y)) else by_shapely(union, x, y, a) for a in ANGLES]
+        assert around.distances[i + 2, j + 2] == pytest.approx(expected, abs=1e-7)
+
+
+def test_cells_and_the_outside_of_an_image_are_surfaces():
+    cells = np.zeros((40, 60), dtype=bool)
+    cells[10:30, 40] = True
+    world = World.from_cells(cells, 0.1)  # 6 m x 4 m, the outside is obstacle
+    x, y = np.array([2.0]), np.array([2.0])
+    around = bearings(world, 1.0)
+    assert [float(around.distance(b, x, y)[0]) for b in (0, 4, 8, 12)] == pytest.approx([2.0, 2.0, 2.0, 2.0], abs=1e-9)
+    seen = as_seen(world, (0, 2)).clearance(np.array([2.0, 3.5, 9.0]), np.array([0.3, 2.0, 2.0]), z=(0, 2))
+    assert seen == pytest.approx([0.3, 0.5, 0.0])
+
+
+def test_above_the_cells_of_a_map_the_outside_is_open_too():
+    world = World.from_cells(np.zeros((40, 40), dtype=bool), 0.1, height=(0.0, 1.0))
+    x, y = np.array([2.0]), np.array([2.0])
+    assert [float(bearings(world, z).distance(0, x, y)[0]) for z in (0.5, 1.5)] == pytest.approx([2.0, REACH])
+    assert as_seen(world, (1.2, 1.8)).clearance(x, y, z=(1.2, 1.8)) == pytest.approx([2.0 + MARGIN])
+
+
+def test_what_is_not_at_the_heights_is_not_seen():
+    table, lamp = (shapely.box(4, 0, 6, 4), (0.0, 0.8)), (shapely.box(2, 0, 3, 4), (2.0, 2.5))
+    world = World.from_polygons([table, lamp], extent=shapely.box(0, 0, 10, 4))
+    x, y = np.array([1.0]), np.array([2.0])
+    seen = [float(bearings(world, z).distance(0, x, y)[0]) for z in (0.4, 1.2, 2.2)]
+    assert seen == pytest.approx([3.0, REACH, 1.0])
+    assert [float(as_seen(world, h).clearance(x, y, z=h)[0]) for h in ((0.7, 1.7), (1.2, 2.2))] == [3, 1]
+    assert as_seen(world, (0.9, 1.9)).clearance(x, y, z=(0.9, 1.9)) == pytest.approx([1 + MARGIN])
+
+
+def test_keep_out_zones_and_open_borders_are_not_seen():
+    zone = shapely.box(4, 0, 6, 4)
+    world = World.from_polygons([], extent=shapely.box(0, 0, 10, 4), keep_out=zone)
+    x, y = np.array([1.0, 5.0]), np.array([2.0, 2.0])
+    assert (as_seen(world, (0, 2)).clearance(x, y, z=(0, 2)) > MARGIN).all()
+    assert bearings(world, 1.0).distance(0, x, y) == pytest.approx([REACH, REACH])
+
+
+def test_inside_an_obstacle_the_distance_is_zero_and_the_flow_that_of_the_nearest_allowed():
+    world = World.from_polygons([shapely.box(2, 2, 6, 6)], extent=shapely.box(0, 0, 8, 8))
+    x = y = np.array([4.0])
+    assert as_seen(world, (0, 1)).clearance(x, y, z=(0, 1)) == [0.0]
+    around = bearings(world, 1.0)
+    assert around.peak_flow(x, y, (np.array([1.0]), np.array([0.0])), np.zeros(1), 0.25) == pytest.approx([4.0])
+
+
+def test_rotation_flows_alike_at_any_depth_and_adds_to_translation():
+    world = World.from_polygons([shapely.box(-50, 1, 50, 2)], extent=shapely.box(-5, -2, 5, 2))
+    x, y, zero, one = np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1)
+    around = bearings(world, 1.0)
+    assert around.mean_flow(x, y, (zero, zero), -0.8 * one, 0.1) == pytest.approx([0.8])
+    # The wall on the left streams to the rear (its bearing grows by v/d); a turn to the left makes all bearings shrink.
+    assert around.peak_flow(x, y, (one, zero), -0.5 * one, 0.1) == pytest.approx([1.5])
+
+
+@pytest.mark.parametrize("flow", ["mean_flow", "peak_flow"])
+def test_symbols_get_the_same_flow_as_numbers(flow):
+    boxes = [shapely.box(1, 1, 2, 3), shapely.box(5, 2, 6, 5)]
+    world = World.from_polygons(boxes, extent=shapely.box(0, 0, 8, 6))
+    rng = np.random.default_rng(5)
+    columns = {"x": rng.uniform(-1, 9, 50), "y": rng.uniform(-1, 7, 50)}
+    columns |= {name: rng.normal(size=50) for name in ("vx", "vy", "w")}
+    evaluate = getattr(bearings(world, 1.0), flow)
+    x, y, vx, vy, w = columns.values()
+    symbolic = numbers(lambda x, y, vx, vy, w: evaluate(x, y, (vx, vy), w, 0.3), **columns)
+    assert symbolic == pytest.approx(evaluate(x, y, (vx, vy), w, 0.3), rel=1e-9)
+
+
+def test_not_a_number_stays_not_a_number():
+    world = World.from_polygons([shapely.box(2, 2, 6, 4)], extent=shapely.box(0, 0, 8, 6))
+    nothing, one = np.array([math.nan]), np.ones(1)
+    assert np.isnan(bearings(world, 1.0).mean_flow(nothing, one, (one, one), one, 0.1)).all()
+
+
+def test_distances_are_computed_once_a_world():
+    world = World.from_polygons([shapely.box(2, 2, 6, 4)], extent=shapely.box(0, 0, 8, 6))
+    assert bearings(world, 1.0) is bearings(world, 1.4)
+    assert bearings(world, 1.0) is not bearings(world, 1.0, 8)
+    assert as_seen(world, (0, 1)) is as_seen(world, (0, 2))
+
+
+@pytest.mark.parametrize(("z", "count"), [(math.nan, 16), (1.0, 3), (math.inf, 16)])
+def test_a_height_is_finite_and_bearings_are_several(z, count):
+    world = World.from_polygons([], extent=shapely.box(0, 0, 8, 6))
+    with pytest.raises(OptionError, match="finite height and at least 4"):
+        bearings(world, z, count)
