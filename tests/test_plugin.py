@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import shutil
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -27,24 +25,10 @@ RUN = "from hpop.cli import main; main()"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     """A folder into which the plugin is installed, built without a network."""
-    if importlib.util.find_spec("setuptools") is None:
-        pytest.skip("building the plugin needs setuptools")
     source, target = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("site")
     shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
     pip = [sys.executable, "-m", "pip", "install", "--no-index", "--no-deps", "--no-build-isolation", "--target"]
     command = [*pip, str(target), "--quiet", "--disable-pip-version-check", str(source)]
-    if tuple(map(int, version("setuptools").split(".")[:2])) < (70, 1):
-        # Older ones cannot build a wheel without another package; these are the steps of which a wheel is made.
-        steps = [
-            "egg_info",
-            "install_lib",
-            "--install-dir",
-            str(target),
-            "install_egg_info",
-            "--install-dir",
-            str(target),
-        ]
-        command = [sys.executable, "-c", "import setuptools; setuptools.setup()", "--quiet", *steps]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return target
