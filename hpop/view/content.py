@@ -23,10 +23,10 @@ TALK = "#6a3d9a"
 STAR = "#ffc20a"
 SLOW = "#b3541e"
 WAY = "#2f6690"
-LEAST_RADIUS = 0.008  # of a person's disc, as a share of the map's longer side
+LEAST_RADIUS = 0.0065  # of a person's disc, as a share of the map's longer side
 REACH = 0.06  # length of a velocity of 1 m/s, as a share of the map's longer side
 PITCH = 0.11  # from one arrow of a way to the next, as a share of the map's longer side
-MOST_NAMES = 12  # landmarks and people are named where there are no more
+MOST_NAMES = 12  # landmarks, and people, are named where there are no more
 Handle = Line2D | Patch
 
 
@@ -125,12 +125,14 @@ def _draw_way(axes: Axes, path: LineString, side: float) -> None:
 
 
 def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
-    """Names on the upper right of discs and stars, if they are few."""
-    things: list[Person | Landmark] = [*people, *landmarks]
-    named = [thing for thing in things if thing.name]
-    for thing in named if len(named) <= MOST_NAMES else ():
-        beside = 0.7 * _disc(thing, side) if isinstance(thing, Person) else 0.0
-        _write(axes, thing.name, thing.x + beside, thing.y + beside, (2, 1) if beside else (6, 3), INK, "left")
+    """Names on the upper right of discs and stars, if they are few; of people where they are drawn to scale."""
+    named = [mark for mark in landmarks if mark.name]
+    for mark in named if len(named) <= MOST_NAMES else ():
+        _write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
+    known = [person for person in people if person.name and person.radius == _disc(person, side)]
+    for person in known if len(known) <= MOST_NAMES else ():
+        beside = 0.7 * person.radius
+        _write(axes, person.name, person.x + beside, person.y + beside, (2, 1), INK, "left")
 
 
 def _write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:

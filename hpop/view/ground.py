@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,9 @@ MOST_SEEN = 0.99  # share of the free places whose obstructed fraction the colou
 GROWTH = 0.6  # exponent of the colours of the obstructed fraction
 PIXELS = 700  # of the field along the longer side of the map
 MARGIN = 0.4  # m round the free space
+SURROUNDINGS = 0.2  # round the paths where they are a small part of the map, as a share of their longer side
+LEAST_SURROUNDINGS = 4.0  # m
+SMALL_PART = 0.4  # of the longer side of the map
 
 
 @dataclass(frozen=True)
@@ -62,11 +65,25 @@ class Ball:
     z: float
 
 
-def view_of(problem: Problem) -> View:
-    """Show free space, start and goal, with a margin: a map file's unknown surroundings are cut off."""
+def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
+    """Show free space, start and goal, with a margin: a map file's unknown surroundings are cut off.
+
+    Where paths (N, 2), m, keep to a small part of it, show that part: what lies round start, goal and paths.
+    """
     ends = shapely.MultiPoint([problem.start[:2], problem.goal[:2]])
     x0, y0, x1, y1 = shapely.total_bounds([_open(problem.world), ends])
-    return View(x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN)
+    whole = View(x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN)
+    if not len(paths):
+        return whole
+    x0, y0, x1, y1 = shapely.total_bounds([ends, shapely.MultiPoint(np.concatenate(paths))])
+    border = max(SURROUNDINGS * max(x1 - x0, y1 - y0), LEAST_SURROUNDINGS)
+    part = View(
+        max(x0 - border, whole.x_min),
+        max(y0 - border, whole.y_min),
+        min(x1 + border, whole.x_max),
+        min(y1 + border, whole.y_max),
+    )
+    return part if max(part.width, part.height) < SMALL_PART * max(whole.width, whole.height) else whole
 
 
 def ball_of(problem: Problem) -> Ball:

@@ -64,6 +64,7 @@ def draw_map(
     *,
     chosen: Mapping[str, int] | None = None,
     colour: str | None = None,
+    view: View | None = None,
     figure: Figure | None = None,
 ) -> Figure:
     """Draw a front's trajectories over the obstacles and the obstructed fraction.
@@ -78,6 +79,9 @@ def draw_map(
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
         The criterion or reported value that colours the trajectories; by default the length, else the first.
+    view : View, optional
+        The rectangle to show, m; by default all free space, or where the trajectories lead if that is less than
+        two fifths of it along the longer side.
     figure : Figure, optional
         Where to draw; by default a new figure that fits the map.
 
@@ -88,7 +92,8 @@ def draw_map(
     OptionError
         If a chosen row is not one of the front's.
     """
-    view, ball = view_of(problem), ball_of(problem)
+    view = view_of(problem, [path_points(trajectory) for trajectory in front.trajectories]) if view is None else view
+    ball = ball_of(problem)
     named = marks(front, chosen)
     scale = _scale(front, colour) if len(front) else None
     own = figure is None

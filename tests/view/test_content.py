@@ -11,6 +11,7 @@ import hpop
 from hpop.view import draw_map
 from hpop.view.content import MOST_NAMES, draw_content
 from hpop.view.ground import KEEP_OUT, View, view_of
+from hpop.view.map import path_points
 from hpop.view.style import new_figure
 from hpop.world.content import Landmark, Person, Zone
 
@@ -180,3 +181,26 @@ def test_the_view_of_a_map_does_not_depend_on_people(make_problem, world):
     bare = make_problem()
     crowded = make_problem(world=world.with_content(people=STANDING, landmarks=[Landmark(99.0, 99.0)]))
     assert view_of(crowded) == view_of(bare)
+
+
+def limits(figure):
+    axes = next(axes for axes in figure.axes if axes.get_label() == "map")
+    return np.array([axes.get_xlim(), axes.get_ylim()])
+
+
+def test_a_map_shows_the_part_where_the_trajectories_lead_if_it_is_small(make_problem, make_front):
+    park = hpop.World.from_polygons([shapely.box(80, 80, 82, 82)], extent=shapely.box(-60, -40, 100, 120))
+    problem = make_problem(world=park)
+    front = make_front(problem)
+    paths = np.concatenate([path_points(trajectory) for trajectory in front.trajectories])
+    shown = limits(draw_map(problem, front))
+    assert (shown[:, 0] < paths.min(axis=0)).all()
+    assert (shown[:, 1] > paths.max(axis=0)).all()
+    assert np.diff(shown).max() < 30
+    nowhere = make_front(problem, costs=np.zeros((0, 2)), status="no path")
+    assert np.diff(limits(draw_map(problem, nowhere))).min() > 160
+
+
+def test_a_map_shows_the_rectangle_that_is_asked_for(make_problem, make_front):
+    problem = make_problem()
+    assert limits(draw_map(problem, make_front(problem), view=View(2, 1, 6, 4))).tolist() == [[2, 6], [1, 4]]
