@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -451,9 +451,15 @@ class Motions:
                 return getattr(start, name)
             return self.law.interpolate(name, start, end, share)
 
+        @cache
+        def share_rates() -> tuple[Column, Column]:
+            return picked.share_rates(u)
+
         def derivatives(name: str) -> tuple[Column, Column]:
-            span = getattr(end, name) - getattr(start, name) if name in self.law.varies else 0.0 * picked.duration
-            first, second = picked.share_rates(u)
+            if name not in self.law.varies:
+                return 0.0 * picked.duration, 0.0 * picked.duration
+            span = getattr(end, name) - getattr(start, name)
+            first, second = share_rates()
             return span * first, span * second
 
         t = None

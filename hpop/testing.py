@@ -229,7 +229,7 @@ def reframed(world: World) -> World:
     def place(geometry: Any) -> Any:
         return shapely.transform(geometry, lambda points: np.stack(_turned(points[:, 0], points[:, 1]), axis=1))
 
-    def pose(thing: Any, facing: str) -> dict[str, float]:
+    def pose(thing: Any, facing: str) -> dict[str, Any]:
         x, y = _turned(thing.x, thing.y)
         angle = getattr(thing, facing)
         return {"x": float(x), "y": float(y), facing: None if angle is None else angle + FRAME[2]}
