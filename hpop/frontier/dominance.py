@@ -36,9 +36,7 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
     """
     first, second = np.asarray(a), np.asarray(b)
     if first.ndim != 1 or first.shape != second.shape:
-        raise ValueError(
-            f"expected two cost vectors of equal length, got shapes {first.shape}, {second.shape}"
-        )
+        raise ValueError(f"expected two cost vectors of equal length, got shapes {first.shape}, {second.shape}")
     matrix = cost_matrix(np.stack([first, second]))
     return bool((matrix[0] <= matrix[1]).all() and (matrix[0] < matrix[1]).any())
 
@@ -112,9 +110,7 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
     matrix = cost_matrix(Y).astype(np.float64)
     steps = np.asarray(quanta, dtype=np.float64)
     if steps.shape != matrix.shape[1:]:
-        raise ValueError(
-            f"expected one quantum for each of the {matrix.shape[1]} columns, got shape {steps.shape}"
-        )
+        raise ValueError(f"expected one quantum for each of the {matrix.shape[1]} columns, got shape {steps.shape}")
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError(f"quanta must be positive and finite, got {steps.tolist()}")
     if not np.isfinite(matrix).all():

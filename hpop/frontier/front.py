@@ -85,9 +85,7 @@ class Front(Generic[T]):
             raise ValueError(f"a front needs at least one criterion and no name twice, got {columns}")
         object.__setattr__(self, "status", str(self.status))
         if not self.status or not self.certificate:
-            raise ValueError(
-                "a front says how its search ended and what it claims: give status and certificate"
-            )
+            raise ValueError("a front says how its search ended and what it claims: give status and certificate")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
             if len(getattr(self, name)) != expected:
                 raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")
@@ -225,9 +223,7 @@ provenance, problem, runs
         if self.problem is not None and other.problem is not None:
             keys = sorted(self.problem.keys() | other.problem.keys())
             differing = [k for k in keys if self.problem.get(k, ...) != other.problem.get(k, ...)]
-            self._require_same(
-                "problems", *({k: p.get(k) for k in differing} for p in (self.problem, other.problem))
-            )
+            self._require_same("problems", *({k: p.get(k) for k in differing} for p in (self.problem, other.problem)))
         columns = [other.reported_names.index(name) for name in self.reported_names]
         runs = self.runs + other.runs
         return type(self).of(

@@ -78,6 +78,4 @@ def _finite(Y: ArrayLike) -> FloatArray:
 def _same_columns(matrix: FloatArray, other: FloatArray) -> None:
     """Refuse to compare cost spaces of different dimension."""
     if matrix.shape[1] != other.shape[1]:
-        raise ValueError(
-            f"expected the same criteria on both sides, got {matrix.shape[1]} and {other.shape[1]}"
-        )
+        raise ValueError(f"expected the same criteria on both sides, got {matrix.shape[1]} and {other.shape[1]}")

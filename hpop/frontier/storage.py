@@ -132,17 +132,14 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
             _check_keys(source, f"{part}[{number}]", entry, keys)
     criteria, reported, points = top["criteria"], top["reported"], top["points"]
     return StoredFront(
-        costs=[
-            _numbers(source, f"points[{i}].costs", p["costs"], len(criteria)) for i, p in enumerate(points)
-        ],
+        costs=[_numbers(source, f"points[{i}].costs", p["costs"], len(criteria)) for i, p in enumerate(points)],
         items=[p["item"] for p in points],
         names=[c["name"] for c in criteria],
         units=[c["unit"] for c in criteria],
         quanta=_numbers(source, "quantum", [c["quantum"] for c in criteria], len(criteria)),
         groups=[c["group"] for c in criteria],
         reported=[
-            _numbers(source, f"points[{i}].reported", p["reported"], len(reported))
-            for i, p in enumerate(points)
+            _numbers(source, f"points[{i}].reported", p["reported"], len(reported)) for i, p in enumerate(points)
         ],
         reported_names=[r["name"] for r in reported],
         reported_units=[r["unit"] for r in reported],

@@ -53,9 +53,7 @@ class EdgeGrid:
         return out
 
 
-def _crossings(
-    edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]
-) -> tuple[IntArray, IntArray]:
+def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
     """Pairs (bucket, edge), sorted: long edges are cut, and each piece filed where its bounding box is."""
     length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)

@@ -112,8 +112,7 @@ def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
             image = Image.open(io.BytesIO(data), formats=FORMATS)
     except Image.DecompressionBombError:
         raise MapError(
-            f"image {str(path)!r} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its "
-            "resolution."
+            f"image {str(path)!r} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its resolution."
         ) from None
     except UnidentifiedImageError:
         raise MapError(

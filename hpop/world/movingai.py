@@ -32,8 +32,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     names = [words[0].lower() if words else "" for words in header]
     if names != ["type", "height", "width", "map"] or header[0][1:] != ["octile"]:
         raise MapError(
-            f"{path} must begin with the lines 'type octile', 'height H', 'width W', 'map'; got "
-            f"{shown(lines[:4])}."
+            f"{path} must begin with the lines 'type octile', 'height H', 'width W', 'map'; got {shown(lines[:4])}."
         )
     height, width = (_count(path, words) for words in header[1:3])
     check_size(height, width, f"map {str(path)!r}")
@@ -43,8 +42,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     lengths = {len(row) for row in rows}
     if len(rows) != height or lengths != {width}:
         raise MapError(
-            f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of "
-            f"{sorted(lengths)[:5]} cells."
+            f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of {sorted(lengths)[:5]} cells."
         )
     text = "".join(rows)
     unknown = set(text) - set(TERRAIN)
@@ -61,7 +59,5 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
 
 def _count(path: str | Path, words: list[str]) -> int:
     if len(words) != 2 or not (words[1].isascii() and words[1].isdigit() and len(words[1]) < 10):
-        raise MapError(
-            f"{path}: {words[0]} must be followed by one whole number; got {shown(' '.join(words))}."
-        )
+        raise MapError(f"{path}: {words[0]} must be followed by one whole number; got {shown(' '.join(words))}.")
     return int(words[1])

@@ -64,9 +64,7 @@ def raster_obstruction(
     return np.clip(phi, 0.0, 1.0)
 
 
-def polygon_obstruction(
-    obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float
-) -> FloatArray:
+def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float) -> FloatArray:
     """Obstructed fraction of the ball round each camera position, in closed form.
 
     The volume over a polygon is a signed sum over its edges of elementary integrals of the ball's column

@@ -63,9 +63,7 @@ class FreeSpace:
         """`clearance` for points inside, minus the distance to the free region for all others."""
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
 
-    def segments_free(
-        self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float
-    ) -> BoolArray:
+    def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
         """Whether segments lie in the free region, at least ``margin`` (>= 0, m) from its border.
 
         Cheap tests decide most: free if the midpoint's clearance exceeds margin + half the length, not free

@@ -96,9 +96,7 @@ def load(path: str | Path) -> OccupancyMap:
         raise MapError(f"{path}: {error}") from None
     occupied_thresh, free_thresh = (_threshold(path, data, key) for key in ("occupied_thresh", "free_thresh"))
     if free_thresh > occupied_thresh:
-        raise MapError(
-            f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}."
-        )
+        raise MapError(f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}.")
     negate = data["negate"]
     if not isinstance(negate, int) or negate not in (0, 1):
         raise MapError(f"{path}: negate must be 0, 1, true or false; got {shown(negate)}.")
@@ -107,9 +105,7 @@ def load(path: str | Path) -> OccupancyMap:
         raise MapError(f"{path}: mode must be one of {', '.join(MODES)}; got {shown(mode)}.")
     name = data["image"]
     if not isinstance(name, str) or not name:
-        raise MapError(
-            f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}."
-        )
+        raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}.")
     image_path = Path(path).parent / name
     image = read_bytes(image_path, "map image")
     colours, alpha = read_image(image, image_path)

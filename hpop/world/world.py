@@ -331,9 +331,7 @@ class World:
         most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
         in the extent, and usually far closer: check a result with `clearance`, which is exact.
         """
-        return self._cached(
-            ("clearance", self._active(z)), lambda: sample_clearance(self, self.free_space(z))
-        )
+        return self._cached(("clearance", self._active(z)), lambda: sample_clearance(self, self.free_space(z)))
 
     def obstruction(self, pose: CameraPose, radius: float) -> Column:
         """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
@@ -346,9 +344,7 @@ class World:
         if not self._has_heights:
             return self.obstruction_field(radius)(x, y)
         if is_symbolic(pose.z):
-            raise OptionError(
-                "obstruction needs camera heights as numbers; in this world they are variables."
-            )
+            raise OptionError("obstruction needs camera heights as numbers; in this world they are variables.")
         z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
         heights = np.unique(z)
         if heights.size > MAX_HEIGHTS:
@@ -385,9 +381,7 @@ class World:
         if not math.isfinite(z):
             raise OptionError(f"a camera height must be finite; got {z!r}.")
         z = z if self._has_heights else 0.0
-        return self._cached(
-            ("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z)
-        )
+        return self._cached(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
     # Saving
 

@@ -29,9 +29,7 @@ def front_of(costs, *, items=None, **changes):
 def candidates(k, rows=12):
     tenths = hnp.arrays(np.int64, st.tuples(st.integers(0, rows), st.just(k)), elements=st.integers(0, 4))
     return tenths.flatmap(
-        lambda Z: hnp.arrays(np.int64, Z.shape, elements=st.integers(-2, 2)).map(
-            lambda e: Z * 0.1 + e * 1e-12
-        )
+        lambda Z: hnp.arrays(np.int64, Z.shape, elements=st.integers(-2, 2)).map(lambda e: Z * 0.1 + e * 1e-12)
     )
 
 
@@ -153,9 +151,7 @@ def test_a_front_without_points_is_legal():
     for choose in (nothing.ideal, nothing.nadir, nothing.knee, lambda: nothing.best("a")):
         with pytest.raises(ValueError, match=r"no points.*'no path'"):
             choose()
-    something = Front.of(
-        [[1.0]], ["x"], names=["a"], units=["m"], quanta=[1.0], status="complete", certificate="c"
-    )
+    something = Front.of([[1.0]], ["x"], names=["a"], units=["m"], quanta=[1.0], status="complete", certificate="c")
     assert (something | nothing).items == ("x",)
     assert (something | nothing).status == "complete | no path"
 
@@ -196,12 +192,8 @@ def test_fronts_of_different_problems_are_not_joined():
 
 
 def test_reported_values_are_joined_by_name():
-    first = front_of(
-        [[1.0, 2.0]], reported=[[3.0, 4.0]], reported_names=["s", "t"], reported_units=["m", "s"]
-    )
-    second = front_of(
-        [[2.0, 1.0]], reported=[[6.0, 5.0]], reported_names=["t", "s"], reported_units=["s", "m"]
-    )
+    first = front_of([[1.0, 2.0]], reported=[[3.0, 4.0]], reported_names=["s", "t"], reported_units=["m", "s"])
+    second = front_of([[2.0, 1.0]], reported=[[6.0, 5.0]], reported_names=["t", "s"], reported_units=["s", "m"])
     assert [p.reported for p in first | second] == [{"s": 3.0, "t": 4.0}, {"s": 5.0, "t": 6.0}]
     assert [p.reported for p in second | first] == [{"s": 3.0, "t": 4.0}, {"s": 5.0, "t": 6.0}]
 
@@ -246,9 +238,7 @@ def test_what_does_not_fit_together_is_refused(changes, message):
         front_of([[1.0, 2.0]], **changes)
 
 
-@pytest.mark.parametrize(
-    "rows", [[[1.0, 1.0], [2.0, 2.0]], [[2.0, 1.0], [1.0, 2.0]], [[1.0, 1.0], [1.0, 1.04]]]
-)
+@pytest.mark.parametrize("rows", [[[1.0, 1.0], [2.0, 2.0]], [[2.0, 1.0], [1.0, 2.0]], [[1.0, 1.0], [1.0, 1.04]]])
 def test_the_constructor_takes_only_what_is_a_front(rows):
     good = front_of([[1.0, 2.0], [2.0, 1.0]])
     fields = {name: getattr(good, name) for name in good.__dataclass_fields__ if name != "integers"}

@@ -42,9 +42,7 @@ def front_of(costs=((1.0, 0.1 + 0.2), (0.0, 2.5)), *, items=None, **changes):
 
 
 def contents(front):
-    return {
-        key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(front).items()
-    }
+    return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(front).items()}
 
 
 @pytest.fixture
@@ -242,9 +240,7 @@ def test_a_document_that_is_not_a_front_is_refused(refuse, change, message):
 def test_an_item_that_does_not_decode_names_its_point(tmp_path):
     path = tmp_path / "front.json"
     front_of().save(path)
-    with pytest.raises(
-        FrontFileError, match=r"points\[0\] cannot be decoded \(KeyError: 'y'\); pass the decode="
-    ):
+    with pytest.raises(FrontFileError, match=r"points\[0\] cannot be decoded \(KeyError: 'y'\); pass the decode="):
         Front.load(path, decode=lambda item: item["y"])
 
 

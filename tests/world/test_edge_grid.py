@@ -17,9 +17,7 @@ def brute(edges, x, y):
     return np.linalg.norm(w - t[..., None] * d, axis=2).min(axis=1)
 
 
-@given(
-    seed=st.integers(0, 10_000), count=st.sampled_from([1, 2, 7, 60]), scale=st.sampled_from([0.01, 1, 30])
-)
+@given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 2, 7, 60]), scale=st.sampled_from([0.01, 1, 30]))
 @settings(max_examples=60, deadline=None)
 def test_distances_are_those_of_the_nearest_edge(seed, count, scale):
     rng = np.random.default_rng(seed)
@@ -49,9 +47,7 @@ def test_flat_degenerate_long_and_far_away_edges(edges):
 def test_points_on_bucket_borders_and_corners_find_their_edge():
     lines = np.arange(11.0)
     zero, ten = np.zeros(11), np.full(11, 10.0)
-    edges = np.concatenate(
-        [np.stack([lines, zero, lines, ten], axis=1), np.stack([zero, lines, ten, lines], axis=1)]
-    )
+    edges = np.concatenate([np.stack([lines, zero, lines, ten], axis=1), np.stack([zero, lines, ten, lines], axis=1)])
     x, y = (c.ravel() for c in np.meshgrid(lines, lines))
     assert EdgeGrid.build(edges).distance(x, y).tolist() == [0.0] * 121
     assert EdgeGrid.build(edges).distance(x + 0.5, y + 0.25)[0] == 0.25

@@ -44,9 +44,7 @@ def test_the_museum_outline_is_a_building_with_eight_columns(shared_data):
 
 
 def test_the_museum_areas_are_free_space(shared_data):
-    world = World.from_geojson(
-        shared_data("field_museum_main") / "main_level_areas.geojson", polygons="free", **MUSEUM
-    )
+    world = World.from_geojson(shared_data("field_museum_main") / "main_level_areas.geojson", polygons="free", **MUSEUM)
     outline = World.from_geojson(
         shared_data("field_museum_main") / "main_level_outline.geojson", polygons="outline", **MUSEUM
     )
@@ -80,9 +78,7 @@ def test_holes_stay_open(tmp_path):
 
 
 def test_origin_and_scale_place_the_plan(tmp_path):
-    world = World.from_geojson(
-        write(tmp_path, feature(square(100, 200, 104, 202))), scale=0.5, origin=(100, 200)
-    )
+    world = World.from_geojson(write(tmp_path, feature(square(100, 200, 104, 202))), scale=0.5, origin=(100, 200))
     assert world.bounds == (0, 0, 2, 1)
 
 

@@ -44,9 +44,7 @@ def test_the_published_half_space_and_corridor_values():
 
 
 def test_the_published_triangle_value():
-    assert one([Obstacle(Polygon([(0.3, 0.4), (1.7, -0.2), (1.1, 1.5)]))]) == pytest.approx(
-        0.092505, abs=5e-7
-    )
+    assert one([Obstacle(Polygon([(0.3, 0.4), (1.7, -0.2), (1.1, 1.5)]))]) == pytest.approx(0.092505, abs=5e-7)
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.5, math.inf), (-0.5, 0.5), (-1.5, 1.0), (1.2, 1.7)])

@@ -16,8 +16,7 @@ def a_world(seed, raster=False):
     if raster:
         return World.from_cells(rng.random((9, 13)) < 0.2, 0.4, origin=(1.0, -2.0, 0.5))
     shapes = [
-        shapely.convex_hull(shapely.multipoints(rng.uniform(0, 10, 2) + rng.normal(size=(5, 2))))
-        for _ in range(6)
+        shapely.convex_hull(shapely.multipoints(rng.uniform(0, 10, 2) + rng.normal(size=(5, 2)))) for _ in range(6)
     ]
     zone = shapely.box(7, 7, 9, 11)
     return World.from_polygons(shapes, extent=shapely.box(0, 0, 10, 10), keep_out=zone)

@@ -221,9 +221,7 @@ def test_clearance_of_symbols_is_the_field(pillars):
     pose = symbols(x, y, 0.0)
     value = pillars.clearance(pose.x, pose.y)
     got = np.array(casadi.Function("f", [x, y], [value.to_casadi()])([4.0, 2.5], [4.0, 3.0])).ravel()
-    assert got == pytest.approx(
-        pillars.clearance_field()(np.array([4.0, 2.5]), np.array([4.0, 3.0])), abs=1e-9
-    )
+    assert got == pytest.approx(pillars.clearance_field()(np.array([4.0, 2.5]), np.array([4.0, 3.0])), abs=1e-9)
     assert got[1] < 0  # in an obstacle: the way out is uphill
 
 
