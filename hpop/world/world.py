@@ -251,7 +251,7 @@ class World:
         return self._solid(self._active((z_min, z_max)))
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """`solid`, the keep-out zones and people who stand: where the robot must not be, m. The extent bounds it besides."""
+        """`solid`, keep-out zones and people who stand, m: where the robot must not be; the extent bounds it besides."""
         active = self._active((z_min, z_max))
         return self._cached(
             ("blocked", active), lambda: shapely.union_all([self._solid(active), self.keep_out, self.content.closed])
