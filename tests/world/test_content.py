@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import pickle
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -239,3 +241,11 @@ def test_new_content_replaces_the_old_and_leaves_the_first_world_alone(hall):
     assert empty.contents == frozenset()
     assert empty.clearance(np.array([2.0]), np.array([2.0]))[0] == 2.0
     assert len(hall.content.people) == 3
+
+
+def test_the_content_in_the_docs_is_what_it_says():
+    text = (Path(__file__).parents[2] / "docs" / "model.md").read_text()
+    (block,) = (block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "with_content" in block)
+    names = {"world": World.from_polygons([], extent=HALL)}
+    exec(compile(block, "docs/model.md", "exec"), names)
+    assert names["world"].contents == {"people", "moving people", "groups", "landmarks", "speed zones"}
