@@ -2,5 +2,6 @@
 
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.pareto_paths import ParetoPaths, SearchStats, pareto_paths
+from hpop.planners.search.weighted_sum import SupportedPaths, supported_paths
 
-__all__ = ["Graph", "ParetoPaths", "SearchStats", "pareto_paths"]
+__all__ = ["Graph", "ParetoPaths", "SearchStats", "SupportedPaths", "pareto_paths", "supported_paths"]

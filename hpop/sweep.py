@@ -1,0 +1,146 @@
+"""Sweeps: many small jobs over the same data, on any ``concurrent.futures.Executor`` or none.
+
+Serial, process pools and Dask (``Client.get_executor()``) give the same results. What a job needs beside its own
+task is shipped once a worker: a worker on this machine reads it from a file, one elsewhere asks for it and gets it
+with the job. A worker that dies loses only what it was at: that is done again, in this process.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar
+from uuid import uuid4
+
+S = TypeVar("S")
+T = TypeVar("T")
+R = TypeVar("R")
+
+POLL = 0.1  # s between two looks at whether to stop
+
+_held: dict[str, Any] = {}  # in a worker: the data of the sweep it works for
+
+
+def _work(key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any]) -> Any:
+    """Do some tasks in a worker: a list of results, or None where the shared data did not come and are not here."""
+    shared = _held.get(key)
+    if shared is None:
+        if payload is None:
+            try:
+                payload = Path(file).read_bytes()
+            except OSError:
+                return None
+        shared = pickle.loads(payload)
+        _held.clear()
+        _held[key] = shared
+    return [job(shared, task) for task in tasks]
+
+
+class Sweep(Generic[S, T, R]):
+    """Runs ``job(shared, task)`` for many tasks, on an executor or in this process.
+
+    job       a function of a module that workers can import; its results depend on its arguments alone
+    shared    what all tasks need, not None; picklable, as tasks and results are
+    executor  any; None runs the tasks here, one after the other
+    chunk     tasks sent together: some tenths of a second of work hide the cost of sending
+    notes     what went wrong with the executor, for the user
+
+    >>> with Sweep(pow, 2) as sweep:
+    ...     dict(sweep.run([3, 4]))
+    {0: 8, 1: 16}
+    """
+
+    def __init__(
+        self, job: Callable[[S, T], R], shared: S, executor: Executor | None = None, *, chunk: int = 1
+    ) -> None:
+        self.job, self.shared, self.executor, self.chunk = job, shared, executor, max(1, chunk)
+        self.notes: list[str] = []
+        self._key = uuid4().hex
+        self._payload = b""
+        self._folder: TemporaryDirectory[str] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def run(self, tasks: Sequence[T], stop: Callable[[], bool] = lambda: False) -> Iterator[tuple[int, R]]:
+        """Place and result of each task, as they finish; ends early once ``stop()`` is true.
+
+        An error of a task is raised here. An error of the executor is noted, and what it lost is done here.
+        """
+        here = list(range(len(tasks)))
+        if self.executor is not None and tasks:
+            here = []
+            yield from self._elsewhere(tasks, stop, here)
+        for i in here:
+            if stop():
+                return
+            yield i, self.job(self.shared, tasks[i])
+
+    def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
+        """Results that the executor brings; the places of those that it does not are added to ``lost``."""
+        pending: dict[Future[Any], range] = {}
+
+        def send(places: range, payload: bytes | None = None) -> None:
+            future = self._submit([tasks[i] for i in places], payload)
+            if future is None:
+                lost.extend(places)
+            else:
+                pending[future] = places
+
+        try:
+            for begin in range(0, len(tasks), self.chunk):
+                send(range(begin, min(begin + self.chunk, len(tasks))))
+            while pending and not stop():
+                done, _ = wait(pending, timeout=POLL, return_when=FIRST_COMPLETED)
+                for future in done:
+                    places = pending.pop(future)
+                    try:
+                        results = future.result()
+                    except (Exception, CancelledError) as error:
+                        self._failed(error)
+                        lost.extend(places)
+                        continue
+                    if results is None:
+                        send(places, self._payload)
+                    else:
+                        yield from zip(places, results, strict=True)
+        finally:
+            for future in pending:
+                future.cancel()
+        lost.sort()
+
+    def _submit(self, tasks: list[T], payload: bytes | None) -> Future[Any] | None:
+        """Hand tasks to the executor; None if it takes no more."""
+        if self.executor is None:
+            return None
+        if self._folder is None:
+            self._payload = pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
+            self._folder = TemporaryDirectory(prefix="hpop-sweep-")
+            (Path(self._folder.name) / self._key).write_bytes(self._payload)
+        file = str(Path(self._folder.name) / self._key)
+        try:
+            return self.executor.submit(_work, self._key, file, payload, self.job, tasks)
+        except Exception as error:  # whatever an executor that is shut down, broken or out of reach raises
+            self._failed(error, gone=True)
+            return None
+
+    def _failed(self, error: BaseException, *, gone: bool = False) -> None:
+        """Note an error of the executor, once of each kind; one that is broken is not asked again."""
+        if gone or isinstance(error, BrokenExecutor):
+            self.executor = None
+        note = (
+            f"a worker or its executor failed ({type(error).__name__}); what it had not finished was done in the "
+            "planning process"
+        )
+        if note not in self.notes:
+            self.notes.append(note)
