@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from hpop.front import Front
 from hpop.frontier.front import JOINT
 from hpop.models import DifferentialDrive
 from hpop.motions import missing
-from hpop.planners.base import Candidates, Planner, make_planner
+from hpop.planners.base import Candidates, Planner, make_planner, sweeps
 from hpop.registry import GROUPS, make_model
 from hpop.status import Progress, ProgressCallback, Status
 from hpop.trace import Trace, trace
@@ -80,6 +81,7 @@ class Problem:
         planner: PlannerSpec | Sequence[PlannerSpec] = "lattice",
         *,
         progress: ProgressCallback | None = None,
+        executor: Executor | None = None,
         **options: Any,
     ) -> Front:
         """The front of what one planner, or several together, find.
@@ -88,15 +90,21 @@ class Problem:
         ----------
         planner : a name with its ``options``, a planner object, or a list of either
         progress : called now and then with a :class:`hpop.status.Progress`
+        executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
         """
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
         if not several:
             raise OptionError("give at least one planner, such as 'lattice'")
-        *_, front = self.fronts(several, progress=progress, **options)
+        *_, front = self.fronts(several, progress=progress, executor=executor, **options)
         return front
 
     def fronts(
-        self, planners: Iterable[PlannerSpec], *, progress: ProgressCallback | None = None, **options: Any
+        self,
+        planners: Iterable[PlannerSpec],
+        *,
+        progress: ProgressCallback | None = None,
+        executor: Executor | None = None,
+        **options: Any,
     ) -> Iterator[Front]:
         """The front after each planner in turn: all found so far, so that nothing is lost if a later one fails.
 
@@ -106,7 +114,10 @@ class Problem:
         for planner in planners:
             chosen = make_planner(planner, options)
             try:
-                candidates = chosen.solve(self, progress)
+                if executor is not None and sweeps(chosen):
+                    candidates = chosen.solve(self, progress, executor=executor)
+                else:
+                    candidates = chosen.solve(self, progress)
             except KeyboardInterrupt:
                 if front is None:
                     raise

@@ -2,5 +2,6 @@
 
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 from hpop.planners.lattice import Lattice
+from hpop.planners.weighted_sum import WeightedSum
 
-__all__ = ["Candidates", "Lattice", "Planner", "make_planner", "planner"]
+__all__ = ["Candidates", "Lattice", "Planner", "WeightedSum", "make_planner", "planner"]

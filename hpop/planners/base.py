@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
@@ -60,6 +62,19 @@ class Planner(Protocol):
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan; raises QueryError, UnsupportedCriterion or OptionError where the question is wrong."""
+
+
+class SweepingPlanner(Planner, Protocol):
+    """A planner of many independent jobs: they run on any executor, with the same results; None runs them here."""
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates: ...
+
+
+def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:
+    """Whether a planner takes an executor."""
+    return "executor" in inspect.signature(planner.solve).parameters
 
 
 def planner(name: str) -> Callable[[T], T]:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
-from hpop.planners.search import ParetoPaths, pareto_paths
+from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.separation import what_separates
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -67,23 +68,36 @@ class Lattice:
         UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
         finite.
         """
+        query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
+        budget = Budget(self.time_limit, self.max_labels, self.max_memory)
+        paths = pareto_paths(query.graph, query.start, query.goals, budget=budget, progress=progress)
+        if paths.status.is_final:
+            claim = f"exact on this lattice for ({query.names}), edge costs rounded to their quanta"
+        else:
+            claim = (
+                f"incomplete ({paths.status}): every point is optimal on this lattice for ({query.names}), others are "
+                "missing"
+            )
+        found = {
+            "method": paths.stats.method,
+            "labels_generated": paths.stats.labels_generated,
+            "labels_expanded": paths.stats.labels_expanded,
+            "peak_memory": paths.stats.peak_memory,
+        }
+        return query.candidates("lattice", paths, claim, stats=found)
+
+    def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> LatticeQuery:
+        """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
         _refuse_who_moves(problem)
-        objectives = edge_objectives(problem.criteria, "lattice")
         if len(objectives.optimised) > MAX_COSTS:
             raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
         began = time.perf_counter()
         if progress:
             progress(Progress("graph"))
         lattice = self.lattice(problem)
-        start, goals, note = self.ends(lattice, problem)
+        start, goals, notes = self.ends(lattice, problem)
         graph = lattice.graph(objectives.optimised)
-        build = time.perf_counter() - began
-        budget = Budget(self.time_limit, self.max_labels, self.max_memory)
-        paths = pareto_paths(graph, start, goals, budget=budget, progress=progress)
-        notes = [*objectives.notes, *note]
-        if paths.status is Status.NO_PATH:
-            notes.append(what_separates(lattice, start, goals))
-        return _candidates(lattice, objectives, paths, tuple(notes), build, graph.heads.size)
+        return LatticeQuery(lattice, objectives, graph, start, goals, notes, time.perf_counter() - began)
 
     def lattice(self, problem: Problem) -> StateLattice:
         """The lattice anchored at the problem's start."""
@@ -152,45 +166,71 @@ def _refuse_who_moves(problem: Problem) -> None:
         )
 
 
-def _candidates(
-    lattice: StateLattice,
-    objectives: Objectives,
-    paths: ParetoPaths,
-    notes: tuple[str, ...],
-    build_seconds: float,
-    edges: int,
-) -> Candidates:
-    quanta = np.array([criterion.quantum for criterion in objectives.optimised])
-    nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
-    # A sum is rounded once an edge, a worst edge once.
-    summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
-    rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
-    names = ", ".join(criterion.name for criterion in objectives.optimised)
-    if paths.status.is_final:
-        claim = f"exact on this lattice for ({names}), edge costs rounded to their quanta"
-    else:
-        claim = f"incomplete ({paths.status}): every point is optimal on this lattice for ({names}), others are missing"
-    stats = paths.stats
-    return Candidates(
-        objectives=objectives.optimised,
-        trajectories=tuple(lattice.trajectory(n) for n in nodes),
-        planned=paths.costs * quanta,
-        tolerance=rounds * quanta,
-        status=paths.status,
-        certificate=f"lattice: {claim}{objectives.certificate}",
-        provenance=tuple({"planner": "lattice", "edges": int(n.size - 1)} for n in nodes),
-        notes=notes,
-        filters=objectives.filters,
-        stats={
-            "planner": "lattice",
-            "states": lattice.size,
-            "edges": edges,
-            "build_seconds": build_seconds,
-            "method": stats.method,
-            "labels_generated": stats.labels_generated,
-            "labels_expanded": stats.labels_expanded,
-            "peak_memory": stats.peak_memory,
-            "bounds_seconds": stats.seconds_bounds,
-            "search_seconds": stats.seconds_search,
-        },
-    )
+@dataclass(frozen=True, eq=False)
+class LatticeQuery:
+    """A problem on a lattice, for whichever search: what to search, and what is said of the result.
+
+    graph          integer costs in quanta of ``objectives.optimised``
+    start, goals   state ids
+    notes          how far the goal was snapped
+    build_seconds  s
+    """
+
+    lattice: StateLattice
+    objectives: Objectives
+    graph: Graph
+    start: int
+    goals: list[int]
+    notes: tuple[str, ...]
+    build_seconds: float
+
+    @property
+    def names(self) -> str:
+        """The optimised criteria, in words."""
+        return ", ".join(criterion.name for criterion in self.objectives.optimised)
+
+    @property
+    def quanta(self) -> FloatArray:
+        """What one count of each cost is, (k,), in the criteria's units."""
+        return np.array([criterion.quantum for criterion in self.objectives.optimised])
+
+    def candidates(
+        self,
+        name: str,
+        paths: ParetoPaths,
+        claim: str,
+        *,
+        provenance: Sequence[Mapping[str, Any]] | None = None,
+        notes: Sequence[str] = (),
+        stats: Mapping[str, Any] | None = None,
+    ) -> Candidates:
+        """Paths as the candidates of the planner ``name``: each with its provenance, all with a claim and counts."""
+        objectives, lattice = self.objectives, self.lattice
+        nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
+        # A sum is rounded once an edge, a worst edge once.
+        summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
+        rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
+        blocked = (what_separates(lattice, self.start, self.goals),) if paths.status is Status.NO_PATH else ()
+        origins = provenance or [{} for _ in nodes]
+        return Candidates(
+            objectives=objectives.optimised,
+            trajectories=tuple(lattice.trajectory(n) for n in nodes),
+            planned=paths.costs * self.quanta,
+            tolerance=rounds * self.quanta,
+            status=paths.status,
+            certificate=f"{name}: {claim}{objectives.certificate}",
+            provenance=tuple(
+                {"planner": name, "edges": int(n.size - 1), **origin} for n, origin in zip(nodes, origins, strict=True)
+            ),
+            notes=(*objectives.notes, *self.notes, *blocked, *notes),
+            filters=objectives.filters,
+            stats={
+                "planner": name,
+                "states": lattice.size,
+                "edges": int(self.graph.heads.size),
+                "build_seconds": self.build_seconds,
+                **(stats or {}),
+                "bounds_seconds": paths.stats.seconds_bounds,
+                "search_seconds": paths.stats.seconds_search,
+            },
+        )

@@ -1,0 +1,117 @@
+"""The weighted-sum planner: the supported trade-offs of an SE(2) lattice, one shortest path a weight."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.planners.base import Candidates, edge_objectives, planner
+from hpop.planners.lattice import Lattice
+from hpop.planners.search import supported_paths
+from hpop.planners.search.weighted_sum import check_divisions, integer_weights
+from hpop.status import Budget, ProgressCallback
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+
+@planner("weighted-sum")
+@dataclass(frozen=True)
+class WeightedSum:
+    """Supported paths of an SE(2) lattice: the optima of weighted sums of the costs, exactly.
+
+    step            m      between neighbouring positions
+    headings        4, 8 or 16
+    corner_cutting  whether a diagonal may pass between two blocked positions
+    divisions       weights are all multiples of 1 / divisions that sum to 1
+    weights         or these: lists of one number a cost, not negative; with neither they are adaptive
+    time_limit      s      of the sweep; what is found until then is returned and called incomplete
+
+    A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
+    normalised from ideal to nadir, which are in the stats; each trajectory carries the weights that gave it. Zero
+    weights break ties in the order of the criteria, so every path is efficient.
+
+    Accepts criteria that add up along edges (sum), at most six; a time-mean is represented by its integral, and
+    criteria with memory only filter what was found. Guarantees that the adaptive sweep, ended by itself, has every
+    extreme supported cost vector of the lattice that the planner "lattice" searches with the same options, and that no
+    returned one is unsupported; costs rounded as there. What lies in a dent of the front is missed. Costs one A* search
+    a weight: see :func:`hpop.planners.search.supported_paths`.
+    """
+
+    step: float = 0.25
+    headings: int = 8
+    corner_cutting: bool = False
+    divisions: int | None = None
+    weights: tuple[tuple[float, ...], ...] | None = None
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        self._lattice()
+        Budget(self.time_limit)
+        if self.divisions is not None:
+            check_divisions(self.divisions)
+        if self.weights is None:
+            return
+        if self.divisions is not None:
+            raise OptionError(f"give divisions or weights, not both; got {self.divisions!r} and {self.weights!r}")
+        if not isinstance(self.weights, list | tuple) or not self.weights:
+            raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {self.weights!r}")
+        for row in self.weights:
+            integer_weights(row)
+        object.__setattr__(self, "weights", tuple(tuple(float(w) for w in row) for row in self.weights))
+
+    def _lattice(self) -> Lattice:
+        return Lattice(self.step, self.headings, self.corner_cutting)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan on the lattice; one job of the executor is some weights.
+
+        Raises as :meth:`Lattice.solve` does, UnsupportedCriterion also for a worst edge (max), OptionError for weights
+        that are not one a cost.
+        """
+        objectives = edge_objectives(problem.criteria, "weighted-sum")
+        worst = [criterion.name for criterion in objectives.optimised if criterion.aggregate == "max"]
+        if worst:
+            raise UnsupportedCriterion(
+                f"weighted-sum needs criteria that add up along edges; {', '.join(worst)} takes the worst edge "
+                "(aggregate 'max'). Leave it out, or use planner 'lattice'."
+            )
+        query = self._lattice().query(problem, objectives, progress)
+        paths = supported_paths(
+            query.graph,
+            query.start,
+            query.goals,
+            divisions=self.divisions,
+            weights=self.weights,
+            budget=Budget(self.time_limit),
+            progress=progress,
+            executor=executor,
+        )
+        stats: dict[str, Any] = {
+            "objectives": [criterion.name for criterion in objectives.optimised],
+            "ideal": (paths.ideal * query.quanta).tolist(),
+            "nadir": (paths.nadir * query.quanta).tolist(),
+            "weights_solved": paths.solved,
+            "supported_points": len(paths),
+        }
+        return query.candidates(
+            "weighted-sum",
+            paths,
+            self._claim(paths.status.is_final, str(paths.status), query.names),
+            provenance=[{"weights": rows.tolist()} for rows in paths.weights],
+            notes=paths.notes,
+            stats=stats,
+        )
+
+    def _claim(self, ended: bool, status: str, names: str) -> str:
+        """What is claimed, in words."""
+        rounded = "edge costs rounded to their quanta"
+        if not ended:
+            return f"incomplete ({status}): every point is supported on this lattice for ({names}), others are missing"
+        if self.divisions is None and self.weights is None:
+            return f"all extreme supported points of this lattice for ({names}), no unsupported ones, {rounded}"
+        return f"supported points only: optima of the weights asked for, on this lattice for ({names}), {rounded}"
