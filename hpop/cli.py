@@ -20,12 +20,14 @@ from hpop import __version__
 from hpop.errors import CriterionError, HpopError, OutputError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from hpop.front import Front
     from hpop.problem import Problem
     from hpop.scenario import Scenario
 
 SAVED = "front.json"
-PICTURES = ("map.png", "front.png", "trace.png")
+PICTURES = ("map.png", "front.png", "trace.png", "where.png")
 MOST_FAULTS = 20
 NO_PATH = 6
 INTERRUPTED = 130
@@ -60,17 +62,24 @@ def main() -> None:
 @main.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for the front and the pictures.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes for planners that sweep, such as weighted-sum.")
+@click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
 @_user_errors
-def plan(scenario: Path, out: Path) -> None:
+def plan(scenario: Path, out: Path, workers: int | None, dask: str | None) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     from hpop import report
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
+    if workers is not None and dask is not None:
+        raise click.UsageError("give --workers or --dask, not both")
     loaded = load_scenario(scenario)
     _check_writable(out)
-    front = _solved(loaded, out)
+    with _executor(workers, dask) as executor:
+        fronts = _solved(loaded, out, executor)
+    front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
+    report.print_contributions([planner.name for planner in loaded.planners], fronts)
     pictures = _draw(loaded.problem, front, out)
     click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
     if front.status == Status.NO_PATH:
@@ -150,26 +159,41 @@ def _output_errors(what: str, way_out: str) -> Iterator[None]:
         raise OutputError(f"{what}: {error.strerror or error}; {way_out}") from None
 
 
-def _solved(scenario: Scenario, out: Path) -> Front:
-    """The front of a scenario, saved after each of its planners."""
+@contextmanager
+def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
+    """Where sweeps run: processes, a Dask cluster, or None for here."""
+    from hpop import sweep
+
+    if dask is not None:
+        with sweep.dask(dask) as cluster:
+            yield cluster
+    elif workers is not None and workers > 1:
+        with sweep.processes(workers) as pool:
+            yield pool
+    else:
+        yield None
+
+
+def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> list[Front]:
+    """The front of a scenario after each of its planners, the last one whole; each is saved as it comes."""
     from hpop import report
 
-    saved = False
+    fronts: list[Front] = []
     try:
         with report.progress_bar() as progress:
-            for front in scenario.problem.fronts(scenario.planners, progress=progress):
+            for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor):
                 try:
                     _save(front, out)
                 except KeyboardInterrupt:  # a second Ctrl-C is obeyed
                     _save(front, out)
-                    saved = True
+                    fronts.append(front)
                     raise
-                saved = True
+                fronts.append(front)
     except (Exception, KeyboardInterrupt):
-        if saved:
+        if fronts:
             click.echo(f"what was found before is saved in {out / SAVED}", err=True)
         raise
-    return front
+    return fronts
 
 
 def _check_writable(out: Path) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of a problem and its front: the map, the front itself, one trajectory in time.
+"""Pictures of a problem and its front: the map, the front itself, one trajectory in time and on the map.
 
 What is drawn is a ``matplotlib.figure.Figure`` that no global state knows of:
 ``draw_map(problem, front).savefig("map.pdf")``.
@@ -11,5 +11,6 @@ from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.save import save_pictures
 from hpop.view.trace import draw_trace
+from hpop.view.where import draw_where
 
-__all__ = ["draw_front", "draw_map", "draw_trace", "save_pictures"]
+__all__ = ["draw_front", "draw_map", "draw_trace", "draw_where", "save_pictures"]

@@ -15,12 +15,13 @@ from hpop.problem import Problem
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.trace import draw_trace
+from hpop.view.where import draw_where
 
 DPI = 200
 
 
 def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI) -> list[Path]:
-    """Write ``map.png``, ``front.png`` and ``trace.png`` (of the knee); of an empty front the map alone.
+    """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
     one has no use for are removed. All are drawn before the first is written.
@@ -34,11 +35,12 @@ def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str]
     if len(front):
         figures["front.png"] = draw_front(front)
         figures["trace.png"] = draw_trace(problem, front.knee().item, name="the knee")
+        figures["where.png"] = draw_where(problem, front.knee().item, name="the knee")
     pictures = {name: _png(figure, dpi) for name, figure in figures.items()}
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name in {"front.png", "trace.png"} - pictures.keys():
+        for name in {"front.png", "trace.png", "where.png"} - pictures.keys():
             (target / name).unlink(missing_ok=True)
         return [_write(target / name, data) for name, data in pictures.items()]
     except OSError as error:

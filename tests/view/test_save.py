@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from hpop.errors import OutputError
-from hpop.view import draw_front, draw_map, draw_trace, save_pictures
+from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
 
 
 @pytest.fixture
@@ -17,15 +17,16 @@ def problem(make_problem):
     return make_problem(["exposure", "turns", "length"])
 
 
-def test_three_pictures_of_the_size_of_their_figures(problem, make_front, tmp_path):
+def test_four_pictures_of_the_size_of_their_figures(problem, make_front, tmp_path):
     front = make_front(problem)
     paths = save_pictures(problem, front, tmp_path / "new" / "folder", dpi=100)
-    assert [path.name for path in paths] == ["map.png", "front.png", "trace.png"]
-    assert sorted(os.listdir(tmp_path / "new" / "folder")) == ["front.png", "map.png", "trace.png"]
-    figures = draw_map(problem, front), draw_front(front), draw_trace(problem, front.knee().item)
+    assert [path.name for path in paths] == ["map.png", "front.png", "trace.png", "where.png"]
+    assert sorted(os.listdir(tmp_path / "new" / "folder")) == ["front.png", "map.png", "trace.png", "where.png"]
+    knee = front.knee().item
+    figures = draw_map(problem, front), draw_front(front), draw_trace(problem, knee), draw_where(problem, knee)
     for path, figure in zip(paths, figures, strict=True):
         with Image.open(path) as image:
-            assert image.size == tuple((figure.get_size_inches() * 100).astype(int))
+            assert image.size == pytest.approx(figure.get_size_inches() * 100, abs=1)
             colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
         assert len(np.unique(colours, axis=0)) > 50
 
