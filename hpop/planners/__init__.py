@@ -1,7 +1,8 @@
 """Planners: problem in, candidate trajectories out; importing this package registers those that come with hpop."""
 
 from hpop.planners.base import Candidates, Planner, make_planner, planner
+from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
 from hpop.planners.weighted_sum import WeightedSum
 
-__all__ = ["Candidates", "Lattice", "Planner", "WeightedSum", "make_planner", "planner"]
+__all__ = ["Candidates", "EpsilonConstraint", "Lattice", "Planner", "WeightedSum", "make_planner", "planner"]

@@ -1,0 +1,435 @@
+"""Any-angle polylines: the nonlinear program of one structure, and the polylines that go in and come out.
+
+The number of turns is structure, not a variable: for each number of straight segments, with or without a turn at the
+start and at the goal, the interior vertices are free. The criteria enter by their own ``cost``, on motions made of
+CasADi symbols. What converges and what does not was measured: an absolute turn angle is rounded within 0.02 rad, a
+small ``Σ L_i²`` keeps vertices from sliding and collapsing, a maximum is a slack above every sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray
+from hpop.criteria.base import Criterion
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.math import wrap
+from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.planners.vertices import Polyline, Structure
+from hpop.symbols import lift
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+REGULAR = 0.1  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
+SPREAD = 1e-3  # weight of the bounded costs in the objective: AUGMECON's slack term
+ROUNDING = 0.02  # rad: the time of smaller turns is not believed
+REGION = 1.0  # m: how far the program may take a coordinate from its warm start
+SHORTEST = 1e-3  # m: of a segment that has to keep its direction
+FIELD_MARGIN = 0.015  # m: kept beside the robot's reach, for what lies between two samples
+CHECKED = 0.03  # m: distance of the points at which a solution's clearance is checked
+SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What the solver returned for one structure.
+
+    polyline    feasible for the program if ``converged``
+    costs       (k,) as the program adds them up, without regulariser
+    converged   whether the solver says so
+    status      the solver's own word
+    iterations  of the solver, all stages
+    """
+
+    polyline: Polyline
+    costs: FloatArray
+    converged: bool
+    status: str
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class PolylineProgram:
+    """Minimise one criterion over the interior vertices of a structure, the others and the obstacles being bounds.
+
+    ``min f_p(x) + δ Σ_j f_j(x)  subject to  f_j(x) <= eps_j,  d(sample) >= bound``, costs divided by their scales. With
+    ``s_j = eps_j - f_j`` this is AUGMECON's ``f_p - δ Σ s_j`` (Mavrotas 2009): no weakly efficient point is returned.
+    Built once; start, goal, bounds, scales and warm start are parameters. Local optima only.
+
+    problem    whose world and model; start and goal come with the warm start
+    criteria   k smooth ones: sums, or maxima over motions
+    minimise   place of the criterion that is minimised
+    structure
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    minimise: int
+    structure: Structure
+
+    def __post_init__(self) -> None:
+        for criterion in self.criteria:
+            refuse_unsmooth(criterion)
+        if not 0 <= self.minimise < len(self.criteria):
+            raise OptionError(f"minimise is the place of one of {len(self.criteria)} criteria, got {self.minimise!r}")
+
+    # Which vertices are free
+
+    @property
+    def _along_first(self) -> bool:
+        return not self.structure.first_turn
+
+    @cached_property
+    def _along_last(self) -> bool:
+        return not self.structure.last_turn and self.problem.goal[2] is not None
+
+    @property
+    def freedom(self) -> int:
+        """Number of free coordinates; none where headings fix the whole polyline."""
+        n = self.structure.segments
+        bound = self._along_first + self._along_last
+        return 0 if n < 2 or (n == 2 and bound == 2) else 2 * (n - 1) - bound
+
+    def _free(self, polyline: Polyline) -> FloatArray:
+        """The free coordinates of a polyline: lengths along fixed headings, then vertices."""
+        inner, lengths = polyline.vertices[1:-1], polyline.lengths
+        first, last = int(self._along_first), int(self._along_last)
+        fixed = [*lengths[:1][:first], *lengths[-1:][:last]]
+        return np.concatenate([fixed, inner[first : len(inner) - last].ravel()])
+
+    def _columns(self, free: Any, ends: Any) -> tuple[Any, Any]:
+        """Columns x, y (n+1,) of the vertices, as symbols."""
+        import casadi
+
+        first, last = int(self._along_first), int(self._along_last)
+        start, goal = ends[:3], ends[3:]
+        inner = casadi.reshape(free[first + last :], 2, -1)
+        out = []
+        for axis, way in ((0, casadi.cos), (1, casadi.sin)):
+            parts = [start[axis]]
+            parts += [start[axis] + free[0] * way(start[2])] * first
+            parts += [inner[axis, :].T]
+            parts += [goal[axis] - free[first] * way(goal[2])] * last
+            out.append(casadi.vertcat(*parts, goal[axis]))
+        return out[0], out[1]
+
+    # The program
+
+    @cached_property
+    def shares(self) -> tuple[FloatArray, FloatArray]:
+        """Matrices (K, n+1) that take vertices to where each piece begins and where it ends."""
+        n, total = self.structure.segments, sum(self.structure.pieces)
+        owner = np.repeat(np.arange(n), self.structure.pieces)
+        count = np.array(self.structure.pieces)[owner]
+        place = np.arange(total) - np.repeat(
+            np.cumsum(self.structure.pieces) - self.structure.pieces, self.structure.pieces
+        )
+        both = []
+        for share in (place / count, (place + 1) / count):
+            matrix = np.zeros((total, n + 1))
+            matrix[np.arange(total), owner] = 1.0 - share
+            matrix[np.arange(total), owner + 1] += share
+            both.append(matrix)
+        return both[0], both[1]
+
+    @cached_property
+    def sampled(self) -> FloatArray:
+        """Matrix (S, n+1) that takes vertices to where the clearance is bounded: ends and middles of pieces."""
+        begin, end = self.shares
+        return np.concatenate([begin[1:], (2 * begin + end) / 3, (begin + 2 * end) / 3])
+
+    @cached_property
+    def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
+        """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
+        world, reach = self.problem.world, dict[int, tuple[tuple[float, float], float]]()
+        for part in self.problem.model.parts:
+            key, z = id(world.free_space((part.z_min, part.z_max))), (part.z_min, part.z_max)
+            reach[key] = max(reach.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
+        return tuple(reach.values())
+
+    def _motions(self, x: Any, y: Any, ends: Any) -> tuple[Motions, Motions | None]:
+        """The pieces as moves, and the turns, on symbols."""
+        import casadi
+
+        world, model = self.problem.world, self.problem.model
+        n, total = self.structure.segments, sum(self.structure.pieces)
+        dx, dy = lift(x[1:] - x[:-1], n), lift(y[1:] - y[:-1], n)
+        moves_at_all = dx * dx + dy * dy > 0
+        yaw = casadi.MX(np.arctan2(np.where(moves_at_all, dy, 0.0), np.where(moves_at_all, dx, 1.0)))
+        owner = np.repeat(np.arange(n), self.structure.pieces).tolist()
+        heading = lift(yaw[owner], total)
+        corners = [lift(casadi.DM(m) @ c, total) for m in map(_sparse, self.shares) for c in (x, y)]
+        start = States(x=corners[0], y=corners[1], yaw=heading)
+        end = States(x=corners[2], y=corners[3], yaw=heading)
+        moves = Motions(world, model, model.laws["move"], start, end, panels=1)
+        if not self.structure.turns:
+            return moves, None
+        first, last = not self.structure.first_turn, n - (not self.structure.last_turn)
+        at = list(range(int(first), last + 1))
+        before = casadi.vertcat(ends[2], yaw)[at]
+        after = casadi.vertcat(yaw, ends[5])[at]
+        size = len(at)
+        before, after = lift(before, size), lift(after, size)
+        x, y = lift(x[at], size), lift(y[at], size)
+        turned = States(x=x, y=y, yaw=before + wrap(after - before))
+        law = _Rounded(model.laws["turn"])
+        return moves, Motions(world, model, law, States(x=x, y=y, yaw=before), turned, panels=1)
+
+    @cached_property
+    def _built(self) -> tuple[Any, Any, int]:
+        """The solver, the function from variables to (vertices, costs), and the number of samples below a slack."""
+        import casadi
+
+        k, n = len(self.criteria), self.structure.segments
+        free = casadi.MX.sym("free", self.freedom)
+        summed, worst = self._places
+        slack = casadi.MX.sym("slack", len(worst))
+        ends, scale, weight = casadi.MX.sym("ends", 6), casadi.MX.sym("scale", k), casadi.MX.sym("weight")
+        x, y = self._columns(free, ends)
+        batches = [m for m in self._motions(x, y, ends) if m is not None]
+        costs: list[Any] = [None] * k
+        rows = []
+        for j, criterion in enumerate(self.criteria):
+            if criterion.aggregate == "max":
+                samples = [_mx(_cost(criterion, m), len(m)) for batch in batches for m in _moments(batch)]
+                below = casadi.vertcat(*samples)
+                costs[j] = slack[worst.index(j)]
+                rows.append((below - costs[j]) / scale[j])
+            else:
+                costs[j] = sum(casadi.sum1(_mx(_cost(criterion, batch), len(batch))) for batch in batches)
+        every = casadi.vertcat(*costs)
+        squares = casadi.sumsqr(x[1:] - x[:-1]) + casadi.sumsqr(y[1:] - y[:-1])
+        scaled = every / scale
+        objective = scaled[self.minimise] + SPREAD * casadi.sum1(scaled) + weight * n * squares
+        clearances = []
+        for z, _ in self.spaces:
+            at = [lift(casadi.DM(_sparse(self.sampled)) @ c, len(self.sampled)) for c in (x, y)]
+            clearances.append(_mx(self.problem.world.clearance_field(z=z)(*at), len(self.sampled)))
+        above = casadi.vertcat(*rows)
+        variables, parameters = casadi.vertcat(free, slack), casadi.vertcat(ends, scale, weight)
+        program = {
+            "x": variables,
+            "p": parameters,
+            "f": objective,
+            "g": casadi.vertcat(scaled[summed], above, *clearances),
+        }
+        solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS)
+        honest = list(costs)  # a slack may lie above the worst sample
+        for i, (j, row) in enumerate(zip(worst, rows, strict=True)):
+            honest[j] = casadi.mmax(row * scale[j] + slack[i])
+        values = casadi.Function("values", [variables, parameters], [casadi.horzcat(x, y), casadi.vertcat(*honest)])
+        return solver, values, int(above.numel())
+
+    def build(self) -> PolylineProgram:
+        """Build the program now; solving does it when it is first needed."""
+        if self.freedom:
+            _ = self._built
+        return self
+
+    @property
+    def _places(self) -> tuple[list[int], list[int]]:
+        """Places of the criteria that are sums, and of those that are maxima."""
+        worst = [j for j, criterion in enumerate(self.criteria) if criterion.aggregate == "max"]
+        return [j for j in range(len(self.criteria)) if j not in worst], worst
+
+    def _parameters(self, polyline: Polyline, scale: FloatArray) -> FloatArray:
+        goal_yaw = 0.0 if polyline.goal_yaw is None else polyline.goal_yaw
+        ends = [*polyline.vertices[0], polyline.start_yaw, *polyline.vertices[-1], goal_yaw]
+        return np.array([*ends, *scale, REGULAR / max(float(polyline.lengths.sum()), SHORTEST) ** 2])
+
+    def costs(self, polyline: Polyline) -> FloatArray:
+        """Costs (k,) as the program adds them up; not a number where nothing is free."""
+        if not self.freedom:
+            return np.full(len(self.criteria), np.nan)
+        point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
+        return np.array(self._built[1](point, self._parameters(polyline, np.ones(len(self.criteria))))[1]).ravel()
+
+    def bounds(self, polyline: Polyline) -> list[FloatArray]:
+        """Least field values (S,) that keep the robot off obstacles, one array a height range.
+
+        The robot's reach and a margin, but no more than what the warm start has: it is free, and shall be feasible.
+        """
+        x, y = (self.sampled @ polyline.vertices).T
+        world, bounds = self.problem.world, []
+        for z, reach in self.spaces:
+            exact, field = world.free_space(z).signed_clearance(x, y), world.clearance_field(z=z)(x, y)
+            need = np.minimum(reach + FIELD_MARGIN, exact)
+            bounds.append(np.minimum(need, field))
+        return bounds
+
+    def raised(self, bounds: Sequence[FloatArray], polyline: Polyline) -> list[FloatArray]:
+        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it."""
+        segments = np.repeat(np.arange(self.structure.segments), np.ceil(polyline.lengths / CHECKED).astype(int) + 1)
+        first = np.searchsorted(segments, segments)
+        count = np.bincount(segments)[segments]
+        share = ((np.arange(segments.size) - first) / np.maximum(count - 1, 1))[:, None]
+        points = polyline.vertices[segments] * (1.0 - share) + polyline.vertices[segments + 1] * share
+        samples = self.sampled @ polyline.vertices
+        from scipy.spatial import cKDTree
+
+        nearest = cKDTree(samples).query(points, k=min(2, len(samples)))[1].reshape(len(points), -1)
+        out = []
+        for (z, reach), bound in zip(self.spaces, bounds, strict=True):
+            lacking = reach - self.problem.world.free_space(z).signed_clearance(*points.T)
+            more = np.zeros(bound.size)
+            for column in nearest.T:
+                np.maximum.at(more, column, np.where(lacking > -0.2 * FIELD_MARGIN, lacking + 0.5 * FIELD_MARGIN, 0.0))
+            field = self.problem.world.clearance_field(z=z)(*samples.T)
+            out.append(np.where(more > 0, np.maximum(bound, field) + more, bound))
+        return out
+
+    def solve(
+        self,
+        warm: Polyline,
+        epsilon: FloatArray,
+        *,
+        scale: FloatArray | None = None,
+        bounds: Sequence[FloatArray] | None = None,
+    ) -> Solution:
+        """The local optimum within REGION of a warm start, which should be feasible.
+
+        Parameters
+        ----------
+        warm : Polyline of this structure
+        epsilon : (k,) upper bounds of the costs; inf bounds nothing
+        scale : (k,) positive: differences of costs that matter alike; the size of epsilon by default
+        bounds : least field values at the samples, see :meth:`bounds`
+        """
+        epsilon = np.asarray(epsilon, float)
+        if scale is None:
+            scale = np.where(np.isfinite(epsilon) & (epsilon > 0), epsilon, 1.0)
+        if not self.freedom:
+            return Solution(warm, self.costs(warm), True, "nothing is free", 0)
+        solver, values, above = self._built
+        summed, worst = self._places
+        parameters = self._parameters(warm, scale)
+        bounded = np.concatenate(self.bounds(warm) if bounds is None else list(bounds))
+        free = self._free(warm)
+        fixed = int(self._along_first) + int(self._along_last)
+        x_min, y_min, x_max, y_max = self.problem.world.bounds
+        corners = (free.size - fixed) // 2
+        least = [*[SHORTEST] * fixed, *[x_min, y_min] * corners]
+        most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
+        tops = self.costs(warm)[worst]
+        found = solver(
+            x0=np.concatenate([free, tops]),
+            p=parameters,
+            lbx=np.concatenate([np.maximum(least, free - REGION), np.full(len(worst), -np.inf)]),
+            ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
+            lbg=np.concatenate([np.full(len(summed) + above, -np.inf), bounded]),
+            ubg=np.concatenate([epsilon[summed] / scale[summed], np.zeros(above), np.full(bounded.size, np.inf)]),
+        )
+        stats = solver.stats()
+        vertices, costs = (np.array(value) for value in values(found["x"], parameters))
+        vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]
+        return Solution(
+            Polyline(vertices, warm.start_yaw, warm.goal_yaw),
+            costs.ravel(),
+            stats["return_status"] in SUCCESS,
+            str(stats["return_status"]),
+            int(stats["iter_count"]),
+        )
+
+
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.max_iter": 150,
+    "ipopt.tol": 1e-4,
+    "ipopt.constr_viol_tol": 1e-6,
+}
+
+
+def refuse_unsmooth(criterion: Criterion) -> None:
+    """Raise UnsupportedCriterion for what no nonlinear program can treat."""
+    if criterion.smooth and criterion.aggregate in ("sum", "max"):
+        return
+    why = "has no gradient (smooth=False)" if not criterion.smooth else f"is a {criterion.aggregate}"
+    raise UnsupportedCriterion(
+        f"the polyline program needs smooth sums or maxima; {criterion.name!r} {why}. Leave it out and let it be "
+        "reported, or use planner 'lattice'."
+    )
+
+
+@dataclass(frozen=True)
+class _Rounded:
+    """A law of turns whose timing is that of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
+
+    A turn from rest to rest lasts 2 sqrt(|θ|/α): no solver likes that cusp, and vertices where hardly a turn is left
+    would be stuck on it.
+    """
+
+    exact: Law
+
+    @property
+    def kind(self) -> str:
+        return self.exact.kind
+
+    @property
+    def varies(self) -> frozenset[str]:
+        return self.exact.varies
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        turned = end.yaw - start.yaw
+        yaw = start.yaw + np.sqrt(turned * turned + ROUNDING**2)
+        return self.exact.phases(start, States(x=end.x, y=end.y, yaw=yaw))
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        return self.exact.interpolate(name, start, end, share)
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        return self.exact.travel(start, end, lever)
+
+    def turned(self, start: States, end: States) -> Column:
+        return self.exact.turned(start, end)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment(Motions):
+    """Motions whose worst moment is looked for at one moment only, so that a slack can lie above each."""
+
+    phase: int = 0
+    at: float = 0.0
+
+    def worst(self, rate: Rate) -> Column:
+        """The rate (M,) at that moment."""
+        return rate(self._instants(self.phases[self.phase], self.at, None))
+
+
+def _moments(motions: Motions) -> list[Motions]:
+    """The same motions seen at both ends and in the middle of each of their phases."""
+    m = motions
+    return [
+        _Moment(m.world, m.model, m.law, m.start, m.end, panels=m.panels, phase=phase, at=at)
+        for phase in range(len(m.phases))
+        for at in (0.0, 0.5, 1.0)
+    ]
+
+
+def _cost(criterion: Criterion, motions: Motions) -> Column:
+    try:
+        return criterion.cost(motions)
+    except UnsupportedCriterion as error:
+        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
+
+
+def _mx(column: Column, size: int) -> Any:
+    """A column of symbols or numbers as a CasADi vector (size,)."""
+    import casadi
+
+    if isinstance(column, int | float | np.ndarray | np.generic):
+        return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
+    return casadi.vec(casadi.MX(column))
+
+
+def _sparse(matrix: FloatArray) -> Any:
+    import casadi
+
+    return casadi.sparsify(casadi.DM(matrix))

@@ -1,0 +1,118 @@
+"""Trust in what a continuous solver returns: re-evaluated, exact ends, free of collisions between all samples.
+
+A nonlinear program knows fields, samples and smoothed corners; what it calls feasible need not be. So every candidate
+is judged on its trajectory alone: by the criteria as fronts report them, and on the exact geometry.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.math import wrap
+from hpop.models.collision import PlanarCollision
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+ENDS = 1e-6  # m or rad: a trajectory begins at the start and ends at the goal
+EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What was found wrong with each candidate.
+
+    costs    (n, k) re-evaluated; NaN where the trajectory does not even lie on the map
+    reasons  n, "" for those to be trusted
+    """
+
+    costs: FloatArray
+    reasons: tuple[str, ...]
+
+    @property
+    def kept(self) -> IntArray:
+        """Places of the candidates to be trusted."""
+        return np.flatnonzero([not reason for reason in self.reasons])
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """How many were dropped, by reason."""
+        return dict(Counter(reason for reason in self.reasons if reason))
+
+    def notes(self, planner: str) -> tuple[str, ...]:
+        """One line that says how many were dropped and why; none if all are kept."""
+        if not self.dropped:
+            return ()
+        why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
+        return (f"{planner}: {len(self.reasons) - self.kept.size} of {len(self.reasons)} candidates dropped: {why}",)
+
+
+def judge(
+    problem: Problem,
+    objectives: Sequence[Criterion],
+    trajectories: Sequence[Trajectory],
+    *,
+    epsilon: FloatArray | None = None,
+    planned: FloatArray | None = None,
+    tolerance: FloatArray | None = None,
+) -> Judgement:
+    """Re-evaluate candidates and name what is wrong with each, the gravest first.
+
+    Collisions are looked for by :class:`hpop.models.collision.PlanarCollision`, which is exact for straight moves and
+    never too kind for turns.
+
+    Parameters
+    ----------
+    epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE; inf bounds nothing
+    planned, tolerance : (n, k) costs as the planner added them up, and by how much they may be off
+    """
+    count = len(trajectories)
+    reasons = [_fault_of_ends(problem, trajectory) for trajectory in trajectories]
+    costs = np.full((count, len(objectives)), np.nan)
+    on_map = [i for i in range(count) if not reasons[i]]
+    costs[on_map] = trajectory_costs(objectives, [trajectories[i] for i in on_map], problem.world)
+    for i in on_map:
+        if not is_free(problem, trajectories[i]):
+            reasons[i] = "collides"
+        elif epsilon is not None and exceeds(costs[i], epsilon[i]).any():
+            names = [c.name for c, over in zip(objectives, exceeds(costs[i], epsilon[i]), strict=True) if over]
+            reasons[i] = f"exceeds its bound in {', '.join(names)}"
+        elif planned is not None and tolerance is not None:
+            off = ~(np.abs(costs[i] - planned[i]) <= tolerance[i] + 1e-9 * np.abs(costs[i]))
+            if off.any():
+                names = [c.name for c, wrong in zip(objectives, off, strict=True) if wrong]
+                reasons[i] = f"was planned with too coarse a sum in {', '.join(names)}"
+    return Judgement(costs, tuple(reasons))
+
+
+def exceeds(costs: FloatArray, epsilon: FloatArray) -> BoolArray:
+    """Whether each cost (k,) is above its bound by more than the tolerance."""
+    return np.asarray(costs > epsilon + EPSILON_TOLERANCE * np.maximum(np.abs(epsilon), 1e-3))
+
+
+def is_free(problem: Problem, trajectory: Trajectory) -> bool:
+    """Whether a trajectory is free of collisions all along, on the exact geometry."""
+    collision = PlanarCollision(problem.model, problem.world)
+    if not len(trajectory):
+        return bool(collision.states_free(trajectory.states).all())
+    return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(problem.world))
+
+
+def _fault_of_ends(problem: Problem, trajectory: Trajectory) -> str:
+    s, (x_min, y_min, x_max, y_max) = trajectory.states, problem.world.bounds
+    if not ((s.x >= x_min) & (s.x <= x_max) & (s.y >= y_min) & (s.y <= y_max)).all():
+        return "leaves the map"
+    for name, i, (x, y, yaw) in (("start", 0, problem.start), ("goal", -1, problem.goal)):
+        apart = math.hypot(s.x[i] - x, s.y[i] - y)
+        if apart > ENDS or (yaw is not None and abs(wrap(s.yaw[i] - yaw)) > ENDS):
+            return f"misses the {name}"
+    return ""
