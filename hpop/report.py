@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,12 +22,13 @@ from rich.text import Text
 from hpop import registry
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
-from hpop.frontier import Point
+from hpop.frontier import Point, hypervolume
 from hpop.problem import Problem
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
 
 MOST_ROWS = 20
+MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
 
 
 @contextmanager
@@ -97,6 +100,75 @@ def print_front(
         say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
     say(f"{len(front):,} optimal trajectories; status: {front.status}")
     say(f"certificate: {front.certificate}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Contribution:
+    """What a planner added to the front.
+
+    points      of the final front that come from it
+    found       points of the front after it
+    before      hypervolume of the front before it ran, 0 for the first
+    after       hypervolume of the front with it; not a number where it would take minutes
+    """
+
+    planner: str
+    points: int
+    found: int
+    before: float
+    after: float
+
+
+def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
+    """What each planner added, from the front after each: ``fronts[i]`` holds all that planners 0 to i found.
+
+    Hypervolumes are of costs scaled so that the last front's ideal is 0 and its nadir 1; the reference point is 1.1,
+    the nadir and a tenth of the range. A criterion that is the same all over the last front is scaled by its range over
+    all fronts.
+    """
+    origins: Counter[int] = Counter()
+    known: list[set[int]] = [set(map(id, front.items)) for front in fronts]
+    for item in fronts[-1].items:
+        origins[next(i for i, items in enumerate(known) if id(item) in items)] += 1
+    volumes = [0.0, *_hypervolumes(fronts)]
+    return [
+        Contribution(name, origins[i], len(front), volumes[i], volumes[i + 1])
+        for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
+    ]
+
+
+def _hypervolumes(fronts: Sequence[Front]) -> list[float]:
+    """Hypervolume of each front; not a number where it would take minutes."""
+    final = fronts[-1]
+    if not len(final):
+        return [0.0] * len(fronts)
+    if len(final.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(final.names), 0):
+        return [math.nan] * len(fronts)
+    ideal, span = final.ideal(), final.nadir() - final.ideal()
+    everything = np.concatenate([front.costs for front in fronts])
+    span = np.where(span > 0, span, everything.max(axis=0) - ideal)
+    span = np.where(span > 0, span, 1.0)
+    reference = np.full(len(final.names), 1.1)
+    return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
+
+
+def print_contributions(planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None) -> None:
+    """Print what each of several planners added to the front; nothing for one planner."""
+    if len(planners) < 2 or not fronts:
+        return
+    console = console or Console()
+    table = _table()
+    table.add_column("planner", no_wrap=True)
+    for column in ("of the front", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for row in contributions(planners, fronts):
+        volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))
+        cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
+        table.add_row(Text(row.planner), *cells)
+    console.print("\nWhat each planner added (hypervolume: ideal 0, nadir 1, reference 1.1 in each cost)")
+    _print_wide(console, table)
+    for name in planners[len(fronts) :]:
+        console.print(f"{name} was not run", highlight=False, markup=False)
 
 
 def _counted(key: str, value: float) -> str:

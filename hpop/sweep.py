@@ -7,20 +7,35 @@ with the job. A worker that dies loses only what it was at: that is done again, 
 
 from __future__ import annotations
 
+import multiprocessing
 import pickle
+import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 from uuid import uuid4
 
+from hpop.errors import OptionError
+
 S = TypeVar("S")
 T = TypeVar("T")
 R = TypeVar("R")
 
 POLL = 0.1  # s between two looks at whether to stop
+CONNECT = 10  # s to wait for a scheduler
 
 _held: dict[str, Any] = {}  # in a worker: the data of the sweep it works for
 
@@ -144,3 +159,36 @@ class Sweep(Generic[S, T, R]):
         )
         if note not in self.notes:
             self.notes.append(note)
+
+
+def processes(workers: int) -> ProcessPoolExecutor:
+    """A pool of fresh processes on this machine; Ctrl-C is left to the process that plans."""
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise OptionError(f"workers must be a whole number of processes, at least 1, got {workers!r}")
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    return ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+
+@contextmanager
+def dask(address: str) -> Iterator[Executor]:
+    """The workers of a Dask scheduler, such as ``tcp://host:8786``; hpop must be installed where they run.
+
+    Raises OptionError where the extra hpop[dask] is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise OptionError(
+            f"a Dask cluster needs the extra hpop[dask] ({error}); pip install 'hpop[dask]', or use workers of this "
+            "machine"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        raise OptionError(
+            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler`, which says its "
+            "address"
+        ) from None
+    with client:
+        yield client.get_executor()

@@ -1,0 +1,210 @@
+"""Sweeps: the same results on every executor, whatever happens to it; workers of a pool and of Dask that are killed."""
+
+from __future__ import annotations
+
+import operator
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hpop import sweep as module
+from hpop.errors import OptionError
+from hpop.planners.search import Graph, SupportedPaths, supported_paths
+from hpop.status import Progress
+from hpop.sweep import Sweep, dask, processes
+
+TASKS = list(range(10))
+EXPECTED = {i: 7 * i for i in TASKS}
+
+
+class Faulty(Executor):
+    """Runs jobs at once; from the given one on (counted from 0) it breaks as told, "submit" or "result"."""
+
+    def __init__(self, breaks: str, first: int, error: type[BaseException]) -> None:
+        self.breaks, self.first, self.error, self.jobs = breaks, first, error, 0
+
+    def submit(self, fn: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        self.jobs += 1
+        bad = self.jobs > self.first
+        if bad and self.breaks == "submit":
+            raise self.error("cannot")
+        future: Future[Any] = Future()
+        if bad:
+            future.set_exception(self.error("lost"))
+        else:
+            future.set_result(fn(*arguments, **named))
+        return future
+
+
+class Elsewhere(Executor):
+    """One worker on another machine: no file of ours is there. Counts the shared data that it is sent."""
+
+    def __init__(self) -> None:
+        self.sent = 0
+
+    def submit(self, fn: Any, key: str, file: str, payload: bytes | None, /, *rest: Any) -> Future[Any]:  # type: ignore[override]
+        self.sent += payload is not None
+        future: Future[Any] = Future()
+        future.set_result(fn(key, file + ".not-here", payload, *rest))
+        return future
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> None:
+    module._held.clear()
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 100])
+def test_every_task_is_done_once(chunk: int) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        for executor in (None, pool, Elsewhere()):
+            with Sweep(operator.mul, 7, executor, chunk=chunk) as sweep:
+                results = list(sweep.run(TASKS))
+                again = dict(sweep.run(TASKS))
+            assert dict(results) == again == EXPECTED
+            assert len(results) == len(TASKS)
+            assert sweep.notes == []
+
+
+def test_shared_data_are_sent_once_a_chunk_at_most_and_kept() -> None:
+    far = Elsewhere()
+    with Sweep(operator.mul, 7, far, chunk=5) as sweep:
+        for _ in range(5):
+            assert dict(sweep.run(TASKS)) == EXPECTED
+    assert 1 <= far.sent <= 2
+
+
+@pytest.mark.parametrize("error", [BrokenExecutor, RuntimeError, OSError])
+@pytest.mark.parametrize("breaks", ["submit", "result"])
+@pytest.mark.parametrize("first", [0, 2])
+def test_what_an_executor_loses_is_done_here_and_said(error: type[Exception], breaks: str, first: int) -> None:
+    with Sweep(operator.mul, 7, Faulty(breaks, first, error), chunk=2) as sweep:
+        results = list(sweep.run(TASKS))
+    assert dict(results) == EXPECTED
+    assert len(results) == len(TASKS)
+    assert len(sweep.notes) == 1
+    assert error.__name__ in sweep.notes[0]
+
+
+def test_an_error_of_a_task_is_raised() -> None:
+    with ThreadPoolExecutor(1) as executor:
+        for where in (None, executor):
+            with Sweep(operator.truediv, 1, where) as sweep, pytest.raises(ZeroDivisionError):
+                dict(sweep.run([1, 0]))
+
+
+def test_a_sweep_stops_when_told() -> None:
+    with ThreadPoolExecutor(1) as executor:
+        for where in (None, executor):
+            with Sweep(operator.mul, 7, where) as sweep:
+                results = sweep.run(TASKS, stop=lambda: True)
+                assert list(results) == []
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, True])
+def test_a_pool_needs_workers(workers: Any) -> None:
+    with pytest.raises(OptionError, match="at least 1"):
+        processes(workers)
+
+
+# Workers that are killed, in the sweep of weights
+
+
+def sphere(points: int) -> Graph:
+    """Two nodes and arcs whose costs lie on a sphere, so that every one is an extreme supported point."""
+    vectors = np.abs(np.random.default_rng(0).normal(size=(points, 3)))
+    costs = 1e6 * (1 - vectors / np.linalg.norm(vectors, axis=1)[:, None])
+    return Graph.from_arcs(2, [0] * points, [1] * points, np.rint(costs).astype(np.int64))
+
+
+GRAPH = sphere(120)
+
+
+def same(one: SupportedPaths, other: SupportedPaths) -> bool:
+    paths = all(one.arcs(i).tolist() == other.arcs(i).tolist() for i in range(len(one)))
+    weights = all((a == b).all() for a, b in zip(one.weights, other.weights, strict=True))
+    return bool((one.costs == other.costs).all() and paths and weights and one.solved == other.solved)
+
+
+def workers_of(executor: Executor) -> set[str]:
+    """Process ids of those who do the jobs."""
+    with Sweep(operator.call, os.readlink, executor) as sweep:
+        return {result for _, result in sweep.run(["/proc/self"] * 20)}
+
+
+class Killer:
+    """A progress callback that kills a process after some weights."""
+
+    def __init__(self, pid: Any, after: int) -> None:
+        self.pid, self.after, self.killed = pid, after, 0
+
+    def __call__(self, progress: Progress) -> None:
+        if not self.killed and progress.stage == "weights" and progress.labels >= self.after:
+            self.killed = self.pid()
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def test_two_processes_find_the_same_and_one_that_is_killed_loses_nothing() -> None:
+    serial = supported_paths(GRAPH, 0, 1)
+    assert len(serial) == GRAPH.arcs
+    with processes(2) as pool:
+        there = supported_paths(GRAPH, 0, 1, executor=pool)
+        assert same(serial, there)
+        assert there.notes == ()
+        assert str(os.getpid()) not in workers_of(pool)
+        killer = Killer(lambda: next(iter(pool._processes)), after=100)
+        there = supported_paths(GRAPH, 0, 1, executor=pool, progress=killer)
+    assert killer.killed
+    assert same(serial, there)
+    assert any("BrokenProcessPool" in note for note in there.notes)
+
+
+# A Dask scheduler with two worker processes on loopback
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as local,
+    ):
+        yield local
+
+
+def test_dask_workers_find_the_same_and_one_that_is_killed_loses_nothing(cluster: Any) -> None:
+    serial = supported_paths(GRAPH, 0, 1)
+
+    def worker() -> int:
+        with cluster.get_client() as client:
+            return int(min(client.run(os.getpid).values()))
+
+    killer = Killer(worker, after=100)
+    with dask(cluster.scheduler_address) as executor:
+        assert str(os.getpid()) not in workers_of(executor)
+        there = supported_paths(GRAPH, 0, 1, executor=executor, progress=killer)
+    assert killer.killed
+    assert same(serial, there)
+
+
+def test_a_scheduler_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(module, "CONNECT", 0.2)
+    with (
+        pytest.raises(OptionError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
+        dask("tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(OptionError, match=r"pip install 'hpop\[dask\]'"), dask("tcp://127.0.0.1:8786"):
+        pass
