@@ -98,6 +98,9 @@ def print_front(
     for run in front.runs:
         numbers = (_counted(key, value) for key, value in run.items() if isinstance(value, int | float))
         say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
+    origins = Counter(str(origin.get("planner")) for origin in front.provenance)
+    if len(origins) > 1:
+        say(f"found by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
     say(f"{len(front):,} optimal trajectories; status: {front.status}")
     say(f"certificate: {front.certificate}")
 

@@ -15,7 +15,17 @@ from rich.console import Console
 
 import hpop
 from hpop.problem import Problem
-from hpop.report import MOST_ROWS, described, marks, number, print_front, progress_bar, shown_rows
+from hpop.report import (
+    MOST_ROWS,
+    contributions,
+    described,
+    marks,
+    number,
+    print_contributions,
+    print_front,
+    progress_bar,
+    shown_rows,
+)
 from hpop.status import Progress
 from hpop.trajectory import Trajectory
 
@@ -161,3 +171,92 @@ def test_progress_is_silent_where_no_one_watches(capsys: pytest.CaptureFixture[s
     with progress_bar() as progress:
         progress(Progress("search", labels=5))
     assert capsys.readouterr() == ("", "")
+
+
+# What several planners added
+
+
+def by(planner: str, costs: list[list[float]], **more: object) -> hpop.Front:
+    """A front of a planner, whose trajectories are its own."""
+    stay = [Trajectory.from_poses(ROBOT, [(1, 1, 0)]) for _ in costs]
+    return hpop.Front.of(
+        costs,
+        stay,
+        **({"names": ("a", "b"), "units": ("1", "m"), "quanta": (1e-6, 1e-6)} | more),  # type: ignore[arg-type]
+        status="complete",
+        certificate="as given",
+        provenance=[{"planner": planner}] * len(costs),
+    )
+
+
+def test_the_hypervolume_before_and_after_each_planner_by_hand() -> None:
+    """Ideal (0, 0), nadir (10, 2): scaled, the ends cover .21 of [0, 1.1]², with the middle .46."""
+    ends, middle = by("first", [[0.0, 2.0], [10.0, 0.0]]), by("second", [[5.0, 1.0]])
+    first, second = contributions(["first", "second"], [ends, ends | middle])
+    assert (first.planner, first.points, first.found) == ("first", 2, 2)
+    assert (second.planner, second.points, second.found) == ("second", 1, 3)
+    assert (first.before, first.after, second.before, second.after) == pytest.approx((0, 0.21, 0.21, 0.46))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.lists(st.tuples(*[st.integers(0, 9)] * 3), min_size=1, max_size=6), min_size=1, max_size=4))
+def test_the_front_never_gets_worse_and_every_point_comes_from_somewhere(found: list[list[tuple[int, ...]]]) -> None:
+    names = [f"p{i}" for i in range(len(found))]
+    declared = {"names": ("a", "b", "c"), "units": ("1",) * 3, "quanta": (1.0,) * 3}
+    fronts: list[hpop.Front] = []
+    for name, points in zip(names, found, strict=True):
+        new = by(name, [list(map(float, p)) for p in points], **declared)
+        fronts.append(fronts[-1] | new if fronts else new)
+    rows = contributions(names, fronts)
+    assert all(row.after >= row.before - 1e-12 for row in rows)
+    assert rows[-1].after > 0
+    assert [row.points for row in rows] == [
+        sum(origin["planner"] == name for origin in fronts[-1].provenance) for name in names
+    ]
+
+
+def test_a_planner_that_runs_twice_is_told_apart() -> None:
+    coarse, fine = by("same", [[1.0, 1.0]]), by("same", [[0.0, 2.0], [2.0, 0.0]])
+    rows = contributions(["same", "same"], [coarse, coarse | fine])
+    assert [row.points for row in rows] == [1, 2]
+
+
+def test_a_criterion_that_became_constant_still_counts() -> None:
+    worse, best = by("first", [[1.0, 4.0]]), by("second", [[1.0, 2.0]])
+    first, second = contributions(["first", "second"], [worse, worse | best])
+    assert (first.points, second.points) == (0, 1)
+    assert first.after == pytest.approx(1.1 * 0.1)
+    assert second.after == pytest.approx(1.1 * 1.1)
+
+
+def test_what_is_printed_of_several_planners() -> None:
+    ends, middle = by("first", [[0.0, 2.0], [10.0, 0.0]]), by("[second]", [[5.0, 1.0]])
+    console = Console(file=io.StringIO(), width=80)
+    print_contributions(["first", "[second]", "third"], [ends, ends | middle], console)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    rows = [line.split() for line in text.splitlines()]
+    assert ["first", "2", "0.0000", "0.2100", "2"] in rows
+    assert ["[second]", "1", "0.2100", "0.4600", "3"] in rows
+    assert "third was not run" in text
+    silent = Console(file=io.StringIO())
+    print_contributions(["first"], [ends], silent)
+    assert silent.file.getvalue() == ""  # type: ignore[attr-defined]
+
+
+def test_a_hypervolume_that_would_take_minutes_is_left_out() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.random((300, 7))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    names = tuple("abcdefg")
+    front = by("one", points.tolist(), names=names, units=("1",) * 7, quanta=(1e-6,) * 7)
+    console = Console(file=io.StringIO(), width=80)
+    print_contributions(["one", "two"], [front, front | front], console)
+    assert [line.split()[:4] for line in console.file.getvalue().splitlines() if line.startswith("one")] == [  # type: ignore[attr-defined]
+        ["one", str(len(front)), "0.0000", "-"]
+    ]
+
+
+def test_a_front_of_several_planners_says_who_found_what() -> None:
+    both = by("first", [[0.0, 2.0], [10.0, 0.0]]) | by("second", [[5.0, 1.0]])
+    assert "found by: first 2, second 1" in printed(front_of(both.costs.tolist(), provenance=both.provenance))
+    assert "found by" not in printed(arc(3))

@@ -1,0 +1,87 @@
+"""``hpop plan --workers`` and ``--dask``: the same front as on one core, and what each planner added to it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+import hpop.view
+from hpop.cli import main
+
+SCENARIO = """\
+world:
+  polygons:
+    extent: [[0, 0], [4.9, 0], [4.9, 3.8], [0, 3.8]]
+    obstacles:
+      - {corners: [[1.2, 0.9], [2.2, 0.9], [2.2, 2.2], [1.2, 2.2]]}
+      - {corners: [[3.0, 1.6], [3.6, 1.6], [3.6, 3.0], [3.0, 3.0]]}
+model:
+  differential_drive: {radius: 0.2}
+start: [0.5, 0.5, 0]
+goal: [4.0, 3.5, any]
+criteria: [exposure, turns, length]
+planner:
+  - weighted-sum: {step: 0.5}
+  - lattice: {step: 0.5}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A room and two planners; pictures are tested elsewhere."""
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    (tmp_path / "room.yaml").write_text(SCENARIO)
+    return tmp_path / "room.yaml"
+
+
+def plan(scenario: Path, out: str, *options: str) -> Result:
+    result = CliRunner().invoke(main, ["plan", str(scenario), "--out", str(scenario.parent / out), *options])
+    assert "Traceback" not in result.output
+    return result
+
+
+def points(scenario: Path, out: str) -> Any:
+    return json.loads((scenario.parent / out / "front.json").read_text())["points"]
+
+
+def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_added(scenario: Path) -> None:
+    alone, there = plan(scenario, "one"), plan(scenario, "two", "--workers", "2")
+    assert (alone.exit_code, there.exit_code) == (0, 0), there.output
+    assert points(scenario, "one") == points(scenario, "two")
+    assert len(points(scenario, "two")) > 1
+    assert "What each planner added" in there.stdout
+    added = there.stdout.split("What each planner added")[1]
+    assert "weighted-sum" in added
+    assert "lattice" in added
+
+
+def test_a_dask_scheduler_may_be_named(scenario: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=None, protocol="tcp"
+    ) as cluster:
+        there = plan(scenario, "dask", "--dask", cluster.scheduler_address)
+    assert there.exit_code == 0, there.output
+    plan(scenario, "one")
+    assert points(scenario, "one") == points(scenario, "dask")
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (("--workers", "0"), 2, "x>=1"),
+        (("--workers", "two"), 2, "integer"),
+        (("--workers", "2", "--dask", "tcp://127.0.0.1:9"), 2, "not both"),
+        (("--dask", "nonsense://"), 10, "no Dask scheduler answers at 'nonsense://'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(scenario: Path, options: tuple[str, ...], code: int, said: str) -> None:
+    if "nonsense://" in options:
+        pytest.importorskip("distributed")
+    result = plan(scenario, "out", *options)
+    assert (result.exit_code, said in result.stderr) == (code, True), result.stderr
+    assert not (scenario.parent / "out").exists()
