@@ -100,7 +100,7 @@ def print_front(
         say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
-        say(f"found by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
+        say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
     say(f"{len(front):,} optimal trajectories; status: {front.status}")
     say(f"certificate: {front.certificate}")
 
@@ -109,7 +109,7 @@ def print_front(
 class Contribution:
     """What a planner added to the front.
 
-    points      of the final front that come from it
+    points      of the final front that it was the first to find: an equal one of a later planner is not its merit
     found       points of the front after it
     before      hypervolume of the front before it ran, 0 for the first
     after       hypervolume of the front with it; not a number where it would take minutes
@@ -129,13 +129,16 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
     the nadir and a tenth of the range. A criterion that is the same all over the last front is scaled by its range over
     all fronts.
     """
-    origins: Counter[int] = Counter()
-    known: list[set[int]] = [set(map(id, front.items)) for front in fronts]
-    for item in fronts[-1].items:
-        origins[next(i for i, items in enumerate(known) if id(item) in items)] += 1
+    known: set[tuple[int, ...]] = set()
+    last = set(map(tuple, fronts[-1].integers.tolist()))
+    points = []
+    for front in fronts:
+        new = set(map(tuple, front.integers.tolist())) - known
+        points.append(len(new & last))
+        known |= new
     volumes = [0.0, *_hypervolumes(fronts)]
     return [
-        Contribution(name, origins[i], len(front), volumes[i], volumes[i + 1])
+        Contribution(name, points[i], len(front), volumes[i], volumes[i + 1])
         for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
     ]
 
@@ -162,7 +165,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
     console = console or Console()
     table = _table()
     table.add_column("planner", no_wrap=True)
-    for column in ("of the front", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
+    for column in ("first to\nfind", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in contributions(planners, fronts):
         volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))

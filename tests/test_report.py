@@ -189,6 +189,10 @@ def by(planner: str, costs: list[list[float]], **more: object) -> hpop.Front:
     )
 
 
+def last(fronts: list[hpop.Front]) -> list[list[int]]:
+    return fronts[-1].integers.tolist()
+
+
 def test_the_hypervolume_before_and_after_each_planner_by_hand() -> None:
     """Ideal (0, 0), nadir (10, 2): scaled, the ends cover .21 of [0, 1.1]², with the middle .46."""
     ends, middle = by("first", [[0.0, 2.0], [10.0, 0.0]]), by("second", [[5.0, 1.0]])
@@ -210,9 +214,14 @@ def test_the_front_never_gets_worse_and_every_point_comes_from_somewhere(found: 
     rows = contributions(names, fronts)
     assert all(row.after >= row.before - 1e-12 for row in rows)
     assert rows[-1].after > 0
-    assert [row.points for row in rows] == [
-        sum(origin["planner"] == name for origin in fronts[-1].provenance) for name in names
-    ]
+    first = [next(i for i, front in enumerate(fronts) if row in front.integers.tolist()) for row in last(fronts)]
+    assert [row.points for row in rows] == [first.count(i) for i in range(len(names))]
+
+
+def test_a_point_found_again_is_the_merit_of_the_first() -> None:
+    """Of equal points the front keeps the one whose provenance comes first in the alphabet: here the second's."""
+    early, late = by("z", [[1.0, 1.0], [9.0, 0.0]]), by("a", [[1.0, 1.0], [0.0, 5.0]])
+    assert [row.points for row in contributions(["z", "a"], [early, early | late])] == [2, 1]
 
 
 def test_a_planner_that_runs_twice_is_told_apart() -> None:
@@ -258,5 +267,5 @@ def test_a_hypervolume_that_would_take_minutes_is_left_out() -> None:
 
 def test_a_front_of_several_planners_says_who_found_what() -> None:
     both = by("first", [[0.0, 2.0], [10.0, 0.0]]) | by("second", [[5.0, 1.0]])
-    assert "found by: first 2, second 1" in printed(front_of(both.costs.tolist(), provenance=both.provenance))
-    assert "found by" not in printed(arc(3))
+    assert "planned by: first 2, second 1" in printed(front_of(both.costs.tolist(), provenance=both.provenance))
+    assert "planned by" not in printed(arc(3))
