@@ -15,6 +15,7 @@ test: $(READY)
 bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json
 	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
+	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py
