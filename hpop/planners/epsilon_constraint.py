@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, make_planner, planner
+from hpop.planners.nlp import settled
 from hpop.planners.polyline import PolylineProgram, Solution
 from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import PIECE, Polyline, Structure
@@ -286,7 +286,19 @@ class _Sweep:
                 break
             known = found.known
         if best is not None:
-            self.found.append(best)
+            self.found.append(self._recounted(best))
+
+    def _recounted(self, found: _Found) -> _Found:
+        """A candidate whose segments have grown too long for their pieces is added up again, in finer ones."""
+        off = np.abs(found.planned - found.known.costs) > self._tolerance(found.planned)
+        if not off.any():
+            return found
+        self.counts["recounted"] += 1
+        planned = found.planned.copy()
+        polyline = found.known.polyline
+        finer = tuple(4 * count for count in polyline.structure.pieces)
+        planned[self.smooth] = self._program(dataclasses.replace(polyline.structure, pieces=finer)).costs(polyline)
+        return dataclasses.replace(found, planned=planned)
 
     def _fail(self, cell: _Cell, reason: str) -> None:
         self.failures[reason] += 1
@@ -399,7 +411,7 @@ class _Sweep:
                 "programs": len(self.programs),
                 **{
                     name: self.counts[name]
-                    for name in ("tried", "skipped", "perturbed", "saved by perturbation", "repairs")
+                    for name in ("tried", "skipped", "perturbed", "saved by perturbation", "repairs", "recounted")
                 },
                 "failed": dict(self.failures),
                 "dropped": judged.dropped,
@@ -425,29 +437,6 @@ class _Sweep:
         quanta = np.array([c.quantum for c in self.criteria])
         tolerance: FloatArray = np.where(worst, between, QUADRATURE * np.abs(planned)) + quanta
         return tolerance
-
-
-def settled(criterion: Criterion, problem: Problem) -> bool:
-    """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
-
-    Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.
-    """
-    if criterion.aggregate != "sum":
-        return False
-    rng = np.random.default_rng(0)
-    x_min, y_min, x_max, y_max = problem.world.bounds
-    x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(200, 2)).T
-    yaw, length = rng.uniform(-np.pi, np.pi, 200), rng.uniform(0.01, 5.0, 200)
-    turned = rng.uniform(math.radians(3.0), np.pi, 200) * rng.choice([-1.0, 1.0], 200)
-    start = States(x=x, y=y, yaw=yaw)
-    ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
-    about = States(x=x, y=y, yaw=yaw + turned)
-    laws = problem.model.laws
-    for kind, end in (("move", ahead), ("turn", about)):
-        costs = motion_costs(criterion, Motions(problem.world, problem.model, laws[kind], start, end))
-        if np.ptp(costs) > 1e-12:
-            return False
-    return True
 
 
 def _place(name: str | None, criteria: Sequence[Criterion]) -> int:

@@ -19,17 +19,19 @@ from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.math import wrap
-from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.motions import Motions, States
+from hpop.planners.nlp import Rounded, SparseWorld, moments
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
+from hpop.world import World
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-REGULAR = 0.1  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
+REGULAR = 0.15  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
 SPREAD = 1e-3  # weight of the bounded costs in the objective: AUGMECON's slack term
-ROUNDING = 0.02  # rad: the time of smaller turns is not believed
 REGION = 1.0  # m: how far the program may take a coordinate from its warm start
+KEEP = 0.3  # share of its length that a segment keeps in its old direction, so that it cannot collapse
 SHORTEST = 1e-3  # m: of a segment that has to keep its direction
 FIELD_MARGIN = 0.015  # m: kept beside the robot's reach, for what lies between two samples
 CHECKED = 0.03  # m: distance of the points at which a solution's clearance is checked
@@ -78,6 +80,10 @@ class PolylineProgram:
             refuse_unsmooth(criterion)
         if not 0 <= self.minimise < len(self.criteria):
             raise OptionError(f"minimise is the place of one of {len(self.criteria)} criteria, got {self.minimise!r}")
+
+    @cached_property
+    def _world(self) -> World:
+        return SparseWorld.of(self.problem.world)
 
     # Which vertices are free
 
@@ -157,7 +163,7 @@ class PolylineProgram:
         """The pieces as moves, and the turns, on symbols."""
         import casadi
 
-        world, model = self.problem.world, self.problem.model
+        world, model = self._world, self.problem.model
         n, total = self.structure.segments, sum(self.structure.pieces)
         dx, dy = lift(x[1:] - x[:-1], n), lift(y[1:] - y[:-1], n)
         moves_at_all = dx * dx + dy * dy > 0
@@ -178,7 +184,7 @@ class PolylineProgram:
         before, after = lift(before, size), lift(after, size)
         x, y = lift(x[at], size), lift(y[at], size)
         turned = States(x=x, y=y, yaw=before + wrap(after - before))
-        law = _Rounded(model.laws["turn"])
+        law = Rounded(model.laws["turn"])
         return moves, Motions(world, model, law, States(x=x, y=y, yaw=before), turned, panels=1)
 
     @cached_property
@@ -191,13 +197,14 @@ class PolylineProgram:
         summed, worst = self._places
         slack = casadi.MX.sym("slack", len(worst))
         ends, scale, weight = casadi.MX.sym("ends", 6), casadi.MX.sym("scale", k), casadi.MX.sym("weight")
+        ahead = casadi.MX.sym("ahead", n, 2)
         x, y = self._columns(free, ends)
         batches = [m for m in self._motions(x, y, ends) if m is not None]
         costs: list[Any] = [None] * k
         rows = []
         for j, criterion in enumerate(self.criteria):
             if criterion.aggregate == "max":
-                samples = [_mx(_cost(criterion, m), len(m)) for batch in batches for m in _moments(batch)]
+                samples = [_mx(_cost(criterion, m), len(m)) for batch in batches for m in moments(batch)]
                 below = casadi.vertcat(*samples)
                 costs[j] = slack[worst.index(j)]
                 rows.append((below - costs[j]) / scale[j])
@@ -210,14 +217,15 @@ class PolylineProgram:
         clearances = []
         for z, _ in self.spaces:
             at = [lift(casadi.DM(_sparse(self.sampled)) @ c, len(self.sampled)) for c in (x, y)]
-            clearances.append(_mx(self.problem.world.clearance_field(z=z)(*at), len(self.sampled)))
+            clearances.append(_mx(self._world.clearance_field(z=z)(*at), len(self.sampled)))
         above = casadi.vertcat(*rows)
-        variables, parameters = casadi.vertcat(free, slack), casadi.vertcat(ends, scale, weight)
+        gone = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
+        variables, parameters = casadi.vertcat(free, slack), casadi.vertcat(ends, scale, weight, casadi.vec(ahead))
         program = {
             "x": variables,
             "p": parameters,
             "f": objective,
-            "g": casadi.vertcat(scaled[summed], above, *clearances),
+            "g": casadi.vertcat(scaled[summed], above, gone, *clearances),
         }
         solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS)
         honest = list(costs)  # a slack may lie above the worst sample
@@ -241,7 +249,8 @@ class PolylineProgram:
     def _parameters(self, polyline: Polyline, scale: FloatArray) -> FloatArray:
         goal_yaw = 0.0 if polyline.goal_yaw is None else polyline.goal_yaw
         ends = [*polyline.vertices[0], polyline.start_yaw, *polyline.vertices[-1], goal_yaw]
-        return np.array([*ends, *scale, REGULAR / max(float(polyline.lengths.sum()), SHORTEST) ** 2])
+        weight = REGULAR / max(float(polyline.lengths.sum()), SHORTEST) ** 2
+        return np.array([*ends, *scale, weight, *np.cos(polyline.headings), *np.sin(polyline.headings)])
 
     def costs(self, polyline: Polyline) -> FloatArray:
         """Costs (k,) as the program adds them up; not a number where nothing is free."""
@@ -322,8 +331,10 @@ class PolylineProgram:
             p=parameters,
             lbx=np.concatenate([np.maximum(least, free - REGION), np.full(len(worst), -np.inf)]),
             ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
-            lbg=np.concatenate([np.full(len(summed) + above, -np.inf), bounded]),
-            ubg=np.concatenate([epsilon[summed] / scale[summed], np.zeros(above), np.full(bounded.size, np.inf)]),
+            lbg=np.concatenate([np.full(len(summed) + above, -np.inf), KEEP * warm.lengths, bounded]),
+            ubg=np.concatenate(
+                [epsilon[summed] / scale[summed], np.zeros(above), np.full(warm.lengths.size + bounded.size, np.inf)]
+            ),
         )
         stats = solver.stats()
         vertices, costs = (np.array(value) for value in values(found["x"], parameters))
@@ -340,6 +351,7 @@ class PolylineProgram:
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
+    "ipopt.mu_init": 0.01,
     "ipopt.sb": "yes",
     "ipopt.max_iter": 150,
     "ipopt.tol": 1e-4,
@@ -356,61 +368,6 @@ def refuse_unsmooth(criterion: Criterion) -> None:
         f"the polyline program needs smooth sums or maxima; {criterion.name!r} {why}. Leave it out and let it be "
         "reported, or use planner 'lattice'."
     )
-
-
-@dataclass(frozen=True)
-class _Rounded:
-    """A law of turns whose timing is that of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
-
-    A turn from rest to rest lasts 2 sqrt(|θ|/α): no solver likes that cusp, and vertices where hardly a turn is left
-    would be stuck on it.
-    """
-
-    exact: Law
-
-    @property
-    def kind(self) -> str:
-        return self.exact.kind
-
-    @property
-    def varies(self) -> frozenset[str]:
-        return self.exact.varies
-
-    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        turned = end.yaw - start.yaw
-        yaw = start.yaw + np.sqrt(turned * turned + ROUNDING**2)
-        return self.exact.phases(start, States(x=end.x, y=end.y, yaw=yaw))
-
-    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        return self.exact.interpolate(name, start, end, share)
-
-    def travel(self, start: States, end: States, lever: float) -> Column:
-        return self.exact.travel(start, end, lever)
-
-    def turned(self, start: States, end: States) -> Column:
-        return self.exact.turned(start, end)
-
-
-@dataclass(frozen=True, eq=False)
-class _Moment(Motions):
-    """Motions whose worst moment is looked for at one moment only, so that a slack can lie above each."""
-
-    phase: int = 0
-    at: float = 0.0
-
-    def worst(self, rate: Rate) -> Column:
-        """The rate (M,) at that moment."""
-        return rate(self._instants(self.phases[self.phase], self.at, None))
-
-
-def _moments(motions: Motions) -> list[Motions]:
-    """The same motions seen at both ends and in the middle of each of their phases."""
-    m = motions
-    return [
-        _Moment(m.world, m.model, m.law, m.start, m.end, panels=m.panels, phase=phase, at=at)
-        for phase in range(len(m.phases))
-        for at in (0.0, 0.5, 1.0)
-    ]
 
 
 def _cost(criterion: Criterion, motions: Motions) -> Column:

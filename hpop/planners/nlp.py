@@ -1,0 +1,148 @@
+"""What a nonlinear program needs of worlds, laws and motions: sparse derivatives, no cusps, maxima sample by sample.
+
+Numbers never see any of this: fronts hold the exact costs of the exact laws.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.symbols import elementwise
+from hpop.world import World
+from hpop.world.field import Field
+from hpop.world.world import WHOLE, Heights
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+ROUNDING = 0.02  # rad: the time of smaller turns is not believed
+
+
+class _Mapped:
+    """A field's CasADi function whose maps have sparse derivatives."""
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    def map(self, size: int) -> Any:
+        return elementwise(self._function, size)
+
+
+class SparseField(Field):
+    """A field whose symbols have sparse derivatives."""
+
+    def _build(self) -> Any:
+        return _Mapped(super()._build())
+
+    @classmethod
+    def of(cls, field: Field) -> Field:
+        """The same samples."""
+        sparse = object.__new__(cls)
+        sparse.__dict__.update({name: value for name, value in field.__dict__.items() if name != "_function"})
+        return sparse
+
+
+class SparseWorld(World):
+    """The same world, with fields that suit nonlinear programs."""
+
+    def clearance_field(self, *, z: Heights = WHOLE) -> Field:
+        return self._cached(
+            ("sparse clearance", self._active(z)), lambda: SparseField.of(World.clearance_field(self, z=z))
+        )
+
+    def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
+        return self._cached(
+            ("sparse obstruction", radius, z), lambda: SparseField.of(World.obstruction_field(self, radius, z))
+        )
+
+    @classmethod
+    def of(cls, world: World) -> World:
+        """A view that shares what the world has computed."""
+        view = object.__new__(cls)
+        view.__dict__.update(world.__dict__)
+        return view
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A law of turns whose timing is that of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
+
+    A turn from rest to rest lasts 2 sqrt(|θ|/α): no solver likes that cusp, and vertices where hardly a turn is left
+    would be stuck on it.
+    """
+
+    exact: Law
+
+    @property
+    def kind(self) -> str:
+        return self.exact.kind
+
+    @property
+    def varies(self) -> frozenset[str]:
+        return self.exact.varies
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        turned = end.yaw - start.yaw
+        yaw = start.yaw + np.sqrt(turned * turned + ROUNDING**2)
+        return self.exact.phases(start, States(x=end.x, y=end.y, yaw=yaw))
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        return self.exact.interpolate(name, start, end, share)
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        return self.exact.travel(start, end, lever)
+
+    def turned(self, start: States, end: States) -> Column:
+        return self.exact.turned(start, end)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment(Motions):
+    """Motions whose worst moment is looked for at one moment only, so that a slack can lie above each."""
+
+    phase: int = 0
+    at: float = 0.0
+
+    def worst(self, rate: Rate) -> Column:
+        """The rate (M,) at that moment."""
+        return rate(self._instants(self.phases[self.phase], self.at, None))
+
+
+def moments(motions: Motions) -> list[Motions]:
+    """The same motions seen at both ends and in the middle of each of their phases."""
+    m = motions
+    return [
+        _Moment(m.world, m.model, m.law, m.start, m.end, panels=m.panels, phase=phase, at=at)
+        for phase in range(len(m.phases))
+        for at in (0.0, 0.5, 1.0)
+    ]
+
+
+def settled(criterion: Criterion, problem: Problem) -> bool:
+    """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
+
+    Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.
+    """
+    if criterion.aggregate != "sum":
+        return False
+    rng = np.random.default_rng(0)
+    x_min, y_min, x_max, y_max = problem.world.bounds
+    x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(200, 2)).T
+    yaw, length = rng.uniform(-np.pi, np.pi, 200), rng.uniform(0.01, 5.0, 200)
+    turned = rng.uniform(math.radians(3.0), np.pi, 200) * rng.choice([-1.0, 1.0], 200)
+    start = States(x=x, y=y, yaw=yaw)
+    ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
+    about = States(x=x, y=y, yaw=yaw + turned)
+    laws = problem.model.laws
+    for kind, end in (("move", ahead), ("turn", about)):
+        costs = motion_costs(criterion, Motions(problem.world, problem.model, laws[kind], start, end))
+        if np.ptp(costs) > 1e-12:
+            return False
+    return True

@@ -1,0 +1,317 @@
+"""The epsilon-constraint planner against a known front, the lattice that warm-starts it, and wrong questions."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop.criteria import Clearance, Exposure, Length
+from hpop.criteria.base import trajectory_costs
+from hpop.errors import OptionError, QueryError, UnsupportedCriterion
+from hpop.frontier import hypervolume
+from hpop.models import DifferentialDrive
+from hpop.planners import EpsilonConstraint, Lattice, make_planner
+from hpop.planners.polyline import PolylineProgram
+from hpop.problem import Problem
+from hpop.status import Status
+from hpop.verify import verify
+from hpop.world import World
+
+ROBOT = DifferentialDrive(radius=0.25)
+OPEN = World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
+PAPER = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["exposure", "turns", "length"])
+HALF, DISC = 4.0, 1.0  # m
+MUSEUM = Path(__file__).parents[2] / "examples" / "museum.geojson"
+
+
+@pytest.fixture(scope="module")
+def paper():
+    """The candidates of the paper's three costs round one block, and the lattice's front."""
+    return EpsilonConstraint(step=0.5).solve(PAPER), PAPER.solve("lattice", step=0.5)
+
+
+def covered(points, by):
+    """Whether each cost vector has one that is no worse in any cost, within a thousandth."""
+    return np.array([(by <= row + 1e-3 * np.maximum(row, 1e-3)).all(axis=1).any() for row in points])
+
+
+# What it finds
+
+
+def test_length_against_clearance_round_a_disc_is_the_analytic_front():
+    """Shortest polylines of n segments at distance R: two tangents, and 2 R tan(angle / 2) round each vertex."""
+    world = World.from_polygons([shapely.Point(0, 0).buffer(DISC, quad_segs=64)], extent=shapely.box(-8, -8, 8, 8))
+    problem = Problem(world, ROBOT, (-HALF, 0, 0), (HALF, 0, None), [Length(), Clearance(enough=2.5), "turns"])
+    front = problem.solve("epsilon-constraint", step=0.5, rounds=4)
+    with_first_turn = 0
+    for (length, shortfall, turns), trajectory in zip(front.costs, front.trajectories, strict=True):
+        radius, segments = DISC + 2.5 - shortfall, trajectory.kinds.count("move")
+        between = (math.pi - 2 * math.acos(radius / HALF)) / (segments - 1)
+        least = 2 * math.sqrt(HALF**2 - radius**2) + (segments - 1) * 2 * radius * math.tan(between / 2)
+        assert turns <= segments
+        assert length >= least * (1 - 1e-3)
+        if trajectory.kinds[0] == "turn":  # else the first heading is not free, and the way longer
+            assert length <= least * 1.015
+            with_first_turn += 1
+    assert with_first_turn >= 5
+
+
+def test_no_lattice_point_is_better_although_none_is_among_the_candidates(paper):
+    candidates, lattice = paper
+    front = PAPER.front(candidates)
+    assert covered(lattice.costs, front.costs).all()
+    slack = 1e-3 * np.maximum(lattice.costs, 1e-3)
+    pairs = zip(lattice.costs, slack, strict=True)
+    better = [((front.costs <= y + s).all(axis=1) & (front.costs < y - s).any(axis=1)).any() for y, s in pairs]
+    assert np.mean(better) > 0.5
+    assert all(p["planner"] == "epsilon-constraint" for p in candidates.provenance)
+
+
+OBLONG = DifferentialDrive(footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)), camera_offset=(0.1, 0.05))
+
+
+@pytest.mark.parametrize("robot", [ROBOT, OBLONG])
+def test_candidates_are_what_they_claim(robot):
+    problem = Problem(OPEN, robot, (1, 2, 0), (5, 2, 0), ["exposure", "turns", "length", "rotation"])
+    candidates = EpsilonConstraint(step=0.5, max_points=12).solve(problem)
+    assert candidates.trajectories
+    front = problem.front(candidates)
+    assert verify(problem, front) == []
+    assert "NOT VALID" not in front.certificate
+    assert "local optima" in front.certificate
+    json.dumps(candidates.provenance)
+    names = [c.name for c in candidates.objectives]
+    costs = trajectory_costs(candidates.objectives, candidates.trajectories, OPEN)
+    for row, provenance in zip(costs, candidates.provenance, strict=True):
+        assert provenance["status"] in ("Solve_Succeeded", "nothing is free")
+        for name, bound in provenance["epsilon"].items():
+            assert row[names.index(name)] <= bound * (1 + 1e-3) + 1e-6
+
+
+def test_the_union_is_never_worse_than_the_lattice(paper):
+    candidates, lattice = paper
+    joined = lattice | PAPER.front(candidates)
+    reference = lattice.costs.max(axis=0) * 1.01
+    assert hypervolume(joined.costs, reference) > hypervolume(lattice.costs, reference)
+    for row in lattice.integers:
+        assert (joined.integers <= row).all(axis=1).any()
+
+
+def test_the_museum_without_lattice_points():
+    world = World.from_geojson(MUSEUM)
+    problem = Problem(world, DifferentialDrive(radius=0.3), (2, 10, 0), (28, 10, 0), ["exposure", "turns", "length"])
+    lattice = problem.solve("lattice", step=1.0)
+    front = problem.solve("epsilon-constraint", step=1.0)
+    assert covered(lattice.costs, front.costs).all()
+    assert verify(problem, front) == []
+
+
+def test_planning_again_gives_the_same(paper):
+    again = EpsilonConstraint(step=0.5).solve(PAPER)
+    assert again.planned.tolist() == paper[0].planned.tolist()
+    assert again.provenance == paper[0].provenance
+
+
+def test_divisions_find_trade_offs_between_the_known_ones():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
+    coarse, fine = (problem.solve("epsilon-constraint", step=0.5, divisions=d) for d in (0, 2))
+    assert len(fine) > len(coarse)
+    assert covered(coarse.costs, fine.costs).all()
+    assert any(p["level"] > 0 for p in fine.provenance)
+
+
+def test_a_goal_off_the_grid_is_reached_exactly():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (4.87, 2.13, 0), ["exposure", "turns", "length"])
+    candidates = EpsilonConstraint(step=0.5, max_points=5).solve(problem)
+    assert candidates.trajectories
+    for trajectory in candidates.trajectories:
+        s = trajectory.states
+        assert (s.x[-1], s.y[-1]) == pytest.approx((4.87, 2.13), abs=1e-12)
+        assert math.remainder(s.yaw[-1], 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_time_mean_is_reported_and_its_integral_minimised():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["obstruction", "length"])
+    front = problem.solve("epsilon-constraint", step=0.5, minimise="exposure", max_points=3)
+    assert front.names == ("exposure", "length")
+    assert front.reported_names == ("obstruction",)
+    assert {p["minimise"] for p in front.provenance} == {"exposure"}
+
+
+def test_start_is_goal():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
+    front = problem.solve("epsilon-constraint", step=0.5)
+    assert front.costs.tolist() == [[1.0, 0.0]]
+
+
+# What it refuses, and what it says when there is nothing
+
+
+def test_a_cost_that_no_structure_settles_is_refused_by_name():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["orientation_retention", "length"])
+    with pytest.raises(UnsupportedCriterion, match=r"'orientation_retention' has no gradient.*planner 'lattice'"):
+        EpsilonConstraint(step=0.5).solve(problem)
+
+
+def test_nothing_to_minimise():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["turns"])
+    with pytest.raises(UnsupportedCriterion, match="smooth criterion to minimise"):
+        EpsilonConstraint(step=0.5).solve(problem)
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"divisions": -1}, "divisions"),
+        ({"divisions": 1.5}, "divisions"),
+        ({"rounds": 0}, "rounds"),
+        ({"max_points": 0}, "max_points"),
+        ({"step": 0.0}, "step"),
+        ({"headings": 5}, "headings"),
+        ({"time_limit": 0.0}, "time_limit"),
+        ({"epsilon": {"length": "x"}}, "epsilon"),
+        ({"epsilon": 3.0}, "epsilon"),
+        ({"warm_start": {"lattice": {}, "other": {}}}, "warm_start"),
+        ({"warm_start": {"lattice": {"size": 1}}}, "no option 'size'"),
+    ],
+)
+def test_wrong_options_are_refused(options, match):
+    with pytest.raises(OptionError, match=match):
+        make_planner("epsilon-constraint", options)
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [({"minimise": "time"}, "time"), ({"minimise": "turns"}, "smooth"), ({"epsilon": {"depth": 1.0}}, "depth")],
+)
+def test_costs_that_are_not_there_are_refused(options, match):
+    with pytest.raises(OptionError, match=match):
+        EpsilonConstraint(step=0.5, **options).solve(PAPER)
+
+
+def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
+    candidates = EpsilonConstraint(step=0.5, epsilon={"length": 3.9}, max_points=6).solve(PAPER)
+    assert candidates.trajectories == ()
+    assert any("no polyline was found within epsilon {'length': 3.9}" in note for note in candidates.notes)
+    assert any("infeasible" in note for note in candidates.notes)
+    assert sum(candidates.stats["failed"].values()) > 0
+
+
+def test_an_epsilon_that_can_be_kept_is_kept():
+    front = PAPER.solve("epsilon-constraint", step=0.5, epsilon={"turns": 4})
+    assert len(front)
+    assert (front.costs[:, front.names.index("turns")] <= 4).all()
+
+
+def test_no_path_is_said():
+    wall = World.from_polygons([shapely.box(2.9, 0, 3.3, 5)], extent=shapely.box(0, 0, 6, 5))
+    candidates = EpsilonConstraint(step=0.5).solve(Problem(wall, ROBOT, (1, 2, 0), (5, 2, 0), ["length"]))
+    assert candidates.status is Status.NO_PATH
+    assert candidates.trajectories == ()
+    assert any("no warm start" in note for note in candidates.notes)
+
+
+def test_a_start_in_collision_is_refused():
+    with pytest.raises(QueryError, match="start"):
+        EpsilonConstraint(step=0.5).solve(Problem(OPEN, ROBOT, (3.1, 2, 0), (5, 2, 0), ["length"]))
+
+
+# Budgets
+
+
+def test_the_cap_on_points_is_said_when_it_binds(paper):
+    candidates = EpsilonConstraint(step=0.5, max_points=2).solve(PAPER)
+    assert candidates.status is Status.LABEL_LIMIT
+    assert candidates.stats["tried"] == 2
+    assert any(note.startswith("max_points") for note in candidates.notes)
+    assert paper[0].status is Status.COMPLETE
+    assert not any(note.startswith("max_points") for note in paper[0].notes)
+
+
+def test_ctrl_c_keeps_what_is_finished():
+    seen = []
+
+    def progress(p):
+        if p.stage == "epsilon-constraint":
+            seen.append(p)
+            if p.front == 2:
+                raise KeyboardInterrupt
+
+    candidates = EpsilonConstraint(step=0.5).solve(PAPER, progress)
+    assert candidates.status is Status.INTERRUPTED
+    assert len(candidates.trajectories) == 2
+    assert [p.labels for p in seen] == list(range(len(seen)))
+
+
+def test_time_that_runs_out_is_said(monkeypatch):
+    clock = iter(range(100_000))
+    monkeypatch.setattr("hpop.planners.epsilon_constraint.time.perf_counter", lambda: float(next(clock)))
+    candidates = EpsilonConstraint(step=0.5, time_limit=60.0).solve(PAPER)
+    assert candidates.status is Status.TIME_LIMIT
+    assert any(note.startswith("time limit") for note in candidates.notes)
+
+
+# What goes wrong
+
+
+def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch):
+    solve, calls = PolylineProgram.solve, []
+
+    def stubborn(program, warm, epsilon, **options):
+        calls.append(warm)
+        solution = solve(program, warm, epsilon, **options)
+        first = len(calls) == 1 and program.freedom
+        return (
+            dataclasses.replace(solution, converged=False, status="Maximum_Iterations_Exceeded") if first else solution
+        )
+
+    monkeypatch.setattr(PolylineProgram, "solve", stubborn)
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), [Exposure(), "length"])
+    candidates = EpsilonConstraint(step=0.5, max_points=1, rounds=1).solve(problem)
+    assert candidates.stats["perturbed"] == 1
+    assert candidates.stats["saved by perturbation"] == 1
+    assert candidates.provenance[0]["perturbed"]
+    moved = np.abs(calls[1].vertices - calls[0].vertices)
+    assert moved[[0, -1]].max() == 0
+    assert 0 < moved.max() < 0.5
+
+
+def test_what_never_converges_is_counted_with_its_status(monkeypatch):
+    solve = PolylineProgram.solve
+
+    def never(program, warm, epsilon, **options):
+        return dataclasses.replace(
+            solve(program, warm, epsilon, **options), converged=False, status="Restoration_Failed"
+        )
+
+    monkeypatch.setattr(PolylineProgram, "solve", never)
+    candidates = EpsilonConstraint(step=0.5, max_points=3).solve(PAPER)
+    assert candidates.trajectories == ()
+    assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": 3}
+    assert "3 bounds without a candidate: not converged (Restoration_Failed)" in candidates.notes
+
+
+def test_solutions_that_collide_are_dropped_and_counted(monkeypatch):
+    """A solver that goes straight through the block, and cannot be talked out of it."""
+    solve = PolylineProgram.solve
+
+    def through(program, warm, epsilon, **options):
+        solution = solve(program, warm, epsilon, **options)
+        vertices = solution.polyline.vertices.copy()
+        vertices[1:-1, 1] = 2.0
+        return dataclasses.replace(solution, polyline=dataclasses.replace(solution.polyline, vertices=vertices))
+
+    monkeypatch.setattr(PolylineProgram, "solve", through)
+    candidates = EpsilonConstraint(step=0.5, max_points=3).solve(PAPER)
+    assert candidates.trajectories == ()
+    assert sum(candidates.stats["failed"].values()) == 3
+
+
+def test_the_lattice_itself_is_the_default_warm_start():
+    ours = EpsilonConstraint(step=0.5, headings=16)._warm_planner(7.0)
+    assert ours == Lattice(step=0.5, headings=16, time_limit=7.0)
+    assert EpsilonConstraint(warm_start={"lattice": {"step": 1.0}})._warm_planner(None) == Lattice(step=1.0)
