@@ -254,7 +254,7 @@ class _Sweep:
 
     def _start(self, cell: _Cell) -> _Known:
         """The nearest known trajectory: the least beyond the bounds, then the least in the cost to minimise."""
-        if not exceeds(self.warm[cell.of].costs, cell.epsilon).any():
+        if not exceeds(self.warm[cell.of].costs, cell.epsilon, self.criteria).any():
             return self.warm[cell.of]
         known = [*self.warm, *(answer.known for answer in self.found)]
         costs = np.array([one.costs for one in known])
@@ -267,7 +267,7 @@ class _Sweep:
         """Solve from the nearest known trajectory, again from the solution while that gains something."""
         known = self._start(cell)
         counted = [j for j in range(len(self.criteria)) if j not in self.smooth]
-        if exceeds(known.costs, cell.epsilon)[counted].any():
+        if exceeds(known.costs, cell.epsilon, self.criteria)[counted].any():
             self._fail(
                 cell, "infeasible: no known trajectory has so few " + ", ".join(self.criteria[j].name for j in counted)
             )
@@ -320,7 +320,8 @@ class _Sweep:
         epsilon, began = cell.epsilon[self.smooth], time.perf_counter()
         # What the program's coarser sum is off at the warm start is added to the bounds.
         drift = np.nan_to_num(program.costs(warm) - known.costs[self.smooth])
-        aim = epsilon + LOOSE * np.abs(epsilon) + drift
+        quanta = np.array([self.criteria[j].quantum for j in self.smooth])
+        aim = epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta) + drift
         bounds = program.bounds(warm)
         scale = np.maximum(np.abs(known.costs[self.smooth]), 1e-6)
         scale = np.where(known.costs[self.smooth] > 1e-6, scale, 1.0)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 ENDS = 1e-6  # m or rad: a trajectory begins at the start and ends at the goal
-EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this
+EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this, or by half a quantum
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def judge(
 
     Parameters
     ----------
-    epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE; inf bounds nothing
+    epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE or half a quantum; inf bounds nothing
     planned, tolerance : (n, k) costs as the planner added them up, and by how much they may be off
     """
     count = len(trajectories)
@@ -83,8 +83,10 @@ def judge(
     for i in on_map:
         if not is_free(problem, trajectories[i]):
             reasons[i] = "collides"
-        elif epsilon is not None and exceeds(costs[i], epsilon[i]).any():
-            names = [c.name for c, over in zip(objectives, exceeds(costs[i], epsilon[i]), strict=True) if over]
+        elif epsilon is not None and exceeds(costs[i], epsilon[i], objectives).any():
+            names = [
+                c.name for c, over in zip(objectives, exceeds(costs[i], epsilon[i], objectives), strict=True) if over
+            ]
             reasons[i] = f"exceeds its bound in {', '.join(names)}"
         elif planned is not None and tolerance is not None:
             off = ~(np.abs(costs[i] - planned[i]) <= tolerance[i] + 1e-9 * np.abs(costs[i]))
@@ -94,9 +96,10 @@ def judge(
     return Judgement(costs, tuple(reasons))
 
 
-def exceeds(costs: FloatArray, epsilon: FloatArray) -> BoolArray:
-    """Whether each cost (k,) is above its bound by more than the tolerance."""
-    return np.asarray(costs > epsilon + EPSILON_TOLERANCE * np.maximum(np.abs(epsilon), 1e-3))
+def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criterion]) -> BoolArray:
+    """Whether each cost (k,) is above its bound by more than the tolerance and half a quantum."""
+    quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
+    return np.asarray(costs > epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
 
 
 def is_free(problem: Problem, trajectory: Trajectory) -> bool:

@@ -54,7 +54,7 @@ def test_length_against_clearance_round_a_disc_is_the_analytic_front():
         least = 2 * math.sqrt(HALF**2 - radius**2) + (segments - 1) * 2 * radius * math.tan(between / 2)
         assert turns <= segments
         assert length >= least * (1 - 1e-3)
-        if trajectory.kinds[0] == "turn":  # else the first heading is not free, and the way longer
+        if trajectory.kinds[0] == "turn" and shortfall > 0.01:  # else the first heading is not free, and the way longer
             assert length <= least * 1.015
             with_first_turn += 1
     assert with_first_turn >= 5

@@ -69,6 +69,12 @@ def test_bounds_hold_within_a_thousandth():
         assert judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[bound, 9.0]])).reasons == (reason,)
 
 
+def test_a_count_one_above_its_bound_exceeds_it():
+    assert judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[np.inf, 3.0]])).reasons == ("",)
+    judged = judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[np.inf, 2.0]]))
+    assert judged.reasons == ("exceeds its bound in turns",)
+
+
 def test_planned_costs_that_are_off_are_named():
     costs = judge(PROBLEM, OBJECTIVES, [ABOVE]).costs
     for off, reason in ((0.0, ""), (0.02, "was planned with too coarse a sum in length")):
