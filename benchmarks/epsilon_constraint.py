@@ -53,7 +53,7 @@ def convergence(base: hpop.Problem) -> dict[str, Any]:
     smooth = tuple(c for c in base.criteria if c.name in ("length", "exposure"))
     rows = {}
     for count, cases in warm_starts(base).items():
-        build, solve, iterations, status, shorter, free = [], [], [], [], [], []
+        build, solve, cpu, iterations, status, shorter, free = [], [], [], [], [], [], []
         for problem, polyline in cases:
             costs = trajectory_costs(smooth, [polyline.trajectory(problem.model)], problem.world)[0]
             program = PolylineProgram(problem, smooth, [c.name for c in smooth].index("length"), polyline.structure)
@@ -61,9 +61,10 @@ def convergence(base: hpop.Problem) -> dict[str, Any]:
             program.build()
             build.append(time.perf_counter() - began)
             epsilon = costs * (1 + 2e-4) + program.costs(polyline) - costs
-            began = time.perf_counter()
+            began, worked = time.perf_counter(), time.process_time()
             solution = program.solve(polyline, epsilon)
             solve.append(time.perf_counter() - began)
+            cpu.append(time.process_time() - worked)
             iterations.append(solution.iterations)
             status.append(solution.status)
             if solution.converged:
@@ -75,6 +76,7 @@ def convergence(base: hpop.Problem) -> dict[str, Any]:
             "free at once": sum(free),
             "build_ms": 1e3 * statistics.median(build),
             "solve_ms": 1e3 * statistics.median(solve),
+            "solve_cpu_ms": 1e3 * statistics.median(cpu),
             "solve_ms_worst": 1e3 * max(solve),
             "iterations": statistics.median(iterations),
             "shorter": float(statistics.mean(shorter)),

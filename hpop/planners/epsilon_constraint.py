@@ -31,6 +31,7 @@ LOOSE = 2e-4  # relative: a bound is loosened by this, so that a warm start on i
 QUADRATURE = 5e-3  # relative: a program's sums over pieces of 0.6 m against sums over field cells
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
+LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is left out, and with it the stop for the turn
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
 
 
@@ -286,19 +287,31 @@ class _Sweep:
                 break
             known = found.known
         if best is not None:
-            self.found.append(self._recounted(best))
+            self.found.append(self._tidied(best))
 
-    def _recounted(self, found: _Found) -> _Found:
-        """A candidate whose segments have grown too long for their pieces is added up again, in finer ones."""
-        off = np.abs(found.planned - found.known.costs) > self._tolerance(found.planned)
-        if not off.any():
-            return found
-        self.counts["recounted"] += 1
-        planned = found.planned.copy()
-        polyline = found.known.polyline
-        finer = tuple(4 * count for count in polyline.structure.pieces)
-        planned[self.smooth] = self._program(dataclasses.replace(polyline.structure, pieces=finer)).costs(polyline)
-        return dataclasses.replace(found, planned=planned)
+    def _tidied(self, found: _Found) -> _Found:
+        """Without stops for turns that are none; where pieces have grown too long, added up again in finer ones."""
+        polyline = found.known.polyline.simplified(LEAST_TURN)
+        if len(polyline.vertices) < len(found.known.polyline.vertices):
+            trajectory = polyline.trajectory(self.problem.model)
+            judged = judge(self.problem, self.criteria, [trajectory], epsilon=found.cell.epsilon[None])
+            if not judged.reasons[0] and (judged.costs[0] <= found.known.costs * (1 + LOOSE)).all():
+                self.counts["simplified"] += 1
+                known = _Known(polyline, judged.costs[0])
+                told = {**found.provenance, "segments": len(polyline.lengths)}
+                return dataclasses.replace(found, known=known, planned=self._planned(known, 1), provenance=told)
+        if (np.abs(found.planned - found.known.costs) > self._tolerance(found.planned)).any():
+            self.counts["recounted"] += 1
+            found = dataclasses.replace(found, planned=self._planned(found.known, 4))
+        return found
+
+    def _planned(self, known: _Known, finer: int) -> FloatArray:
+        """Costs (k,) as the program of a polyline adds them up, in pieces so many times finer."""
+        structure, planned = known.polyline.structure, known.costs.copy()
+        pieces = tuple(finer * count for count in structure.pieces)
+        costs = self._program(dataclasses.replace(structure, pieces=pieces)).costs(known.polyline)
+        planned[self.smooth] = np.where(np.isfinite(costs), costs, planned[self.smooth])
+        return planned
 
     def _fail(self, cell: _Cell, reason: str) -> None:
         self.failures[reason] += 1
@@ -371,7 +384,6 @@ class _Sweep:
             "warm_start": cell.of,
             "level": cell.level,
             "segments": len(known.polyline.lengths),
-            "turns": known.polyline.structure.turns,
             "round": number,
             "status": solution.status,
             "iterations": solution.iterations,
@@ -412,7 +424,15 @@ class _Sweep:
                 "programs": len(self.programs),
                 **{
                     name: self.counts[name]
-                    for name in ("tried", "skipped", "perturbed", "saved by perturbation", "repairs", "recounted")
+                    for name in (
+                        "tried",
+                        "skipped",
+                        "perturbed",
+                        "saved by perturbation",
+                        "repairs",
+                        "simplified",
+                        "recounted",
+                    )
                 },
                 "failed": dict(self.failures),
                 "dropped": judged.dropped,

@@ -86,6 +86,12 @@ class Polyline:
             model, [(float(x), float(y), float(yaw)) for (x, y), yaw in zip(vertices, yaws, strict=True)]
         )
 
+    def simplified(self, angle: float) -> Polyline:
+        """Without the inner vertices at which it turns by less than ``angle``, rad."""
+        turned = np.abs(wrap(np.diff(self.headings)))
+        kept = np.concatenate([[True], turned >= angle, [True]]) if len(turned) else np.ones(len(self.vertices), bool)
+        return Polyline(self.vertices[kept], self.start_yaw, self.goal_yaw)
+
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
         """A polyline whose interior vertices are displaced at random by about ``by`` metres."""
         vertices = self.vertices.copy()

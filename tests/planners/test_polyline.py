@@ -76,6 +76,13 @@ def test_turns_of_a_structure():
     assert Structure((), False, False).turns == 0
 
 
+def test_a_simplified_polyline_keeps_the_vertices_that_turn():
+    line = polyline(GOAL_FREE, (-2, 2), (0, 2.01), (2, 2))
+    assert line.simplified(np.deg2rad(1.0)).vertices.tolist() == [[-4, 0], [-2, 2], [2, 2], [4, 0]]
+    assert line.simplified(0.0).vertices.tolist() == line.vertices.tolist()
+    assert polyline(GOAL_FREE).simplified(1.0).vertices.tolist() == [[-4, 0], [4, 0]]
+
+
 # Derivatives
 
 
