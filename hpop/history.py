@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.motions import Model, Motions, Pose, States
+from hpop.motions import Model, Motions, Pose
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -119,21 +120,16 @@ class History:
     @cached_property
     def passed(self) -> FloatArray:
         """Executed time (M+1,), s, at which each planned state is passed."""
-        executed, states = self.executed, self.trajectory.states
+        executed, states, (ends, _) = self.executed, self.trajectory.states, self.trajectory.runs
         passed = np.zeros(len(self) + 1)
-        corner = 0  # place, in the execution, of the motion that is under way
-        for i in range(1, len(self) + 1):
-            begin, end = executed.times[corner], executed.times[corner + 1]
-            if self._same(states, i, executed.states, corner + 1):
-                passed[i] = end
-                corner = min(corner + 1, len(executed) - 1)
-                continue
-            moments = np.linspace(begin, end, RUN_SAMPLES)
-            run = executed.at(moments)
-            covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
-            passed[i] = np.interp(np.hypot(states.x[i] - run.x[0], states.y[i] - run.y[0]), covered, moments)
+        for motion, (first, last) in enumerate(pairwise(ends)):
+            begin, end = executed.times[motion], executed.times[motion + 1]
+            inside = np.arange(first + 1, last)
+            if inside.size:
+                moments = np.linspace(begin, end, RUN_SAMPLES)
+                run = executed.at(moments)
+                covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
+                gone = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
+                passed[inside] = np.interp(gone, covered, moments)
+            passed[last] = end
         return passed
-
-    @staticmethod
-    def _same(a: States, i: int, b: States, j: int) -> bool:
-        return all(getattr(a, name)[i] == getattr(b, name)[j] for name in a.names)

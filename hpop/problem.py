@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -67,6 +68,7 @@ class Problem:
                     f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the "
                     "world has"
                 )
+            _check_describable(criterion)
         _check_stand_ins(made)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "model", model)
@@ -219,6 +221,17 @@ def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
                     f"{mean.name!r} is represented by {integral!r} in searches, but {other!r} is listed as well; "
                     "give both the same parameters"
                 )
+
+
+def _check_describable(criterion: Criterion) -> None:
+    """Raise CriterionError where a front could not be saved with this criterion, before anything is planned."""
+    try:
+        json.dumps(describe_criterion(criterion), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise CriterionError(
+            f"criterion {criterion.name!r} cannot be described in a saved front: it must be a dataclass whose fields "
+            f"are finite numbers, words, or lists of them ({error})"
+        ) from None
 
 
 def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:

@@ -88,7 +88,7 @@ def print_front(
         say(f"note: {note}")
     if len(front):
         rows = shown_rows(front, MOST_ROWS)
-        say("\nThe front: no trajectory is better in one cost and no worse in the others")
+        say("\nThe front: of these trajectories none is better in one cost and no worse in the others")
         _print_wide(console, _front_table(front, rows))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
@@ -101,7 +101,7 @@ def print_front(
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
-    say(f"{len(front):,} optimal trajectories; status: {front.status}")
+    say(f"{len(front):,} trajectories; status: {front.status}")
     say(f"certificate: {front.certificate}")
 
 

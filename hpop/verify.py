@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +29,8 @@ def verify(problem: Problem, front: Front) -> list[str]:
     """Faults of a front of this problem, in words; none if it holds what it claims.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
-    than 5 cm or 3 degrees, the ends from the problem. A planner may snap the goal to its grid, so a trajectory may end
-    as far from it as its longest motion reaches.
+    than 5 cm or 3 degrees, the ends from the problem. A planner that snaps the goal to its grid says by how much in the
+    provenance ("goal_offset"): no more than half a diagonal of a "step" is believed.
     """
     lost = [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
     if lost:
@@ -36,7 +38,11 @@ def verify(problem: Problem, front: Front) -> list[str]:
     faults = [*_declared_faults(problem, front), *_cost_faults(problem, front)]
     for i, trajectory in enumerate(front.trajectories):
         faults += [
-            f"trajectory {i} {fault}" for fault in (*_end_faults(problem, trajectory), *_heading_faults(trajectory))
+            f"trajectory {i} {fault}"
+            for fault in (
+                *_end_faults(problem, trajectory, _offset(front.provenance[i])),
+                *_heading_faults(trajectory),
+            )
         ]
     free = collision_free(problem, front.trajectories)
     return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~free))]
@@ -51,8 +57,9 @@ def _inside(problem: Problem, trajectory: Trajectory) -> bool:
 
 def _claimable(problem: Problem) -> dict[str, Criterion]:
     """Criteria whose costs a front of this problem may hold: those asked for, and what stands in for a mean."""
-    additive = edge_objectives([c for c in problem.criteria if c.aggregate != "trajectory"], "front")
-    return {criterion.name: criterion for criterion in (*additive.optimised, *problem.criteria)}
+    additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
+    optimised = edge_objectives(additive, "front").optimised if additive else ()
+    return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
@@ -87,15 +94,22 @@ def _cost_faults(problem: Problem, front: Front) -> Iterator[str]:
         yield f"trajectory {i}: {names[known[j]]} is saved as {saved[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
 
 
-def _end_faults(problem: Problem, trajectory: Trajectory) -> Iterator[str]:
+def _offset(provenance: Mapping[str, Any]) -> float:
+    """How far from the goal the planner says that it ended, m, within what its step allows."""
+    offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
+    if not (isinstance(offset, int | float) and isinstance(step, int | float)):
+        return 0.0
+    return min(float(offset), abs(float(step)) / math.sqrt(2.0))
+
+
+def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:
     s, goal = trajectory.states, problem.goal
     start = problem.start
     apart = max(abs(s.x[0] - start[0]), abs(s.y[0] - start[1]))
     if apart > CLOSE or abs(wrap(s.yaw[0] - start[2])) > HEADING_CLOSE:
         yield "does not begin at the start"
-    reach = np.hypot(np.diff(s.x), np.diff(s.y)).max(initial=0.0)
     off = np.hypot(s.x[-1] - goal[0], s.y[-1] - goal[1])
-    if reach > 0 and off > reach + CLOSE:
+    if off > offset + CLOSE:
         yield f"ends {off:.3f} m from the goal"
     if goal[2] is not None and abs(wrap(s.yaw[-1] - goal[2])) > HEADING_CLOSE:
         yield "does not end with the goal's heading"

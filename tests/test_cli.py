@@ -108,7 +108,8 @@ def refused(result: Result, code: int, *said: str) -> None:
 def test_plan_writes_the_front_and_pictures_and_prints_both(room: Path) -> None:
     result = plan(room)
     assert result.exit_code == 0
-    assert {path.name for path in (room / "out").iterdir()} == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+    written = {path.name for path in (room / "out").iterdir()}
+    assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
     front = Front.load(room / "out" / "front.json")
     assert front.status == "complete"
     assert verify(Problem.from_description(front.problem or {}), front) == []
@@ -619,4 +620,5 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
     front = Front.load(tmp_path / "out" / "front.json")
     assert len(front) > 0
     assert front.status == "interrupted"
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}

@@ -29,7 +29,7 @@ def example(name: str) -> ModuleType:
 def test_the_museum_tour_has_a_complete_front_and_its_pictures(tmp_path):
     front = example("01_museum.py").main(tmp_path)
     assert front.status == "complete"
-    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+    assert {path.stem for path in tmp_path.iterdir()} == {"front", "map", "trace", "where"}
 
 
 def test_a_ros_map_is_planned_with_any_heading_at_the_goal(tmp_path, shared_data):

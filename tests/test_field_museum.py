@@ -67,7 +67,7 @@ def test_people_and_display_cases_stand_in_the_open(problem):
 
 def test_the_front_is_complete_and_trades_all_five_costs(front):
     assert front.status == "complete"
-    assert front.certificate.startswith("lattice: exact on this lattice")
+    assert front.certificate.startswith("lattice: exact on the lattice of step")
     assert front.names == ("exposure", "turns", "length", "landmark_blindness", "personal_space")
     assert len(front) > 10
     assert is_nondominated(front.costs).all()

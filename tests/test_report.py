@@ -142,7 +142,7 @@ def test_an_empty_front_prints_its_notes_and_its_status() -> None:
     text = printed(front_of([], runs=[{"notes": ["no path: a wall"], "planner": "lattice", "search_seconds": 1.5}]))
     assert "note: no path: a wall" in text
     assert "lattice: search 1.50 s" in text
-    assert "0 optimal trajectories; status: complete" in text
+    assert "0 trajectories; status: complete" in text
 
 
 def test_names_from_a_file_are_printed_as_they_are() -> None:

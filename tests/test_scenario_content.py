@@ -79,7 +79,15 @@ def test_a_scenario_furnishes_its_world_as_it_says(tmp_path):
 
 def test_what_the_world_of_a_scenario_has_criteria_may_require(tmp_path):
     world = load_scenario(hall(tmp_path)).problem.world
-    assert world.contents == {"people", "moving people", "groups", "landmarks", "speed zones", "one-way zones"}
+    assert world.contents == {
+        "keep_out",
+        "people",
+        "moving people",
+        "groups",
+        "landmarks",
+        "speed zones",
+        "one-way zones",
+    }
 
 
 def test_a_scenario_without_content_has_none(tmp_path):

@@ -227,9 +227,12 @@ def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Traje
 
 def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
     """Last running value of a criterion with memory."""
-    return float(running_costs(criterion, trajectory, world)[-1]) if len(trajectory) else 0.0
+    running = running_costs(criterion, trajectory, world)
+    return float(running[-1]) if running.size else 0.0
 
 
 def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
     """Running values (M,) of a criterion with memory at the end of each motion, checked like :func:`motion_costs`."""
+    if not len(trajectory):
+        return np.zeros(0)
     return _checked(criterion, History(world, trajectory), len(trajectory), "trajectory")

@@ -122,8 +122,8 @@ def why_blocked(model: DifferentialDrive, world: World, x: float, y: float, yaw:
     if not shapely.covers(world.extent, here):
         x_min, y_min, x_max, y_max = world.bounds
         return f"it is outside the map, which spans x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
-    if shapely.covers(world.keep_out, here):
-        return "it is in a keep-out zone"
+    if shapely.covers(world.closed, here):
+        return "it is in a keep-out zone or in a person who stands there"
     part = next(part for part in model.parts if not collision.part_free(part, one)[0])
     if shapely.covers(world.solid(part.z_min, part.z_max), here):
         return "it is inside an obstacle"

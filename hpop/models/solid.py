@@ -61,8 +61,8 @@ class SolidCollision:
         reach = max(part.reach for part in self.model.parts)
         frame = shapely.box(*shapely.buffer(self.world.extent, 2 * reach).bounds)
         yield shapely.difference(frame, self.world.extent), -np.inf, np.inf
-        if not shapely.is_empty(self.world.keep_out):
-            yield self.world.keep_out, -np.inf, np.inf
+        if not shapely.is_empty(self.world.closed):
+            yield self.world.closed, -np.inf, np.inf
 
     def free(self, states: States) -> BoolArray:
         """Whether the robot is free in each state (N,)."""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.errors import OptionError, QueryError
+from hpop.errors import GraphError, OptionError, QueryError
+from hpop.frontier import is_nondominated
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 MAX_COSTS = 6
+TIE_TURNS = 2**18  # more turns than any path makes
+COARSE = 0.01
 
 
 @planner("lattice")
@@ -70,13 +73,15 @@ class Lattice:
         """
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
         budget = Budget(self.time_limit, self.max_labels, self.max_memory)
-        paths = pareto_paths(query.graph, query.start, query.goals, budget=budget, progress=progress)
+        paths = query.with_fewest_turns(
+            lambda graph: pareto_paths(graph, query.start, query.goals, budget=budget, progress=progress)
+        )
         if paths.status.is_final:
-            claim = f"exact on this lattice for ({query.names}), edge costs rounded to their quanta"
+            claim = f"exact on {query.lattice.words} for ({query.names}), edge costs rounded to their quanta"
         else:
             claim = (
-                f"incomplete ({paths.status}): every point is optimal on this lattice for ({query.names}), others are "
-                "missing"
+                f"incomplete ({paths.status}): every point is optimal on {query.lattice.words} for ({query.names}), "
+                "others are missing"
             )
         found = {
             "method": paths.stats.method,
@@ -95,9 +100,9 @@ class Lattice:
         if progress:
             progress(Progress("graph"))
         lattice = self.lattice(problem)
-        start, goals, notes = self.ends(lattice, problem)
+        start, goals, snapped = self.ends(lattice, problem)
         graph = lattice.graph(objectives.optimised)
-        return LatticeQuery(lattice, objectives, graph, start, goals, notes, time.perf_counter() - began)
+        return LatticeQuery(lattice, objectives, graph, start, goals, snapped, time.perf_counter() - began)
 
     def lattice(self, problem: Problem) -> StateLattice:
         """The lattice anchored at the problem's start."""
@@ -118,8 +123,8 @@ class Lattice:
             )
         return nearest
 
-    def ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], tuple[str, ...]]:
-        """State ids of the start and of the goal or goals, and a note on how far the goal was snapped."""
+    def ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], Snapped]:
+        """State ids of the start and of the goal or goals, and where the goal was snapped to."""
         x, y, yaw = problem.start
         heading = self._heading(yaw, "start")
         start = lattice.state(-lattice.first[0], -lattice.first[1], heading)
@@ -136,9 +141,7 @@ class Lattice:
             ids = [lattice.state(i - lattice.first[0], j - lattice.first[1], h) for h in wanted]
             ids = [one for one in ids if one >= 0 and self._joined(lattice, one, gx, gy)]
             if ids and distance <= self.step / math.sqrt(2) + 1e-9:
-                at = f"({x + j * self.step:.3f}, {y + i * self.step:.3f})"
-                note = f"the goal ({gx:.3f}, {gy:.3f}) was snapped to {at}, {distance:.3f} m away"
-                return start, ids, (note,) if distance > 1e-6 else ()
+                return start, ids, Snapped((gx, gy), (x + j * self.step, y + i * self.step), distance)
         reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
         reason = (
             reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
@@ -166,13 +169,29 @@ def _refuse_who_moves(problem: Problem) -> None:
         )
 
 
+class Snapped(NamedTuple):
+    """Where the goal was moved to: asked for and taken, (x, y) m, and the distance between, m."""
+
+    asked: tuple[float, float]
+    taken: tuple[float, float]
+    distance: float
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A note, if it was moved at all."""
+        if self.distance <= 1e-6:
+            return ()
+        asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
+        return (f"the goal {asked} was snapped to {taken}, {self.distance:.3f} m away",)
+
+
 @dataclass(frozen=True, eq=False)
 class LatticeQuery:
     """A problem on a lattice, for whichever search: what to search, and what is said of the result.
 
     graph          integer costs in quanta of ``objectives.optimised``
     start, goals   state ids
-    notes          how far the goal was snapped
+    snapped        where the goal was snapped to
     build_seconds  s
     """
 
@@ -181,7 +200,7 @@ class LatticeQuery:
     graph: Graph
     start: int
     goals: list[int]
-    notes: tuple[str, ...]
+    snapped: Snapped
     build_seconds: float
 
     @property
@@ -193,6 +212,33 @@ class LatticeQuery:
     def quanta(self) -> FloatArray:
         """What one count of each cost is, (k,), in the criteria's units."""
         return np.array([criterion.quantum for criterion in self.objectives.optimised])
+
+    def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
+        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
+
+        Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns,
+        so nothing is lost; what differs in the turns alone is dropped afterwards.
+        """
+        graph, count = self.graph, self.lattice.headings.count
+        tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+        turns = tails // count == graph.heads // count
+        summed = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
+        charged = bool(turns.any()) and bool((graph.costs[turns][:, summed].min(axis=0) > 0).any())
+        if charged or not summed or not turns.any():
+            return search(graph)
+        first, costs = summed[0], graph.costs.copy()
+        costs[:, first] = costs[:, first] * TIE_TURNS + turns
+        try:
+            tied = replace(graph, costs=costs)
+        except GraphError:  # sums would overflow: the lattice is too large for a tie-break
+            return search(graph)
+        paths = search(tied)
+        found = paths.costs.copy()
+        spun = found[:, first] % TIE_TURNS
+        found[:, first] //= TIE_TURNS
+        order = np.lexsort((spun, *found.T[::-1]))
+        kept = order[is_nondominated(found[order])]
+        return paths.select(found, kept)
 
     def candidates(
         self,
@@ -220,9 +266,16 @@ class LatticeQuery:
             status=paths.status,
             certificate=f"{name}: {claim}{objectives.certificate}",
             provenance=tuple(
-                {"planner": name, "edges": int(n.size - 1), **origin} for n, origin in zip(nodes, origins, strict=True)
+                {
+                    "planner": name,
+                    **self.lattice.options,
+                    "goal_offset": self.snapped.distance,
+                    "edges": int(n.size - 1),
+                    **origin,
+                }
+                for n, origin in zip(nodes, origins, strict=True)
             ),
-            notes=(*objectives.notes, *self.notes, *blocked, *notes),
+            notes=(*objectives.notes, *self.snapped.notes, *blocked, *self._coarse(paths, rounds), *notes),
             filters=objectives.filters,
             stats={
                 "planner": name,
@@ -234,3 +287,16 @@ class LatticeQuery:
                 "search_seconds": paths.stats.seconds_search,
             },
         )
+
+    def _coarse(self, paths: ParetoPaths, rounds: IntArray) -> list[str]:
+        """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
+        if not len(paths):
+            return []
+        error = 0.5 * rounds.max(axis=0) * self.quanta
+        size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * self.quanta
+        return [
+            f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "
+            "in all: that is coarse for this front; declare a smaller quantum"
+            for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
+            if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
+        ]

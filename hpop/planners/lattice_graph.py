@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -60,6 +60,17 @@ class StateLattice:
                 f"a step of {self.step} m in a map of {x_max - x_min:.1f} x {y_max - y_min:.1f} m makes {states:,} "
                 f"states, more than {MAX_STATES:,}; take a larger step"
             )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What tells this lattice from others, JSON-able."""
+        return {"step": self.step, "headings": self.headings.count, "corner_cutting": self.corner_cutting}
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        cutting = "" if self.corner_cutting else "no "
+        return f"the lattice of step {self.step:g} m, {self.headings.count} headings, {cutting}corner cutting"
 
     @cached_property
     def first(self) -> tuple[int, int]:

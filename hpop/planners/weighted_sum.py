@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
-from hpop.planners.lattice import Lattice
+from hpop.planners.lattice import Lattice, LatticeQuery
 from hpop.planners.search import supported_paths
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights
 from hpop.status import Budget, ProgressCallback
@@ -101,17 +101,18 @@ class WeightedSum:
         return query.candidates(
             "weighted-sum",
             paths,
-            self._claim(paths.status.is_final, str(paths.status), query.names),
+            self._claim(paths.status.is_final, str(paths.status), query),
             provenance=[{"weights": rows.tolist()} for rows in paths.weights],
             notes=paths.notes,
             stats=stats,
         )
 
-    def _claim(self, ended: bool, status: str, names: str) -> str:
+    def _claim(self, ended: bool, status: str, query: LatticeQuery) -> str:
         """What is claimed, in words."""
+        where = f"{query.lattice.words} for ({query.names})"
         rounded = "edge costs rounded to their quanta"
         if not ended:
-            return f"incomplete ({status}): every point is supported on this lattice for ({names}), others are missing"
+            return f"incomplete ({status}): every point is supported on {where}, others are missing"
         if self.divisions is None and self.weights is None:
-            return f"all extreme supported points of this lattice for ({names}), no unsupported ones, {rounded}"
-        return f"supported points only: optima of the weights asked for, on this lattice for ({names}), {rounded}"
+            return f"all extreme supported points of {where}, no unsupported ones, {rounded}"
+        return f"supported points only: optima of the weights asked for, on {where}, {rounded}"

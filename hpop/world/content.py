@@ -157,7 +157,9 @@ class Content:
     def closed(self) -> BaseGeometry:
         """What is closed to the robot, m: keep-out zones, and the bodies of people who stand."""
         zones = [zone.area for zone in self.zones if zone.kind == "keep-out"]
-        bodies = [shapely.Point(p.x, p.y).buffer(p.radius, quad_segs=16) for p in self.people if not p.moves]
+        around = 1.0 / np.cos(np.pi / 64)  # a polygon of 64 corners round the body, not within
+        standing = [person for person in self.people if not person.moves]
+        bodies = [shapely.Point(p.x, p.y).buffer(p.radius * around, quad_segs=16) for p in standing]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
 
     @property

@@ -16,11 +16,10 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray
 from hpop.errors import MapError
+from hpop.registry import readers
 from hpop.world.content import Content
 from hpop.world.shapes import Obstacle, Raster, check_size, shown
 from hpop.world.world import Heights, World
-
-READERS = ("ros_map", "movingai", "geojson", "image")
 
 
 def describe(world: World) -> dict[str, Any]:
@@ -45,7 +44,7 @@ def build(description: Mapping[str, Any]) -> World:
     """Build the world that `describe` described, and trust none of it: it may come from anywhere."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
-        if kind == "geometry" or kind in READERS:
+        if kind == "geometry" or kind in readers:
             world = _from_geometry(description) if kind == "geometry" else _from_files(description, str(kind))
             content = description.get("content")
             return world if content is None else world.with_content(**vars(Content.build(content)))
@@ -60,13 +59,15 @@ def build(description: Mapping[str, Any]) -> World:
         shapely.errors.ShapelyError,
     ) as error:
         raise MapError(f"the description of a world is malformed: {shown(error)}.") from None
-    known = ", ".join(("geometry", *READERS))
+    known = ", ".join(("geometry", *readers))
     raise MapError(f"a world's description must have a kind out of {known}; got {shown(kind)}.")
 
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
     options = dict(description["options"])
-    world: World = getattr(World, "from_" + kind)(description["path"], **options)
+    from hpop.world.readers import read_world
+
+    world = read_world(kind, description["path"], **options)
     hashes = None if world.source is None else list(world.source["sha256"])
     if hashes != list(description["sha256"]):
         raise MapError(

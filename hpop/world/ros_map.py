@@ -139,9 +139,8 @@ def classify(
     - trinary: occupied if occ > occupied_thresh, free if occ < free_thresh.
     - scale: the same, but a pixel that is not opaque is unknown. map_server grades the pixels between the
       thresholds from 0 to 100; here they are unknown, since a cell is an obstacle or not.
-    - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says; occupied
-    if
-      at least 100 occupied_thresh, free if at most 100 free_thresh.
+    - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says;
+      occupied if at least 100 occupied_thresh, free if at most 100 free_thresh.
     """
     if mode == "trinary" and alpha is not None:
         channels = np.broadcast_to(colours, (*alpha.shape, 3))

@@ -250,12 +250,15 @@ class World:
         """Union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
         return self._solid(self._active((z_min, z_max)))
 
+    @property
+    def closed(self) -> BaseGeometry:
+        """Where the robot must not be though nothing solid is there, m: keep-out zones and people who stand."""
+        return self._cached(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
+
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """`solid`, keep-out zones and people who stand, m: where the robot must not be; the extent bounds it besides."""
+        """`solid` and `closed`, m: where the robot must not be. The extent bounds it besides."""
         active = self._active((z_min, z_max))
-        return self._cached(
-            ("blocked", active), lambda: shapely.union_all([self._solid(active), self.keep_out, self.content.closed])
-        )
+        return self._cached(("blocked", active), lambda: shapely.union_all([self._solid(active), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
         """Return the extent without all that is blocked, its border indexed for exact distances."""
@@ -291,7 +294,7 @@ class World:
         """What this world has of that which a criterion may require."""
         present = {
             "obstacles": self.obstacles or self.raster is not None,
-            "keep_out": not self.keep_out.is_empty,
+            "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
         }
         return frozenset(name for name, is_present in present.items() if is_present) | self.content.present
 

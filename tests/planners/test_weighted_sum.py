@@ -102,7 +102,7 @@ def test_weights_may_be_given_and_the_certificate_says_what_is_claimed() -> None
     given = problem.solve(WeightedSum(step=STEP, weights=[[1, 1]]))
     adaptive = problem.solve("weighted-sum", step=STEP)
     assert "optima of the weights asked for" in given.certificate
-    assert "all extreme supported points of this lattice" in adaptive.certificate
+    assert "all extreme supported points of the lattice of step" in adaptive.certificate
     assert {tuple(row) for row in given.integers} <= {tuple(row) for row in adaptive.integers}
 
 
@@ -113,7 +113,7 @@ def test_joined_with_the_lattice_the_front_is_the_lattices() -> None:
     assert len(supported) < len(both)
     assert (both.integers == exact.integers).all()
     assert both.status == "complete"
-    for claim in ("weighted-sum: all extreme supported points", "lattice: exact on this lattice"):
+    for claim in ("weighted-sum: all extreme supported points", "lattice: exact on the lattice of step"):
         assert claim in both.certificate
 
 

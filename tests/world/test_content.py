@@ -158,11 +158,19 @@ def test_nothing_in_the_content_hides_anything_from_the_camera(hall):
 
 
 def test_contents_names_what_criteria_may_require(hall):
-    assert hall.contents == {"people", "moving people", "groups", "landmarks", "speed zones", "one-way zones"}
+    assert hall.contents == {
+        "keep_out",
+        "people",
+        "moving people",
+        "groups",
+        "landmarks",
+        "speed zones",
+        "one-way zones",
+    }
     bare = World.from_polygons([], extent=HALL)
     assert bare.contents == frozenset()
     assert bare.with_content(people=[Person(1.0, 1.0)]).contents == {"people"}
-    assert bare.with_content(zones=[Zone("keep-out", SQUARE)]).contents == frozenset()
+    assert bare.with_content(zones=[Zone("keep-out", SQUARE)]).contents == {"keep_out"}
 
 
 def test_a_world_keeps_its_content_through_its_description(hall):

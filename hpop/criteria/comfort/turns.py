@@ -16,10 +16,11 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 @criterion("turns", group="C", unit="1", aggregate="sum", smooth=False, quantum=1.0)
 @dataclass(frozen=True)
 class Turns:
-    """N, the number of turns in place, whatever their angle; those at start and goal count.
+    """N, the number of turning motions, whatever their angle; those at start and goal count.
 
     Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A motion counts when
-    it turns the base by more than one degree.
+    it turns the base by more than one degree. That is the paper's N where turns are made in one go, as planners here
+    make them; two turns in succession count twice, and a curve cut into pieces of less than a degree would not count.
     """
 
     def cost(self, m: Motions) -> Column:

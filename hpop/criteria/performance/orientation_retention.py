@@ -40,7 +40,7 @@ class OrientationRetention(_RoundTurns):
     """Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k, over the camera's turns θ_k.
 
     Turns by 90 degrees (or 45) are easy to keep count of; others are remembered as the nearest one, so the viewer's
-    idea of where they face goes wrong by e_k. FACTS, section 5, names the quantity; this definition is the project's.
+    idea of where they face goes wrong by e_k. The definition is the project's own.
     It is a sum, so exact searches can minimise it, and it bounds the misalignment |Σ e_k| in the end
     (:class:`NetMisalignment`), in which errors may cancel and which needs memory. Each motion that turns is one turn:
     one planned in two pieces counts as two.

@@ -17,8 +17,8 @@ from hpop.motions import Motions
 class Clearance:
     """max over t of (enough - d(p(t)))₊: by how much the base's axis comes nearer than ``enough`` metres.
 
-    d is the distance to the nearest obstacle, at any height; the cost of a path with least clearance c is
-    ``enough`` - c, and 0 beyond.
+    d is the distance to the nearest obstacle at any height, keep-out zone, person who stands, or border of the extent;
+    the cost of a path with least clearance c is ``enough`` - c, and 0 beyond.
     """
 
     enough: float = 1.0

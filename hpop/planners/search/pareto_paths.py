@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,6 +63,10 @@ class ParetoPaths:
 
     def __len__(self) -> int:
         return len(self.costs)
+
+    def select(self, costs: IntArray, rows: IntArray) -> ParetoPaths:
+        """The paths of some rows, in that order, with other costs (n, k) in the place of these."""
+        return replace(self, costs=costs[rows], _paths=tuple(self._paths[row] for row in rows))
 
     def nodes(self, i: int) -> IntArray:
         """Nodes of path i, source and target included."""
