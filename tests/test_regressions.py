@@ -1,4 +1,4 @@
-"""Faults that a review found: each stands here as the test that shows it."""
+"""Faults that were there once: each stands here as the test that shows it."""
 
 from __future__ import annotations
 
