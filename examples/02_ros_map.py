@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import hpop
+import hpop.errors
 from hpop.view import save_pictures
 
 
@@ -46,4 +47,7 @@ if __name__ == "__main__":
     if len(sys.argv) != 6:
         sys.exit(__doc__)
     x0, y0, x1, y1 = map(float, sys.argv[2:])
-    main(Path(sys.argv[1]), (x0, y0), (x1, y1))
+    try:
+        main(Path(sys.argv[1]), (x0, y0), (x1, y1))
+    except hpop.errors.HpopError as error:
+        sys.exit(f"error: {error}")

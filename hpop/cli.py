@@ -1,7 +1,8 @@
 """The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``planners``.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 130 interrupted (what was found is kept), and those of :mod:`hpop.errors`.
+usage, 6 no path, 13 nothing found within the limits, 130 interrupted (what was found is kept), and those of
+:mod:`hpop.errors`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ SAVED = "front.json"
 PICTURES = ("map.png", "front.png", "trace.png", "where.png")
 MOST_FAULTS = 20
 NO_PATH = 6
+NOTHING_FOUND = 13
 INTERRUPTED = 130
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -86,6 +88,9 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None) -> No
         sys.exit(NO_PATH)
     if Status.INTERRUPTED in front.status:
         sys.exit(INTERRUPTED)
+    if not len(front):
+        click.echo("error: nothing was found within the planner's limits; raise them, or take a larger step", err=True)
+        sys.exit(NOTHING_FOUND)
 
 
 @main.command()

@@ -622,3 +622,14 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
     assert front.status == "interrupted"
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+
+
+def test_a_limit_that_leaves_nothing_found_is_no_success(room: Path, no_pictures: None) -> None:
+    text = (room / "room.yaml").read_text()
+    assert "lattice: {" in text
+    (room / "room.yaml").write_text(text.replace("lattice: {", "lattice: {max_labels: 1, "))
+    result = plan(room)
+    assert result.exit_code == 13
+    assert "nothing was found within the planner's limits" in result.stderr
+    assert "label limit" in result.stdout
+    assert (room / "out/front.json").exists()

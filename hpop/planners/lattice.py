@@ -143,10 +143,11 @@ class Lattice:
             if ids and distance <= self.step / math.sqrt(2) + 1e-9:
                 return start, ids, Snapped((gx, gy), (x + j * self.step, y + i * self.step), distance)
         reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
-        reason = (
-            reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
+        remedy = f"{reason}. Move it, or take a smaller robot" if reason else ""
+        remedy = (
+            remedy or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
         )
-        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {reason}. Move it, or take a smaller robot.")
+        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {remedy}.")
 
     @staticmethod
     def _joined(lattice: StateLattice, state: int, x: float, y: float) -> bool:

@@ -119,9 +119,11 @@ class PolylineProgram:
         out = []
         for axis, way in ((0, casadi.cos), (1, casadi.sin)):
             parts = [start[axis]]
-            parts += [start[axis] + free[0] * way(start[2])] * first
+            if first:
+                parts += [start[axis] + free[0] * way(start[2])]
             parts += [inner[axis, :].T]
-            parts += [goal[axis] - free[first] * way(goal[2])] * last
+            if last:
+                parts += [goal[axis] - free[first] * way(goal[2])]
             out.append(casadi.vertcat(*parts, goal[axis]))
         return out[0], out[1]
 

@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.comfort.turns import LEAST_TURN
@@ -162,8 +162,9 @@ def new_figure(width: float, height: float, layout: Any = "constrained") -> Figu
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
-    """At most so many ticks, on whole numbers where the quantity is a count."""
+    """At most so many ticks, on whole numbers where the quantity is a count, each with its whole value."""
     axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
+    axis.set_major_formatter(ScalarFormatter(useOffset=False))  # an offset is easily overlooked
 
 
 def _unbroken(text: str) -> str:

@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
@@ -18,7 +19,7 @@ from hpop.problem import Problem
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
-from hpop.view.ground import ball_of, draw_obstacles, view_of
+from hpop.view.ground import ball_of, draw_obstacles, outline, view_of
 from hpop.view.map import path_points
 from hpop.view.style import LARGE, NORMAL, SMALL, label, new_figure, turns_in_place, whole_ticks, written
 
@@ -53,6 +54,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         if place >= len(trace.criteria):
             axes.set_axis_off()
             continue
+        floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
+        axes.add_patch(floor)
         draw_obstacles(axes, problem.world, ball_of(problem).z)
         draw_content(axes, problem.world, view)
         _draw_rate(figure, axes, trace, place)

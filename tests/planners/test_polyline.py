@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
+import hpop
 from hpop.criteria import Clearance, Duration, Exposure, Length, Obstruction, Rotation, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
@@ -218,3 +219,11 @@ def test_what_has_no_gradient_or_does_not_add_up_is_refused_by_name(criterion, w
 def test_what_is_minimised_must_be_there():
     with pytest.raises(OptionError, match="minimise"):
         PolylineProgram(GOAL_FREE, (Length(),), 1, Structure((1, 1), True, False))
+
+
+def test_two_segments_without_a_first_turn_may_end_with_any_heading():
+    world = hpop.World.from_polygons([shapely.box(3, 2, 4, 6)], extent=shapely.box(0, 0, 10, 10))
+    problem = hpop.Problem(world, hpop.DifferentialDrive(), (1, 1, 0), (9, 9, None), ["exposure", "length", "turns"])
+    front = problem.solve("epsilon-constraint", step=0.5)
+    assert len(front) > 0
+    assert front.costs[:, 1].min() >= np.hypot(8, 8) - 1e-6

@@ -58,3 +58,16 @@ def test_a_trajectory_without_motions_can_be_drawn(problem):
     figure = draw_where(problem, hpop.Trajectory.from_poses(problem.model, [(1, 1, 0)]))
     figure.canvas.draw()
     assert len(maps(figure)) == 3
+
+
+def test_the_floor_is_white_where_all_beyond_the_map_is_obstacle():
+    occupied = np.zeros((40, 40), dtype=bool)
+    occupied[15:25, 18:22] = True
+    world = hpop.World.from_cells(occupied, 0.25)
+    problem = hpop.Problem(world, hpop.DifferentialDrive(), (2, 2, 0), (8, 2, 0), ["length"])
+    figure = draw_where(problem, hpop.Trajectory.from_poses(problem.model, [(2, 2, 0), (8, 2, 0)]))
+    figure.canvas.draw()
+    (axes,) = maps(figure)
+    column, row = axes.transData.transform((2.0, 8.0)).astype(int)
+    pixels = np.asarray(figure.canvas.buffer_rgba())
+    assert pixels[pixels.shape[0] - row, column, :3].min() > 250
