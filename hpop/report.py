@@ -265,11 +265,13 @@ def _executed_table(problem: Problem, front: Front) -> Table:
 
 
 def number(value: float, quantum: float) -> str:
-    """A cost as a person reads it: whole where it counts, else four significant digits at least to 0.001.
+    """A cost as a person reads it: whole where it counts, nothing below half a quantum, else four significant digits.
 
-    >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6)
-    ('3', '41.291', '0.01235')
+    >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
+    ('3', '41.291', '0.01235', '0')
     """
+    if abs(value) < 0.5 * quantum:
+        return "0"
     if quantum >= 1.0:
         return f"{value:.0f}"
     return f"{value:.4g}" if 0 < abs(value) < 0.1 else f"{value:.3f}"

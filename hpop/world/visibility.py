@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -27,8 +27,10 @@ from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
+from hpop.world.world import MAX_HEIGHTS
 
 if TYPE_CHECKING:
+    from hpop.motions import Pose
     from hpop.world.world import World
 
 MAX_NODES = 2_000_000
@@ -45,21 +47,6 @@ BEYOND = 1.0
 """Metres of obstacle round a world whose outside is obstacle, and two samples more."""
 ALL_ROUND = 2 * math.pi - 1e-3
 """Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
-MAX_HEIGHTS = 16
-"""Distinct camera heights that one call may ask for."""
-
-
-class CameraPose(Protocol):
-    """What these functions ask of a pose: columns (M,) in metres and radians; z in numbers, never symbols."""
-
-    @property
-    def x(self) -> Column: ...
-    @property
-    def y(self) -> Column: ...
-    @property
-    def z(self) -> Column: ...
-    @property
-    def yaw(self) -> Column: ...
 
 
 def line_of_sight(world: World, landmark: Landmark, camera_z: float) -> Field:
@@ -105,7 +92,7 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
     return world._cached(("landmark", landmark, float(camera_z), float(near), float(far)), make)
 
 
-def landmarks_unseen(world: World, pose: CameraPose, *, near: float, far: float, fov: float = 2 * math.pi) -> Column:
+def landmarks_unseen(world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi) -> Column:
     """1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
 
     A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw, rad; on symbols that edge is
@@ -118,7 +105,7 @@ def landmarks_unseen(world: World, pose: CameraPose, *, near: float, far: float,
     return _by_height(pose, lambda z: _unseen_in_view(world, pose, z, near, far, fov))
 
 
-def sees(world: World, pose: CameraPose, landmark: Landmark, *, far: float) -> Column:
+def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
     """Whether (M,) a camera in front of a landmark, at most ``far`` m from it, has a free line to it; numbers only."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z)(pose.x, pose.y)) > 0.5
@@ -128,7 +115,7 @@ def sees(world: World, pose: CameraPose, landmark: Landmark, *, far: float) -> C
     return free & close & (dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing) > 0.0)
 
 
-def bearing(pose: CameraPose, x: float, y: float) -> Column:
+def bearing(pose: Pose, x: float, y: float) -> Column:
     """Angle (M,), rad in (-pi, pi], by which a point is to the left of the camera's yaw; 0 where the camera is."""
     dx, dy, ahead, left = x - pose.x, y - pose.y, np.cos(pose.yaw), np.sin(pose.yaw)
     apart = dx * dx + dy * dy > 0
@@ -136,7 +123,7 @@ def bearing(pose: CameraPose, x: float, y: float) -> Column:
     return np.arctan2(np.where(apart, aside, 0.0), np.where(apart, along, 1.0))
 
 
-def openness(world: World, pose: CameraPose, radius: float) -> Column:
+def openness(world: World, pose: Pose, radius: float) -> Column:
     """Open share (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
     return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
 
@@ -153,7 +140,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     return world._cached(key, lambda: _sample_openness(world, float(camera_z), float(radius)))
 
 
-def _by_height(pose: CameraPose, evaluate: Callable[[float], Column]) -> Column:
+def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
     """What ``evaluate`` gives (M,) for each camera's height."""
     if is_symbolic(pose.z):
         raise OptionError("visibility needs camera heights as numbers; here they are variables.")
@@ -192,7 +179,7 @@ def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
     return world._cached(("landmarks", z, float(near), float(far)), make)
 
 
-def _unseen_on_symbols(world: World, pose: CameraPose, z: float, near: float, far: float, fov: float) -> Column:
+def _unseen_on_symbols(world: World, pose: Pose, z: float, near: float, far: float, fov: float) -> Column:
     seen = 0.0
     for share, field, mark in zip(_shares(world), _fields(world, z, near, far), world.content.landmarks, strict=True):
         inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, mark.x, mark.y)))
@@ -200,7 +187,7 @@ def _unseen_on_symbols(world: World, pose: CameraPose, z: float, near: float, fa
     return np.maximum(1.0 - seen, 0.0)
 
 
-def _unseen_in_view(world: World, pose: CameraPose, z: float, near: float, far: float, fov: float) -> FloatArray:
+def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float, fov: float) -> FloatArray:
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
     from hpop.world._sight import unseen
 

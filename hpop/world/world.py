@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 import shapely
@@ -22,6 +22,9 @@ from hpop.world.planar import FreeSpace
 from hpop.world.sampling import sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_heights, overlaps
 
+if TYPE_CHECKING:
+    from hpop.motions import Pose
+
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
 """Field cell of a polygon world, m."""
@@ -30,22 +33,6 @@ MAX_HEIGHTS = 16
 
 T = TypeVar("T")
 Heights = tuple[float, float]
-
-
-class CameraPose(Protocol):
-    """What `World.obstruction` asks of a pose: columns (M,) in metres."""
-
-    @property
-    def x(self) -> Column:
-        """World x, m."""
-
-    @property
-    def y(self) -> Column:
-        """World y, m."""
-
-    @property
-    def z(self) -> Column:
-        """Height above the floor, m; numbers, never symbols."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +323,7 @@ class World:
         """
         return self._cached(("clearance", self._active(z)), lambda: sample_clearance(self, self.free_space(z)))
 
-    def obstruction(self, pose: CameraPose, radius: float) -> Column:
+    def obstruction(self, pose: Pose, radius: float) -> Column:
         """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
 
         x and y are arrays or CasADi columns, z numbers. One `Field` is built for each radius and distinct
