@@ -72,6 +72,8 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
         yield Check(
             "costs the same wherever the world's frame lies", _fault(lambda: _reframed(criterion, world, model))
         )
+    if hasattr(criterion, "bound"):
+        yield Check("bounds the cost of every trajectory from below", _fault(lambda: _bounded(criterion, world, model)))
     if criterion.aggregate == "trajectory":
         return
     yield Check("costs the same on a trajectory as on its edges", _fault(lambda: _as_edges(criterion, world, model)))
@@ -184,6 +186,17 @@ def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> s
     return _differ(
         "on the trajectory", _added_up(criterion, costs, trajectory), _value(criterion, trajectory, world), 1e-9
     )
+
+
+def _bounded(criterion: Any, world: World, model: DifferentialDrive) -> str:
+    """A straight way, which a bound may meet, and detours, against the bound between their ends."""
+    straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
+    for trajectory in (straight, *(_detour(model, scale) for scale in (0.3, 1.0))):
+        ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]
+        bound, value = float(criterion.bound(*ends)[0]), trajectory_cost(criterion, trajectory, world)
+        if not 0.0 <= bound <= value * (1 + 1e-9):
+            return f"bound {bound:.6g} for a trajectory that costs {value:.6g}"
+    return ""
 
 
 def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:

@@ -14,6 +14,7 @@ from hpop.registry import criteria
 from hpop.testing import check_criterion, conformance, random_motions, random_world
 
 FRAME = "costs the same wherever the world's frame lies"
+BOUND = "bounds the cost of every trajectory from below"
 WALK = "adds up along lattice edges to the trajectory's cost"
 PICKLE = "survives pickling"
 FINITE = "costs a finite number >= 0 for each motion"
@@ -130,6 +131,17 @@ class Northward(Base):
 
 
 @dataclass(frozen=True)
+class Boastful(Base):
+    """Promises more than it costs."""
+
+    def cost(self, m):
+        return m.base.length
+
+    def bound(self, start, goal):
+        return 1.1 * np.hypot(goal.x - start.x, goal.y - start.y)
+
+
+@dataclass(frozen=True)
 class Crowded(Base):
     """Costs more among many motions than among few."""
 
@@ -229,6 +241,7 @@ WRONG = [
     (Timed(), EDGES, "without time"),
     (Northward(), FRAME, "in another frame"),
     (Crowded(), WALK, "along lattice edges"),
+    (Boastful(), BOUND, "bound 2.2 for a trajectory that costs 2"),
     (Flat(), HALVES, "in two halves"),
     (Flat(1e-5), HALVES, "in two halves"),
     (Square(), HALVES, "in two halves"),
@@ -273,7 +286,13 @@ def test_a_good_criterion_in_an_unusual_unit_passes():
 def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     claims = [check.claim for check in conformance(make_criterion("turns"))]
     assert claims == [PICKLE, FINITE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES]
-    assert [check.claim for check in conformance(make_criterion("length"))] == [*claims, SYMBOLS, GRADIENT]
+    assert [check.claim for check in conformance(make_criterion("length"))] == [
+        *claims[:4],
+        BOUND,
+        *claims[4:],
+        SYMBOLS,
+        GRADIENT,
+    ]
     assert [check.claim for check in conformance(Memory())] == [PICKLE, FINITE, AGAIN, FRAME]
     check_criterion(Memory())
 

@@ -49,6 +49,8 @@ class Criterion(Protocol):
     requires   bodies or world contents it needs: "camera", "people", ...
     smooth     whether the cost has a gradient; a nonlinear program refuses the others by name
     quantum    resolution at which costs are compared, in the unit: exact searches add integers of it
+
+    It may also have a method ``bound(start, goal)``: a lower bound (M,) on the cost of any trajectory between states.
     """
 
     @property

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.motions import Motions
+from hpop.math import hypot
+from hpop.motions import Motions, States
 
 
 @criterion("length", group="C", unit="m", aggregate="sum")
@@ -20,3 +21,7 @@ class Length:
     def cost(self, m: Motions) -> Column:
         """Path length (M,), m."""
         return m.base.length
+
+    def bound(self, start: States, goal: States) -> Column:
+        """Least length (M,), m, of any trajectory between two states: the straight line."""
+        return hypot(goal.x - start.x, goal.y - start.y)
