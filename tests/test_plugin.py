@@ -8,6 +8,8 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
+import venv
 from pathlib import Path
 
 import numpy as np
@@ -25,22 +27,30 @@ RUN = "from hpop.cli import main; main()"
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory) -> Path:
-    """A folder into which the plugin is installed, built without a network."""
-    source, target = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("site")
+def fresh(tmp_path_factory) -> Path:
+    """The Python of a new environment that sees what hpop needs, into which the plugin is installed by pip, offline."""
+    source, home = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("environment")
     shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
-    pip = [sys.executable, "-m", "pip", "install", "--no-index", "--no-deps", "--no-build-isolation", "--target"]
-    command = [*pip, str(target), "--quiet", "--disable-pip-version-check", str(source)]
-    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+    venv.create(home, with_pip=True)
+    python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    (own,) = home.rglob("site-packages")
+    needs = sysconfig.get_path("purelib")  # before the new environment's own, whose setuptools may be an old one
+    lines = f"import sys, site; site.addsitedir({needs!r}); sys.path.insert(0, {needs!r})\n"
+    (own / "hpop_and_its_needs.pth").write_text(lines)
+    options = ["--no-index", "--no-deps", "--no-build-isolation", "--quiet", "--disable-pip-version-check"]
+    done = subprocess.run(
+        [python, "-m", "pip", "install", *options, source], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
-    return target
+    return python
 
 
-def hpop(*arguments: str | Path, site: Path | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own, with or without the plugin's folder on its path."""
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    environment |= {"COLUMNS": "200"} | ({} if site is None else {"PYTHONPATH": str(site)})
-    command = [sys.executable, "-c", RUN, *map(str, arguments)]
+def hpop(
+    *arguments: str | Path, fresh: Path | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own: of the new environment, or of this one without the plugin."""
+    environment = {**os.environ, "COLUMNS": "200"}
+    command = [str(fresh or sys.executable), "-c", RUN, *map(str, arguments)]
     return subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, check=False)
 
 
@@ -59,22 +69,22 @@ def changed(scenario: Path, world: dict) -> Path:
 
 
 @pytest.mark.skipif(INSTALLED, reason="the example plugin is installed here for good")
-def test_its_criterion_is_listed_where_it_is_installed_only(site, tmp_path):
-    assert "oblique  m, sum, axis=0.0" in hpop("criteria", site=site, cwd=tmp_path).stdout
+def test_its_criterion_is_listed_where_it_is_installed_only(fresh, tmp_path):
+    assert "oblique  m, sum, axis=0.0" in hpop("criteria", fresh=fresh, cwd=tmp_path).stdout
     without = hpop("criteria", cwd=tmp_path)
     assert without.returncode == 0
     assert "oblique" not in without.stdout
 
 
-def test_its_criterion_passes_the_conformance_checks(site, tmp_path):
-    done = hpop("check", "oblique", site=site, cwd=tmp_path)
+def test_its_criterion_passes_the_conformance_checks(fresh, tmp_path):
+    done = hpop("check", "oblique", fresh=fresh, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
 
 
-def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(site, plan):
+def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(fresh, plan):
     out = plan.parent / "out"
-    done = hpop("plan", plan, "--out", out, site=site)
+    done = hpop("plan", plan, "--out", out, fresh=fresh)
     assert done.returncode == 0, done.stdout + done.stderr
     points = json.loads((out / "front.json").read_text())["points"]
     oblique, _, length = np.array([point["costs"] for point in points]).T
@@ -83,7 +93,7 @@ def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(site, plan):
     assert length[oblique < 1e-9].min() == pytest.approx(5.5 + 2 * 1.0)
     assert length.min() < 7.5
     (plan.parent / "plan.txt").unlink()
-    shown = hpop("show", out, site=site)
+    shown = hpop("show", out, fresh=fresh)
     assert shown.returncode == 0, shown.stderr
     assert "verified" in shown.stdout
 
@@ -108,8 +118,8 @@ def test_without_the_plugin_its_names_are_unknown(plan):
         ({"text_plan": {"path": "plan.txt"}, "movingai": {"path": "a.map"}}, 4, "no such key"),
     ],
 )
-def test_what_its_reader_cannot_take_is_said_with_the_key(site, plan, world, code, message):
-    done = hpop("plan", changed(plan, world), "--out", plan.parent / "out", site=site)
+def test_what_its_reader_cannot_take_is_said_with_the_key(fresh, plan, world, code, message):
+    done = hpop("plan", changed(plan, world), "--out", plan.parent / "out", fresh=fresh)
     assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
     assert message in done.stderr
     assert "world" in done.stderr
