@@ -136,3 +136,27 @@ def test_a_move_that_goes_nowhere_does_not_disturb_when_states_are_passed():
     there = history.executed.at(history.passed)
     np.testing.assert_allclose(there.x, x, atol=1e-3)
     np.testing.assert_allclose(there.yaw, states.yaw, atol=1e-9)
+
+
+def test_a_stopped_search_whose_ties_turns_break_claims_no_more_than_it_may():
+    """A point may tie with one not yet found in the first cost and lose in another: then it is not optimal."""
+    problem = hpop.Problem(HALL, ROBOT, (1, 4, 0), (9, 4, np.pi), ["length", "obstruction"])
+    exact = problem.solve("lattice", step=0.5).integers
+    stopped = 0
+    for labels in (200, 400, 800, 1600, 3200):
+        front = problem.solve("lattice", step=0.5, max_labels=labels)
+        if front.status == "complete":
+            continue
+        stopped += 1
+        assert "no path is better in every cost" in front.certificate
+        assert "every point is optimal" not in front.certificate
+        for point in front.integers:
+            assert not (exact < point).all(axis=1).any()
+    assert stopped > 0
+
+
+def test_a_stopped_search_in_which_turns_cost_finds_optimal_points_only():
+    problem = hpop.Problem(HALL, ROBOT, (1, 4, 0), (9, 4, np.pi), ["turns", "length"])
+    front = problem.solve("lattice", step=0.5, max_labels=20)
+    assert front.status == "label limit"
+    assert "every point is optimal" in front.certificate

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -79,9 +80,11 @@ class Lattice:
         if paths.status.is_final:
             claim = f"exact on {query.lattice.words} for ({query.names}), edge costs rounded to their quanta"
         else:
+            each = (
+                "every point is optimal" if query.tie_broken is None else "no path is better in every cost than a point"
+            )
             claim = (
-                f"incomplete ({paths.status}): every point is optimal on {query.lattice.words} for ({query.names}), "
-                "others are missing"
+                f"incomplete ({paths.status}): {each} on {query.lattice.words} for ({query.names}), others are missing"
             )
         found = {
             "method": paths.stats.method,
@@ -214,26 +217,34 @@ class LatticeQuery:
         """What one count of each cost is, (k,), in the criteria's units."""
         return np.array([criterion.quantum for criterion in self.objectives.optimised])
 
-    def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
-        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
+    @cached_property
+    def tie_broken(self) -> Graph | None:
+        """The graph with turns as a last tie-break, where no cost charges for every turn; None where one does.
 
-        Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns,
-        so nothing is lost; what differs in the turns alone is dropped afterwards.
+        Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns.
         """
         graph, count = self.graph, self.lattice.headings.count
         tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
         turns = tails // count == graph.heads // count
-        summed = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
-        charged = bool(turns.any()) and bool((graph.costs[turns][:, summed].min(axis=0) > 0).any())
-        if charged or not summed or not turns.any():
-            return search(graph)
-        first, costs = summed[0], graph.costs.copy()
-        costs[:, first] = costs[:, first] * TIE_TURNS + turns
+        summed = _summed(graph)
+        if not summed or not turns.any() or (graph.costs[turns][:, summed].min(axis=0) > 0).any():
+            return None
+        costs = graph.costs.copy()
+        costs[:, summed[0]] = costs[:, summed[0]] * TIE_TURNS + turns
         try:
-            tied = replace(graph, costs=costs)
+            return replace(graph, costs=costs)
         except GraphError:  # sums would overflow: the lattice is too large for a tie-break
-            return search(graph)
-        paths = search(tied)
+            return None
+
+    def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
+        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
+
+        A search that ends by itself loses nothing: what differs in the turns alone is dropped afterwards. One that is
+        stopped may keep a point that ties with a better one in the first summed cost.
+        """
+        if self.tie_broken is None:
+            return search(self.graph)
+        paths, first = search(self.tie_broken), _summed(self.graph)[0]
         found = paths.costs.copy()
         spun = found[:, first] % TIE_TURNS
         found[:, first] //= TIE_TURNS
@@ -301,3 +312,8 @@ class LatticeQuery:
             for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
             if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
         ]
+
+
+def _summed(graph: Graph) -> list[int]:
+    """Columns of the costs that add up."""
+    return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]

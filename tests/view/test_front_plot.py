@@ -121,7 +121,9 @@ def test_more_criteria_become_parallel_axes_with_the_least_at_the_bottom(make, k
 @pytest.mark.parametrize("k", [2, 3, 6])
 def test_a_criterion_that_is_constant_can_be_drawn(make_problem, make_front, k):
     front = make_front(make_problem(SIX[:k]), costs=np.arange(float(k))[None])
-    draw_front(front).canvas.draw()
+    figure = draw_front(front)
+    figure.canvas.draw()
+    assert f"{len(front)} non-dominated" in figure.get_suptitle()
 
 
 def test_one_criterion_is_one_axis(make_problem, make_front):
