@@ -4,32 +4,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.errors import GraphError, OptionError, QueryError
-from hpop.frontier import is_nondominated
+from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
-from hpop.planners.search import Graph, ParetoPaths, pareto_paths
-from hpop.planners.separation import what_separates
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
+from hpop.status import Budget, Progress, ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
-MAX_COSTS = 6
-TIE_TURNS = 2**18  # more turns than any path makes
-COARSE = 0.01
 
 
 @planner("lattice")
@@ -73,39 +65,27 @@ class Lattice:
         finite.
         """
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        budget = Budget(self.time_limit, self.max_labels, self.max_memory)
-        paths = query.with_fewest_turns(
-            lambda graph: pareto_paths(graph, query.start, query.goals, budget=budget, progress=progress)
-        )
-        if paths.status.is_final:
-            claim = f"exact on {query.lattice.words} for ({query.names}), edge costs rounded to their quanta"
-        else:
-            each = (
-                "every point is optimal" if query.tie_broken is None else "no path is better in every cost than a point"
-            )
-            claim = (
-                f"incomplete ({paths.status}): {each} on {query.lattice.words} for ({query.names}), others are missing"
-            )
-        found = {
-            "method": paths.stats.method,
-            "labels_generated": paths.stats.labels_generated,
-            "labels_expanded": paths.stats.labels_expanded,
-            "peak_memory": paths.stats.peak_memory,
-        }
-        return query.candidates("lattice", paths, claim, stats=found)
+        return query.exact("lattice", Budget(self.time_limit, self.max_labels, self.max_memory), progress)
 
-    def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> LatticeQuery:
+    def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> GraphQuery:
         """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
-        _refuse_who_moves(problem)
-        if len(objectives.optimised) > MAX_COSTS:
-            raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
+        refuse_unanswerable(problem, objectives, "lattice")
         began = time.perf_counter()
         if progress:
             progress(Progress("graph"))
         lattice = self.lattice(problem)
         start, goals, snapped = self.ends(lattice, problem)
         graph = lattice.graph(objectives.optimised)
-        return LatticeQuery(lattice, objectives, graph, start, goals, snapped, time.perf_counter() - began)
+        return GraphQuery(
+            lattice,
+            objectives,
+            graph,
+            start,
+            goals,
+            build_seconds=time.perf_counter() - began,
+            notes=snapped.notes,
+            origin={"goal_offset": snapped.distance},
+        )
 
     def lattice(self, problem: Problem) -> StateLattice:
         """The lattice anchored at the problem's start."""
@@ -161,18 +141,6 @@ class Lattice:
         return bool(lattice.collision.motions_free(Motions(lattice.world, lattice.model, law, start, end))[0])
 
 
-def _refuse_who_moves(problem: Problem) -> None:
-    """Raise QueryError that names people who move: the lattice has no time, so it cannot tell where they will be."""
-    people = problem.world.content.people
-    moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
-    if moving:
-        raise QueryError(
-            f"the lattice has no time, so it cannot tell where people who move will be: {', '.join(moving)}. Give them "
-            "no velocity to plan round where they are now, or leave them out and evaluate the criteria on the front's "
-            "trajectories, in the world with them."
-        )
-
-
 class Snapped(NamedTuple):
     """Where the goal was moved to: asked for and taken, (x, y) m, and the distance between, m."""
 
@@ -187,133 +155,3 @@ class Snapped(NamedTuple):
             return ()
         asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
         return (f"the goal {asked} was snapped to {taken}, {self.distance:.3f} m away",)
-
-
-@dataclass(frozen=True, eq=False)
-class LatticeQuery:
-    """A problem on a lattice, for whichever search: what to search, and what is said of the result.
-
-    graph          integer costs in quanta of ``objectives.optimised``
-    start, goals   state ids
-    snapped        where the goal was snapped to
-    build_seconds  s
-    """
-
-    lattice: StateLattice
-    objectives: Objectives
-    graph: Graph
-    start: int
-    goals: list[int]
-    snapped: Snapped
-    build_seconds: float
-
-    @property
-    def names(self) -> str:
-        """The optimised criteria, in words."""
-        return ", ".join(criterion.name for criterion in self.objectives.optimised)
-
-    @property
-    def quanta(self) -> FloatArray:
-        """What one count of each cost is, (k,), in the criteria's units."""
-        return np.array([criterion.quantum for criterion in self.objectives.optimised])
-
-    @cached_property
-    def tie_broken(self) -> Graph | None:
-        """The graph with turns as a last tie-break, where no cost charges for every turn; None where one does.
-
-        Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns.
-        """
-        graph, count = self.graph, self.lattice.headings.count
-        tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
-        turns = tails // count == graph.heads // count
-        summed = _summed(graph)
-        if not summed or not turns.any() or (graph.costs[turns][:, summed].min(axis=0) > 0).any():
-            return None
-        costs = graph.costs.copy()
-        costs[:, summed[0]] = costs[:, summed[0]] * TIE_TURNS + turns
-        try:
-            return replace(graph, costs=costs)
-        except GraphError:  # sums would overflow: the lattice is too large for a tie-break
-            return None
-
-    def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
-        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
-
-        A search that ends by itself loses nothing: what differs in the turns alone is dropped afterwards. One that is
-        stopped may keep a point that ties with a better one in the first summed cost.
-        """
-        if self.tie_broken is None:
-            return search(self.graph)
-        paths, first = search(self.tie_broken), _summed(self.graph)[0]
-        found = paths.costs.copy()
-        spun = found[:, first] % TIE_TURNS
-        found[:, first] //= TIE_TURNS
-        order = np.lexsort((spun, *found.T[::-1]))
-        kept = order[is_nondominated(found[order])]
-        return paths.select(found, kept)
-
-    def candidates(
-        self,
-        name: str,
-        paths: ParetoPaths,
-        claim: str,
-        *,
-        provenance: Sequence[Mapping[str, Any]] | None = None,
-        notes: Sequence[str] = (),
-        stats: Mapping[str, Any] | None = None,
-    ) -> Candidates:
-        """Paths as the candidates of the planner ``name``: each with its provenance, all with a claim and counts."""
-        objectives, lattice = self.objectives, self.lattice
-        nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
-        # A sum is rounded once an edge, a worst edge once.
-        summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
-        rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
-        blocked = (what_separates(lattice, self.start, self.goals),) if paths.status is Status.NO_PATH else ()
-        origins = provenance or [{} for _ in nodes]
-        return Candidates(
-            objectives=objectives.optimised,
-            trajectories=tuple(lattice.trajectory(n) for n in nodes),
-            planned=paths.costs * self.quanta,
-            tolerance=rounds * self.quanta,
-            status=paths.status,
-            certificate=f"{name}: {claim}{objectives.certificate}",
-            provenance=tuple(
-                {
-                    "planner": name,
-                    **self.lattice.options,
-                    "goal_offset": self.snapped.distance,
-                    "edges": int(n.size - 1),
-                    **origin,
-                }
-                for n, origin in zip(nodes, origins, strict=True)
-            ),
-            notes=(*objectives.notes, *self.snapped.notes, *blocked, *self._coarse(paths, rounds), *notes),
-            filters=objectives.filters,
-            stats={
-                "planner": name,
-                "states": lattice.size,
-                "edges": int(self.graph.heads.size),
-                "build_seconds": self.build_seconds,
-                **(stats or {}),
-                "bounds_seconds": paths.stats.seconds_bounds,
-                "search_seconds": paths.stats.seconds_search,
-            },
-        )
-
-    def _coarse(self, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-        """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
-        if not len(paths):
-            return []
-        error = 0.5 * rounds.max(axis=0) * self.quanta
-        size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * self.quanta
-        return [
-            f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "
-            "in all: that is coarse for this front; declare a smaller quantum"
-            for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
-            if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
-        ]
-
-
-def _summed(graph: Graph) -> list[int]:
-    """Columns of the costs that add up."""
-    return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]

@@ -7,45 +7,32 @@ step along the heading. Everything is built in array operations; a state's id is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError
-from hpop.math import wrap
-from hpop.models.collision import PlanarCollision
-from hpop.motions import Motions, States
-from hpop.planners.base import quantised
+from hpop.motions import States
 from hpop.planners.grid import Headings, steps_from
-from hpop.planners.search import Graph
-from hpop.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
-    from hpop.world import World
+from hpop.planners.separation import what_separates
+from hpop.planners.state_graph import StateGraph
 
 MAX_STATES = 40_000_000
-BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
 
 
 @dataclass(frozen=True, eq=False)
-class StateLattice:
+class StateLattice(StateGraph):
     """Grid positions through an anchor point, axes along the world's, and the robot's free states on them.
 
-    model, world
     anchor          (x, y) m of a grid position
     step            m between neighbouring positions
     headings        directions in which the robot stands and moves
     corner_cutting  whether a diagonal may pass between two blocked positions
     """
 
-    model: DifferentialDrive
-    world: World
     anchor: tuple[float, float]
     step: float
     headings: Headings
@@ -88,11 +75,6 @@ class StateLattice:
         last_row = math.floor((y_max - self.anchor[1]) / self.step + 1e-9)
         last_column = math.floor((x_max - self.anchor[0]) / self.step + 1e-9)
         return max(0, last_row - self.first[0] + 1), max(0, last_column - self.first[1] + 1)
-
-    @cached_property
-    def collision(self) -> PlanarCollision:
-        """What tells free states and motions."""
-        return PlanarCollision(self.model, self.world)
 
     def position(self, rows: IntArray, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """World x, y (P,), m, of grid cells."""
@@ -141,6 +123,10 @@ class StateLattice:
             return -1
         return int(self.number[row, column]) * self.headings.count + heading
 
+    def places(self, ids: IntArray) -> IntArray:
+        """Number (N,) of the grid position of each state."""
+        return ids // self.headings.count
+
     def states(self, ids: IntArray) -> States:
         """Positions and yaws, in [0, 2 pi), of states (N,)."""
         position, heading = np.divmod(ids, self.headings.count)
@@ -177,43 +163,6 @@ class StateLattice:
         free = self.collision.motions_free(self.motions("move", tail, head))
         return tail[free], head[free]
 
-    def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
-        """Edges (M,) as motions; a turn goes the shorter way, a half turn counter-clockwise."""
-        start, end = self.states(tails), self.states(heads)
-        end.__dict__["yaw"] = start.yaw + wrap(end.yaw - start.yaw) if kind == "turn" else start.yaw
-        return Motions(self.world, self.model, self.model.laws[kind], start, end)
-
-    def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """All edges in order, turns first, as tails, heads and motions, in batches of bounded size."""
-        for kind, (tails, heads) in (("turn", self.turns), ("move", self.moves)):
-            for begin in range(0, tails.size, BATCH):
-                part = slice(begin, begin + BATCH)
-                yield tails[part], heads[part], self.motions(kind, tails[part], heads[part])
-
-    def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
-
-        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape.
-        """
-        tails, heads, costs = [], [], []
-        for tail, head, motions in self.batches():
-            tails.append(tail)
-            heads.append(head)
-            costs.append(np.stack([quantised(motion_costs(c, motions), c) for c in criteria], axis=1))
-        aggregates = tuple("max" if c.aggregate == "max" else "sum" for c in criteria)
-        nothing = np.zeros(0, dtype=np.int64)
-        return Graph.from_arcs(
-            self.size,
-            np.concatenate([nothing, *tails]),
-            np.concatenate([nothing, *heads]),
-            np.concatenate([np.zeros((0, len(criteria)), dtype=np.int64), *costs]),
-            aggregates=aggregates,
-        )
-
-    def trajectory(self, ids: IntArray) -> Trajectory:
-        """The trajectory through states (n+1,): one motion an edge, yaw continuous."""
-        states = self.states(ids)
-        yaw = states.yaw[0] + np.concatenate([[0.0], np.cumsum(wrap(np.diff(states.yaw)))])
-        same = np.diff(ids // self.headings.count) == 0
-        kinds = tuple("turn" if turned else "move" for turned in same)
-        return Trajectory(self.model, States(x=states.x, y=states.y, yaw=yaw), kinds)
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """The widest passage between a state and the goals, or the wall, in words."""
+        return what_separates(self, start, goals)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
-from hpop.planners.lattice import Lattice, LatticeQuery
+from hpop.planners.lattice import Lattice
 from hpop.planners.search import supported_paths
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights
+from hpop.planners.state_graph import GraphQuery
 from hpop.status import Budget, ProgressCallback
 
 if TYPE_CHECKING:
@@ -107,9 +108,9 @@ class WeightedSum:
             stats=stats,
         )
 
-    def _claim(self, ended: bool, status: str, query: LatticeQuery) -> str:
+    def _claim(self, ended: bool, status: str, query: GraphQuery) -> str:
         """What is claimed, in words."""
-        where = f"{query.lattice.words} for ({query.names})"
+        where = f"{query.space.words} for ({query.names})"
         rounded = "edge costs rounded to their quanta"
         if not ended:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"

@@ -1,0 +1,291 @@
+"""Graphs of states that turns and moves connect, and a planning problem on such a graph, for whichever search.
+
+A lattice, a roadmap: what they have in common is that a state stands at a place, that turns join the states of one
+place, and that an edge is a motion, so criteria cost it as they cost trajectories.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.errors import GraphError, OptionError, QueryError
+from hpop.frontier import is_nondominated
+from hpop.math import wrap
+from hpop.models.collision import PlanarCollision
+from hpop.motions import Motions, States
+from hpop.planners.base import Candidates, Objectives, quantised
+from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.status import Budget, ProgressCallback, Status
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.models import DifferentialDrive
+    from hpop.problem import Problem
+    from hpop.world import World
+
+BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
+MAX_COSTS = 6
+TIE_TURNS = 2**18  # more turns than any path makes
+COARSE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class StateGraph(ABC):
+    """Free states of a model in a world, numbered from 0, and the motions that join them.
+
+    model, world
+    """
+
+    model: DifferentialDrive
+    world: World
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of states."""
+
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """What tells this graph from others, in words: "the lattice of step 0.25 m, ..."."""
+
+    @property
+    @abstractmethod
+    def options(self) -> dict[str, Any]:
+        """The same, JSON-able."""
+
+    @abstractmethod
+    def places(self, ids: IntArray) -> IntArray:
+        """Number (N,) of the place at which each state is; turns join the states of one place, moves places."""
+
+    @abstractmethod
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws of states (N,)."""
+
+    @property
+    @abstractmethod
+    def turns(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns."""
+
+    @property
+    @abstractmethod
+    def moves(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free moves."""
+
+    @abstractmethod
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Say in words why no path leads from a state to any of the goals."""
+
+    @cached_property
+    def collision(self) -> PlanarCollision:
+        """What tells free states and motions."""
+        return PlanarCollision(self.model, self.world)
+
+    def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
+        """Edges (M,) as motions; a turn goes the shorter way, a half turn counter-clockwise."""
+        start, end = self.states(tails), self.states(heads)
+        end.__dict__["yaw"] = start.yaw + wrap(end.yaw - start.yaw) if kind == "turn" else start.yaw
+        return Motions(self.world, self.model, self.model.laws[kind], start, end)
+
+    def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
+        """All edges in order, turns first, as tails, heads and motions, in batches of bounded size."""
+        for kind, (tails, heads) in (("turn", self.turns), ("move", self.moves)):
+            for begin in range(0, tails.size, BATCH):
+                part = slice(begin, begin + BATCH)
+                yield tails[part], heads[part], self.motions(kind, tails[part], heads[part])
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
+
+        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape.
+        """
+        tails, heads, costs = [], [], []
+        for tail, head, motions in self.batches():
+            tails.append(tail)
+            heads.append(head)
+            costs.append(np.stack([quantised(motion_costs(c, motions), c) for c in criteria], axis=1))
+        aggregates = tuple("max" if c.aggregate == "max" else "sum" for c in criteria)
+        nothing = np.zeros(0, dtype=np.int64)
+        return Graph.from_arcs(
+            self.size,
+            np.concatenate([nothing, *tails]),
+            np.concatenate([nothing, *heads]),
+            np.concatenate([np.zeros((0, len(criteria)), dtype=np.int64), *costs]),
+            aggregates=aggregates,
+        )
+
+    def trajectory(self, ids: IntArray) -> Trajectory:
+        """The trajectory through states (n+1,): one motion an edge, yaw continuous."""
+        states = self.states(ids)
+        yaw = states.yaw[0] + np.concatenate([[0.0], np.cumsum(wrap(np.diff(states.yaw)))])
+        same = np.diff(self.places(ids)) == 0
+        kinds = tuple("turn" if turned else "move" for turned in same)
+        return Trajectory(self.model, States(x=states.x, y=states.y, yaw=yaw), kinds)
+
+
+def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
+    """Raise where a graph without time, ``what``, cannot answer: people who move (QueryError), or too many costs."""
+    people = problem.world.content.people
+    moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
+    if moving:
+        raise QueryError(
+            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. Give them "
+            "no velocity to plan round where they are now, or leave them out and evaluate the criteria on the front's "
+            "trajectories, in the world with them."
+        )
+    if len(objectives.optimised) > MAX_COSTS:
+        raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
+
+
+@dataclass(frozen=True, eq=False)
+class GraphQuery:
+    """A problem on a graph of states, for whichever search: what to search, and what is said of the result.
+
+    space          the states
+    graph          integer costs in quanta of ``objectives.optimised``
+    start, goals   state ids
+    build_seconds  s
+    notes          what the user should know of the ends
+    origin         what the provenance of every candidate says beside the options of the space
+    """
+
+    space: StateGraph
+    objectives: Objectives
+    graph: Graph
+    start: int
+    goals: list[int]
+    build_seconds: float
+    notes: tuple[str, ...] = ()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def names(self) -> str:
+        """The optimised criteria, in words."""
+        return ", ".join(criterion.name for criterion in self.objectives.optimised)
+
+    @property
+    def quanta(self) -> FloatArray:
+        """What one count of each cost is, (k,), in the criteria's units."""
+        return np.array([criterion.quantum for criterion in self.objectives.optimised])
+
+    def exact(self, name: str, budget: Budget, progress: ProgressCallback | None = None) -> Candidates:
+        """All non-dominated paths, by exact search, as the candidates of the planner ``name``."""
+        paths = self.with_fewest_turns(
+            lambda graph: pareto_paths(graph, self.start, self.goals, budget=budget, progress=progress)
+        )
+        where = f"{self.space.words} for ({self.names})"
+        if paths.status.is_final:
+            claim = f"exact on {where}, edge costs rounded to their quanta"
+        else:
+            optimal = "every point is optimal"
+            each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
+            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing"
+        found = {
+            "method": paths.stats.method,
+            "labels_generated": paths.stats.labels_generated,
+            "labels_expanded": paths.stats.labels_expanded,
+            "peak_memory": paths.stats.peak_memory,
+        }
+        return self.candidates(name, paths, claim, stats=found)
+
+    @cached_property
+    def tie_broken(self) -> Graph | None:
+        """The graph with turns as a last tie-break, where no cost charges for every turn; None where one does.
+
+        Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns.
+        """
+        graph, place = self.graph, self.space.places(np.arange(self.graph.nodes))
+        turns = np.repeat(place, np.diff(graph.indptr)) == place[graph.heads]
+        summed = _summed(graph)
+        if not summed or not turns.any() or (graph.costs[turns][:, summed].min(axis=0) > 0).any():
+            return None
+        costs = graph.costs.copy()
+        costs[:, summed[0]] = costs[:, summed[0]] * TIE_TURNS + turns
+        try:
+            return replace(graph, costs=costs)
+        except GraphError:  # sums would overflow: the graph is too large for a tie-break
+            return None
+
+    def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
+        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
+
+        A search that ends by itself loses nothing: what differs in the turns alone is dropped afterwards. One that is
+        stopped may keep a point that ties with a better one in the first summed cost.
+        """
+        if self.tie_broken is None:
+            return search(self.graph)
+        paths, first = search(self.tie_broken), _summed(self.graph)[0]
+        found = paths.costs.copy()
+        spun = found[:, first] % TIE_TURNS
+        found[:, first] //= TIE_TURNS
+        order = np.lexsort((spun, *found.T[::-1]))
+        kept = order[is_nondominated(found[order])]
+        return paths.select(found, kept)
+
+    def candidates(
+        self,
+        name: str,
+        paths: ParetoPaths,
+        claim: str,
+        *,
+        provenance: Sequence[Mapping[str, Any]] | None = None,
+        notes: Sequence[str] = (),
+        stats: Mapping[str, Any] | None = None,
+    ) -> Candidates:
+        """Paths as the candidates of the planner ``name``: each with its provenance, all with a claim and counts."""
+        objectives, space = self.objectives, self.space
+        nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
+        # A sum is rounded once an edge, a worst edge once.
+        summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
+        rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
+        blocked = (space.what_separates(self.start, self.goals),) if paths.status is Status.NO_PATH else ()
+        origins = provenance or [{} for _ in nodes]
+        return Candidates(
+            objectives=objectives.optimised,
+            trajectories=tuple(space.trajectory(n) for n in nodes),
+            planned=paths.costs * self.quanta,
+            tolerance=rounds * self.quanta,
+            status=paths.status,
+            certificate=f"{name}: {claim}{objectives.certificate}",
+            provenance=tuple(
+                {"planner": name, **space.options, **self.origin, "edges": int(n.size - 1), **origin}
+                for n, origin in zip(nodes, origins, strict=True)
+            ),
+            notes=(*objectives.notes, *self.notes, *blocked, *self._coarse(paths, rounds), *notes),
+            filters=objectives.filters,
+            stats={
+                "planner": name,
+                "states": space.size,
+                "edges": int(self.graph.heads.size),
+                "build_seconds": self.build_seconds,
+                **(stats or {}),
+                "bounds_seconds": paths.stats.seconds_bounds,
+                "search_seconds": paths.stats.seconds_search,
+            },
+        )
+
+    def _coarse(self, paths: ParetoPaths, rounds: IntArray) -> list[str]:
+        """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
+        if not len(paths):
+            return []
+        error = 0.5 * rounds.max(axis=0) * self.quanta
+        size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * self.quanta
+        return [
+            f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "
+            "in all: that is coarse for this front; declare a smaller quantum"
+            for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
+            if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
+        ]
+
+
+def _summed(graph: Graph) -> list[int]:
+    """Columns of the costs that add up."""
+    return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
