@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import Criterion, motion_costs
+from hpop.errors import OptionError
 from hpop.motions import Law, Motions, Phase, Rate, States
 from hpop.symbols import elementwise
 from hpop.world import World
@@ -23,6 +24,17 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 ROUNDING = 0.02  # rad: the time of smaller turns is not believed
+
+
+def require_ipopt(planner: str) -> None:
+    """Raise OptionError where CasADi came without its solver."""
+    import casadi
+
+    if not casadi.has_nlpsol("ipopt"):
+        raise OptionError(
+            f"{planner} needs the solver IPOPT, which this installation of CasADi does not have; install CasADi's own "
+            "wheel (pip install --force-reinstall casadi), or use planner 'lattice'"
+        )
 
 
 class _Mapped:
