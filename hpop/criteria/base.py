@@ -50,7 +50,8 @@ class Criterion(Protocol):
     smooth     whether the cost has a gradient; a nonlinear program refuses the others by name
     quantum    resolution at which costs are compared, in the unit: exact searches add integers of it
 
-    It may also have a method ``bound(start, goal)``: a lower bound (M,) on the cost of any trajectory between states.
+    It may also have a method ``bound(start, goal)``: a lower bound (M,) on the cost of any trajectory between states;
+    and ``convex(path)``: the cost of polylines as a convex expression, see :mod:`hpop.criteria.convex`.
     """
 
     @property

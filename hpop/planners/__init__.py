@@ -4,5 +4,15 @@ from hpop.planners.base import Candidates, Planner, make_planner, planner
 from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
 from hpop.planners.weighted_sum import WeightedSum
+from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
 
-__all__ = ["Candidates", "EpsilonConstraint", "Lattice", "Planner", "WeightedSum", "make_planner", "planner"]
+__all__ = [
+    "Candidates",
+    "EpsilonConstraint",
+    "Lattice",
+    "Planner",
+    "WeightedSum",
+    "WeightedSumCorridor",
+    "make_planner",
+    "planner",
+]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
+from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.math import hypot
 from hpop.motions import Motions, States
 
@@ -25,3 +26,7 @@ class Length:
     def bound(self, start: States, goal: States) -> Column:
         """Least length (M,), m, of any trajectory between two states: the straight line."""
         return hypot(goal.x - start.x, goal.y - start.y)
+
+    def convex(self, path: ConvexPath) -> ConvexCost:
+        """A sum of norms."""
+        return ConvexCost(path.length, exact=True)

@@ -9,6 +9,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort.optic_flow import camera_height
+from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.bearings import MARGIN, as_seen
@@ -45,3 +46,10 @@ class PassingDistance:
         seen = as_seen(m.world, heights)
         worst = m.worst(lambda s: np.maximum(self.enough - seen.clearance(s.camera.x, s.camera.y, z=heights), 0.0))
         return np.where(m.camera.length > 0.0, worst, 0.0)
+
+    def convex(self, path: ConvexPath) -> ConvexCost:
+        """A bound: the distance to half-planes that hold all that is seen."""
+        z = float(np.round(path.model.pose("camera", path.start).z[0], 6))
+        heights = (z - self.band, z + self.band)
+        seen = as_seen(path.world, heights).free_space(heights)
+        return ConvexCost(path.shortfall(self.enough, seen, "camera"), exact=False)

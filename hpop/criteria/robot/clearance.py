@@ -8,6 +8,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
+from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 
@@ -30,3 +31,7 @@ class Clearance:
     def cost(self, m: Motions) -> Column:
         """Worst shortfall (M,), m."""
         return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))
+
+    def convex(self, path: ConvexPath) -> ConvexCost:
+        """A bound: the distance to half-planes that hold all obstacles."""
+        return ConvexCost(path.shortfall(self.enough, path.world.free_space(), "base"), exact=False)

@@ -1,0 +1,440 @@
+"""The weighted-sum planner in the continuum: convex programs through corridors of convex free regions."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, make_planner, planner
+from hpop.planners.corridor import Corridor, corridors
+from hpop.planners.corridor_program import CorridorProgram, solvers_from
+from hpop.planners.nlp import settled
+from hpop.planners.search.weighted_sum import check_divisions, integer_weights, simplex_lattice
+from hpop.planners.trust import judge
+from hpop.planners.vertices import Polyline
+from hpop.registry import planners
+from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.sweep import Sweep
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+NAME = "weighted-sum-corridor"
+SOLVER = "CLARABEL"
+SMALL = 1e-4  # added to every weight of a normalised cost, so that none is zero
+GAP = 0.01  # of the normalised weighted sum: the dichotomy leaves no more between its points and the front
+DIVISIONS = 6  # of the weights of more than two costs, unless said otherwise
+CONSTANT = 1e-6  # relative: a cost that differs by less among the individual optima is not traded
+SAME = 1e-6  # m: vertices that are nearer are the same
+
+
+@planner(NAME)
+@dataclass(frozen=True)
+class WeightedSumCorridor:
+    """Polylines of least weighted cost through corridors of convex free regions, for convex costs.
+
+    step        m      of the lattice whose paths are the warm starts
+    headings    4, 8 or 16 of that lattice
+    divisions   count  steps of the simplex lattice of weights
+    weights     rows of one weight a convex cost, in place of the simplex lattice
+    solver      of the convex programs, by cvxpy's name; where it fails, others that are installed are tried
+    warm_start  planner that gives the warm starts: a name, or ``{name: {option: value}}``
+    time_limit  s      warm starts included
+
+    Around each segment of each warm start a convex region is grown in which the robot is free; paths through the same
+    regions share a corridor. Its polylines have a vertex in each overlap of neighbouring regions, so they are free of
+    collisions all along. Costs are normalised from ideal to nadir of the corridor's own individual optima. Without
+    ``divisions`` or ``weights``, two convex costs are weighted by dichotomy until less than 1 % lies between the points
+    and the front, more by six divisions. 1e-4 is added to every weight, so a zero weight still breaks ties.
+
+    Accepts criteria that declare a convex form (:mod:`hpop.criteria.convex`), and counts that the number of moves and
+    turns settles; others are refused by name. Guarantees that each candidate is the optimum of its weights over its
+    corridor, to the solver's tolerance: a supported point of the corridor's convex problem. Where the convex form is
+    an upper bound (distances to obstacles), that bound is what is optimised and planned, within itself; reported costs
+    are exact as always. Other corridors may have better points. Cost: one compilation a corridor, 10 to 100 ms, and
+    5 to 10 ms a weight.
+    """
+
+    step: float = 0.25
+    headings: int = 8
+    divisions: int | None = None
+    weights: tuple[tuple[float, ...], ...] | None = None
+    solver: str = SOLVER
+    warm_start: str | Mapping[str, Mapping[str, Any]] = "lattice"
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        Budget(self.time_limit)
+        self._warm_planner(None)
+        if self.solver != SOLVER:
+            solvers_from(self.solver)
+        if self.divisions is not None:
+            check_divisions(self.divisions)
+        if self.weights is None:
+            return
+        if self.divisions is not None:
+            raise OptionError(f"give divisions or weights, not both; got {self.divisions!r} and {self.weights!r}")
+        if not isinstance(self.weights, list | tuple) or not self.weights:
+            raise OptionError(f"weights is a list of lists of numbers, one number a convex cost, got {self.weights!r}")
+        for row in self.weights:
+            integer_weights(row)
+        object.__setattr__(self, "weights", tuple(tuple(float(w) for w in row) for row in self.weights))
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan warm starts, then solve the convex programs of their corridors; one job of the executor is a corridor.
+
+        Raises UnsupportedCriterion for a criterion that is neither convex nor settled, OptionError for a solver that is
+        not installed or weights that are not one a convex cost, and what the planner of the warm starts raises.
+        """
+        began = time.perf_counter()
+        objectives = edge_objectives(problem.criteria, NAME)
+        run = _Run(problem, objectives, self, _convex(objectives, problem), began)
+        shared = run.shared()
+        first = self._warm_planner(self.time_limit).solve(problem, progress)
+        run.learn(first)
+        if not run.corridors or first.status is Status.INTERRUPTED:
+            run.notes += [*(() if first.trajectories else (f"no warm start: {first.status}",)), *first.notes]
+            return run.candidates(first.status)
+        status = Status.COMPLETE
+        try:
+            with Sweep(solve_corridor, shared, executor) as sweep:
+                for place, found in sweep.run(run.corridors, run.is_late):
+                    run.found[place] = found
+                    run.report(progress)
+                run.notes += sweep.notes
+        except KeyboardInterrupt:  # what is finished is kept
+            status = Status.INTERRUPTED
+        if len(run.found) < len(run.corridors):
+            status = status if status is Status.INTERRUPTED else Status.TIME_LIMIT
+            run.notes.append(
+                f"{status}: {len(run.corridors) - len(run.found)} of {len(run.corridors)} corridors were not tried"
+            )
+        return run.candidates(status)
+
+    def _warm_planner(self, seconds: float | None) -> Planner:
+        """The planner of the warm starts, with the options that it shares with this one."""
+        spec = self.warm_start
+        if isinstance(spec, Mapping):
+            if len(spec) != 1:
+                raise OptionError(f"warm_start is one planner with its options, got {spec!r}")
+            ((name, given),) = spec.items()
+            return make_planner(name, dict(given or {}))
+        if not isinstance(spec, str):
+            raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {spec!r}")
+        known = {option.name for option in dataclasses.fields(planners[spec])}
+        shared = {"step": self.step, "headings": self.headings, "time_limit": seconds}
+        return make_planner(spec, {name: value for name, value in shared.items() if name in known})
+
+
+def _convex(objectives: Objectives, problem: Problem) -> list[int]:
+    """Places of the criteria that declare a convex form; refuses all that no structure settles, by name."""
+    places = []
+    for j, criterion in enumerate(objectives.optimised):
+        if callable(getattr(criterion, "convex", None)):
+            places.append(j)
+        elif criterion.smooth or not settled(criterion, problem):
+            instead = "epsilon-constraint" if criterion.smooth else "lattice"
+            raise UnsupportedCriterion(
+                f"{NAME} needs criteria that declare a convex form, or counts that the number of moves and turns "
+                f"settles; {criterion.name!r} is not declared convex. Leave it out, or use planner {instead!r}."
+            )
+    if not places:
+        names = ", ".join(criterion.name for criterion in objectives.optimised)
+        raise UnsupportedCriterion(
+            f"{NAME} needs a convex criterion to minimise; {names} are settled by the number of moves and turns. Add "
+            "one, such as 'length'."
+        )
+    return places
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What all corridors need.
+
+    criteria  k convex ones
+    weights   rows (k,) of normalised costs, or None for the dichotomy
+    """
+
+    world: Any
+    model: Any
+    criteria: tuple[Criterion, ...]
+    weights: tuple[tuple[float, ...], ...] | None
+    solvers: tuple[str, ...]
+
+
+@dataclass(eq=False)
+class CorridorPoints:
+    """What was found in one corridor.
+
+    polylines      n
+    costs          (n, k) as the program added them up
+    exact          (k,) whether each is the cost itself or an upper bound
+    weights        n, for each polyline the weights of normalised costs of which it is the optimum
+    ideal, nadir   (k,) of the individual optima; empty if one of them was not found
+    solved         programs solved, by solver
+    failed         solves that failed, by solver and reason
+    unsolved       programs that no solver solved
+    build_seconds  s, of building and compiling
+    solve_seconds  s, of everything else
+    """
+
+    polylines: list[Polyline] = field(default_factory=list)
+    costs: list[FloatArray] = field(default_factory=list)
+    exact: tuple[bool, ...] = ()
+    weights: list[list[tuple[float, ...]]] = field(default_factory=list)
+    ideal: FloatArray = field(default_factory=lambda: np.empty(0))
+    nadir: FloatArray = field(default_factory=lambda: np.empty(0))
+    solved: Counter[str] = field(default_factory=Counter)
+    failed: Counter[str] = field(default_factory=Counter)
+    unsolved: int = 0
+    build_seconds: float = 0.0
+    solve_seconds: float = 0.0
+
+
+def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
+    """All weights of one corridor."""
+    began = time.perf_counter()
+    program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
+    program.compile()
+    built = time.perf_counter()
+    found = _Weighted(program).run(shared.weights)
+    found.exact = tuple(cost.exact for cost in program.costs)
+    found.solved, found.failed = program.solved, program.failed
+    found.build_seconds, found.solve_seconds = built - began, time.perf_counter() - built
+    return found
+
+
+@dataclass(eq=False)
+class _Weighted:
+    """The weights of one corridor's program, one after the other."""
+
+    program: CorridorProgram
+    found: CorridorPoints = field(default_factory=CorridorPoints)
+    vertices: list[FloatArray] = field(default_factory=list)
+
+    def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
+        """Individual optima first; they normalise the costs."""
+        k = len(self.program.criteria)
+        warm = self.program.evaluate(self.program.base)
+        units = [tuple(float(i == j) for i in range(k)) for j in range(k)]
+        self.scale = np.where(warm > CONSTANT, warm, 1.0)
+        optima = [self._solve(unit) for unit in units]
+        if any(costs is None for costs in optima):
+            return self.found
+        table = np.array(optima)
+        self.found.ideal, self.found.nadir = table.min(axis=0), table.max(axis=0)
+        ranges = self.found.nadir - self.found.ideal
+        traded = ranges > CONSTANT * self.scale
+        self.scale = np.where(traded, ranges, self.scale)
+        if weights is not None:
+            for row in weights:
+                share = tuple(w / sum(row) for w in row)
+                if share not in units:
+                    self._solve(share)
+        elif k == 2 and traded.all():
+            self._dichotomy(table[0], table[1])
+        return self.found
+
+    def _dichotomy(self, first: FloatArray, last: FloatArray) -> None:
+        """Weights normal to the line through two points, until nothing lies far below it (Cohon 1978)."""
+        waiting = [(first, last)]
+        while waiting:
+            a, b = waiting.pop()
+            normal = np.abs((a - b)[::-1] / self.scale[::-1])
+            normal = normal / normal.sum()
+            costs = self._solve(tuple(normal.tolist()))
+            if costs is not None and float(normal @ ((a - costs) / self.scale)) > GAP:
+                waiting += [(a, costs), (costs, b)]
+
+    def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
+        """Costs (k,) of the optimum of weights, which is filed."""
+        positive = (np.array(weights) + SMALL) / self.scale
+        vertices = self.program.solve(positive)
+        if vertices is None:
+            self.found.unsolved += 1
+            return None
+        vertices = self.program.tidied(vertices, positive)
+        costs = self.program.evaluate(vertices)
+        for i, known in enumerate(self.vertices):
+            if np.abs(known - vertices).max() <= SAME:
+                self.found.weights[i].append(weights)
+                return costs
+        self.vertices.append(vertices)
+        self.found.polylines.append(self.program.polyline(vertices))
+        self.found.costs.append(costs)
+        self.found.weights.append([weights])
+        return costs
+
+
+@dataclass(eq=False)
+class _Run:
+    """One run of the planner: its corridors and what was found in them."""
+
+    problem: Problem
+    objectives: Objectives
+    options: WeightedSumCorridor
+    convex: list[int]
+    began: float
+    warm_starts: int = 0
+    corridors: list[Corridor] = field(default_factory=list)
+    found: dict[int, CorridorPoints] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        return self.objectives.optimised
+
+    def shared(self) -> Shared:
+        """What workers need; checks the solver and the number of weights."""
+        k = len(self.convex)
+        criteria = tuple(self.criteria[j] for j in self.convex)
+        solvers = solvers_from(self.options.solver)
+        return Shared(self.problem.world, self.problem.model, criteria, self._weights(k), solvers)
+
+    def _weights(self, k: int) -> tuple[tuple[float, ...], ...] | None:
+        if self.options.weights is not None:
+            for row in self.options.weights:
+                integer_weights(row, k)
+            return self.options.weights
+        divisions = self.options.divisions
+        if k == 1:
+            return ()
+        if divisions is None and k == 2:
+            return None
+        divisions = DIVISIONS if divisions is None else divisions
+        check_divisions(divisions, k)
+        return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
+
+    def learn(self, candidates: Candidates) -> None:
+        """Corridors of the front of another planner, ends put on start and goal, those of its paths that are free."""
+        front = self.problem.front(candidates)
+        polylines = [Polyline.of(trajectory, self.problem) for trajectory in front.trajectories]
+        judged = judge(self.problem, self.criteria, [p.trajectory(self.problem.model) for p in polylines])
+        kept = [polylines[i] for i in judged.kept]
+        self.warm_starts = len(kept)
+        self.corridors, refused = corridors(kept, self.problem)
+        self.notes += judged.notes(f"{NAME}, warm starts")
+        if refused:
+            self.notes.append(f"{refused} of {len(kept)} warm starts touch an obstacle: no region can be grown there")
+        if not candidates.status.is_final:
+            self.notes.append(f"the warm starts are incomplete: {candidates.status}")
+
+    def is_late(self) -> bool:
+        """Whether the time is over."""
+        limit = self.options.time_limit
+        return limit is not None and time.perf_counter() - self.began > limit
+
+    def report(self, progress: ProgressCallback | None) -> None:
+        """Tell how many corridors are done."""
+        if progress:
+            points, spent = sum(len(f.polylines) for f in self.found.values()), time.perf_counter() - self.began
+            left = len(self.corridors) - len(self.found)
+            progress(Progress("corridors", len(self.found), left, points, seconds=spent))
+
+    def _each(self) -> Iterator[tuple[int, CorridorPoints, int]]:
+        """Every polyline: its corridor's place and points, and its own place among these."""
+        for place in sorted(self.found):
+            for i in range(len(self.found[place].polylines)):
+                yield place, self.found[place], i
+
+    def candidates(self, status: Status) -> Candidates:
+        """What was found, judged on the exact geometry, with everything that went wrong."""
+        each = list(self._each())
+        trajectories = [found.polylines[i].trajectory(self.problem.model) for _, found, i in each]
+        planned = np.zeros((len(each), len(self.criteria)))
+        counted = [j for j in range(len(self.criteria)) if j not in self.convex]
+        counts = [self.criteria[j] for j in counted]
+        planned[:, counted] = trajectory_costs(counts, trajectories, self.problem.world)
+        planned[:, self.convex] = np.array([found.costs[i] for _, found, i in each]).reshape(-1, len(self.convex))
+        exact = [all(found.exact[j] for found in self.found.values()) for j in range(len(self.convex))]
+        tolerance = np.tile([c.quantum for c in self.criteria], (len(each), 1))
+        for j, whole in zip(self.convex, exact, strict=True):
+            tolerance[:, j] += 0.0 if whole else planned[:, j]  # the cost lies between 0 and its upper bound
+        judged = judge(self.problem, self.criteria, trajectories, planned=planned, tolerance=tolerance)
+        return Candidates(
+            objectives=self.criteria,
+            trajectories=tuple(trajectories[i] for i in judged.kept),
+            planned=planned[judged.kept],
+            tolerance=tolerance[judged.kept],
+            status=status,
+            certificate=self._claim(exact),
+            provenance=tuple(self._provenance(*each[i]) for i in judged.kept),
+            notes=(*self.objectives.notes, *self.notes, *self._faults(), *judged.notes(NAME)),
+            filters=self.objectives.filters,
+            stats=self._stats(judged.dropped),
+        )
+
+    def _claim(self, exact: list[bool]) -> str:
+        """What is claimed, in words."""
+        names = [self.criteria[j].name for j in self.convex]
+        bounded = [name for name, whole in zip(names, exact, strict=True) if not whole]
+        bound = f", {', '.join(bounded)} represented by an upper bound" if bounded else ""
+        part = "" if len(self.found) == len(self.corridors) else f" (of {len(self.corridors)})"
+        return (
+            f"{NAME}: supported points, to solver tolerance, of the convex problems in ({', '.join(names)}){bound} "
+            f"through {len(self.found)} corridors{part} round the warm starts, not across corridors"
+            f"{self.objectives.certificate}"
+        )
+
+    def _provenance(self, place: int, found: CorridorPoints, i: int) -> dict[str, Any]:
+        return {
+            "planner": NAME,
+            "corridor": place,
+            "warm_starts": list(self.corridors[place].warm_starts),
+            "segments": len(found.polylines[i].lengths),
+            "criteria": [self.criteria[j].name for j in self.convex],
+            "weights": [list(row) for row in found.weights[i]],
+        }
+
+    def _faults(self) -> list[str]:
+        """Notes on solvers that failed, and on what no solver solved."""
+        failed, solved = self._sum("failed"), self._sum("solved")
+        others = {name: count for name, count in solved.items() if name != self.options.solver}
+        notes = []
+        if failed:
+            why = ", ".join(f"{reason} ({count} times)" for reason, count in sorted(failed.items()))
+            instead = ", ".join(f"{name} solved {count}" for name, count in sorted(others.items()))
+            notes.append(f"a solver failed: {why}; {instead or 'no other solved them'}")
+        unsolved = sum(found.unsolved for found in self.found.values())
+        if unsolved:
+            notes.append(f"{unsolved} convex programs were solved by no solver that is installed")
+        return notes
+
+    def _sum(self, name: str) -> Counter[str]:
+        return sum((getattr(found, name) for found in self.found.values()), Counter())
+
+    def _stats(self, dropped: dict[str, int]) -> dict[str, Any]:
+        solved = self._sum("solved")
+        every = [self.found[place] for place in sorted(self.found)]
+        seconds = sum(found.solve_seconds for found in every)
+        return {
+            "planner": NAME,
+            "warm_starts": self.warm_starts,
+            "corridors": len(self.corridors),
+            "regions": len({id(region) for corridor in self.corridors for region in corridor.regions}),
+            "unsafe_regions": len({id(r) for corridor in self.corridors for r in corridor.regions if not r.safe}),
+            "convex": [self.criteria[j].name for j in self.convex],
+            "ideal": [found.ideal.tolist() for found in every],
+            "nadir": [found.nadir.tolist() for found in every],
+            "added_to_each_weight": SMALL,
+            "weights_solved": solved.total(),
+            "solvers": dict(solved),
+            "failed": dict(self._sum("failed")),
+            "dropped": dropped,
+            "build_seconds": sum(found.build_seconds for found in every),
+            "solve_seconds": seconds,
+            "seconds_per_weight": seconds / max(1, solved.total()),
+            "seconds": time.perf_counter() - self.began,
+        }
