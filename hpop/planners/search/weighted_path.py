@@ -78,6 +78,41 @@ def compare(a: IntArray, b: IntArray) -> int:
 
 
 @kernel
+def reduced_costs(
+    indptr: IntArray, heads: NDArray[np.int32], costs: IntArray, h: IntArray, unreachable: int
+) -> tuple[IntArray, IntArray, IntArray, IntArray, NDArray[np.float64]]:
+    """Arcs that lead on, with their costs less what they gain on the bounds h (k, n) of the cost-to-go.
+
+    Returns offsets (n + 1,), places (m,) of the arcs among all, c(u, v) + h(v) - h(u) (m, k), the largest of these
+    (k,), and what no path without cycles exceeds (k,).
+    """
+    n, k = len(indptr) - 1, len(h)
+    start = np.zeros(n + 1, np.int64)
+    place = np.empty(len(heads), np.int64)
+    kept = np.empty((len(heads), k), np.int64)
+    largest = np.zeros(k, np.int64)
+    bound = np.zeros(k, np.float64)
+    size = 0
+    for u in range(n):
+        first = size
+        for a in range(indptr[u], indptr[u + 1]):
+            v = heads[a]
+            if h[0, v] < unreachable:
+                place[size] = a
+                for j in range(k):
+                    kept[size, j] = costs[a, j] + h[j, v] - h[j, u]
+                size += 1
+        for j in range(k):
+            most = np.int64(0)
+            for i in range(first, size):
+                most = max(most, kept[i, j])
+            largest[j] = max(largest[j], most)
+            bound[j] += most
+        start[u + 1] = size
+    return start, place[:size], kept[:size], largest, bound
+
+
+@kernel
 def weighted_path(
     indptr: IntArray,
     heads: NDArray[np.int32],

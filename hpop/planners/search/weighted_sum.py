@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock
 
 ROUND = 16  # weights tested before the hull is updated: the same with and without workers
-CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some tenths of a second
+CHUNK_ARCS = 2_000_000  # arcs of the graphs of one chunk of jobs: some hundredths of a second
 FINEST = 10**6  # denominators of given weights
 LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 MAX_WEIGHTS = 100_000
@@ -254,25 +254,18 @@ class _Run:
 
     def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
         """Drop arcs that lead nowhere and reduce the costs of the rest."""
+        from hpop.planners.search.weighted_path import reduced_costs
+
         graph = self.graph
-        tails = np.repeat(np.arange(graph.nodes, dtype=np.int32), np.diff(graph.indptr))
-        alive = h[0] < unreachable
-        self.place = np.flatnonzero(alive[graph.heads])
-        tails, heads = tails[self.place], graph.heads[self.place]
-        columns = [graph.costs[self.place, j] + row[heads] - row[tails] for j, row in enumerate(h)]
-        costs = np.stack(columns, axis=1)
-        indptr = np.zeros(graph.nodes + 1, np.int64)
-        np.cumsum(np.bincount(tails, minlength=graph.nodes), out=indptr[1:])
+        arrays = (graph.indptr, graph.heads, graph.costs)
+        indptr, self.place, costs, largest, worst = self.clock.call(reduced_costs, *arrays, h, unreachable)
         is_target = np.zeros(graph.nodes, np.uint8)
         is_target[targets] = 1
-        largest = tuple(int(c) for c in costs.max(axis=0, initial=0))
-        leaving = indptr[:-1][np.diff(indptr) > 0]
-        worst = np.maximum.reduceat(costs, leaving).sum(axis=0, dtype=np.float64) if leaving.size else np.zeros(len(h))
         # No path adds up to this much in a cost, so these are the digits of lexicographic order.
         self.radix = [int(min(1.001 * bound + 2, LARGEST_SUM)) for bound in worst]
-        if max(largest) < 2**31:
+        if largest.max() < 2**31:
             costs = costs.astype(np.int32)
-        self.data = Reduced(indptr, heads, costs, self.source, is_target, largest)
+        self.data = Reduced(indptr, graph.heads[self.place], costs, self.source, is_target, tuple(largest.tolist()))
 
     def _task(self, weights: Vector, limit: int) -> Task:
         """Weights with the ties of zero weights broken: one number whose digits are the sum and these costs."""
