@@ -3,6 +3,7 @@
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
+from hpop.planners.roadmap import Roadmap
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
 
@@ -11,6 +12,7 @@ __all__ = [
     "EpsilonConstraint",
     "Lattice",
     "Planner",
+    "Roadmap",
     "WeightedSum",
     "WeightedSumCorridor",
     "make_planner",

@@ -1,0 +1,189 @@
+"""The roadmap planner: every optimal trade-off on a probabilistic roadmap, exactly."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import OptionError, QueryError
+from hpop.models.collision import PlanarCollision, why_blocked
+from hpop.motions import States
+from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.roadmap_graph import StateRoadmap
+from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
+from hpop.planners.trust import judge
+from hpop.status import Budget, Progress, ProgressCallback
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+SAME = 1e-9  # m: two positions no further apart are one
+DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
+
+
+@planner("roadmap")
+@dataclass(frozen=True)
+class Roadmap:
+    """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
+
+    samples     count  free positions, drawn uniformly
+    neighbours  count  nearest positions to which each is linked; None takes ceil(2e log n) of n, as PRM* does
+    seed               of the random positions
+    time_limit  s      of the search; what is found until then is returned and called incomplete
+    max_labels  count  partial paths kept by the search
+    max_memory  bytes  allocated by the search
+
+    Links are straight moves, free on the exact geometry; the robot turns in place between any two of them, where it has
+    the room and they differ by a degree, the least that counts as a turn. Start and goal are exact, whatever their
+    headings, and linked to each other as well.
+
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
+    represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
+    roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
+    criteria's quanta edge by edge. With the rule of PRM* the shortest path converges to the shortest of all as samples
+    grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761, Theorem 34); this planner proves nothing of how far
+    it is. Costs a state for each heading of each link, and a turn for each two headings of a position.
+    """
+
+    samples: int = 500
+    neighbours: int | None = None
+    seed: int = 0
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+
+    def __post_init__(self) -> None:
+        for name, least in (("samples", 1), ("neighbours", 1), ("seed", 0)):
+            value = getattr(self, name)
+            whole = isinstance(value, int) and not isinstance(value, bool) and value >= least
+            if not whole and not (name == "neighbours" and value is None):
+                raise OptionError(f"{name} of a roadmap must be a whole number of at least {least}, got {value!r}")
+        self._budget()
+
+    def _budget(self) -> Budget:
+        return Budget(self.time_limit, self.max_labels, self.max_memory)
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Plan on the roadmap.
+
+        Raises QueryError when start or goal is blocked, or when people move, UnsupportedCriterion when no criterion
+        adds up along edges, CriterionError for a cost that is negative or not finite.
+        """
+        objectives = edge_objectives(problem.criteria, "roadmap")
+        refuse_unanswerable(problem, objectives, "roadmap")
+        began = time.perf_counter()
+        roadmap = self.roadmap(problem)
+        drawn = roadmap.options["samples"]
+        few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
+        notes = (few,) if drawn < self.samples else ()
+        return on_roadmap("roadmap", problem, objectives, roadmap, self._budget(), progress, began, notes)
+
+    def roadmap(self, problem: Problem) -> StateRoadmap:
+        """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked."""
+        ends = checked_ends(problem)
+        positions = np.concatenate([ends, self._drawn(problem)])
+        drawn = len(positions) - len(ends)
+        count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
+        return StateRoadmap(
+            problem.model,
+            problem.world,
+            positions,
+            np.concatenate([_nearest(positions, count), pairs(len(ends))]),
+            problem.start[2],
+            len(ends) - 1,
+            problem.goal[2],
+            name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
+            chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
+            remedy="take more samples",
+        )
+
+    def _drawn(self, problem: Problem) -> FloatArray:
+        """Free positions (n, 2), m, drawn uniformly; fewer than samples where next to nothing is free.
+
+        A position is taken if the robot is free there at a random heading.
+        """
+        rng = np.random.default_rng(self.seed)
+        collision = PlanarCollision(problem.model, problem.world)
+        x_min, y_min, x_max, y_max = problem.world.bounds
+        drawn = np.zeros((0, 2))
+        for _ in range(DRAWS):
+            x, y, yaw = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3)).T
+            free = collision.states_free(States(x=x, y=y, yaw=yaw))
+            drawn = np.concatenate([drawn, np.stack([x, y], axis=1)[free]])
+            if len(drawn) >= self.samples:
+                break
+        return drawn[: self.samples]
+
+
+def checked_ends(problem: Problem) -> FloatArray:
+    """Positions (2, 2) of start and goal, m, or (1, 2) where they are one; QueryError where one is blocked."""
+    yaw_matters = PlanarCollision(problem.model, problem.world).yaw_matters
+    for what, (x, y, yaw) in (("start", problem.start), ("goal", problem.goal)):
+        if yaw is None and yaw_matters:  # some heading may do
+            continue
+        reason = why_blocked(problem.model, problem.world, x, y, yaw or 0.0)
+        if reason:
+            raise QueryError(
+                f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}. Move it, or take a smaller robot."
+            )
+    start, goal = problem.start[:2], problem.goal[:2]
+    return np.array([start, goal] if math.dist(start, goal) > SAME else [start])
+
+
+def pairs(count: int) -> IntArray:
+    """All pairs (L, 2) of the first positions."""
+    return np.stack(np.triu_indices(count, 1), axis=1)
+
+
+def _nearest(positions: FloatArray, count: int) -> IntArray:
+    """Links (L, 2) from each position to its nearest ones."""
+    from scipy.spatial import KDTree
+
+    count = min(count, len(positions) - 1)
+    if not count:
+        return pairs(1)
+    _, nearest = KDTree(positions).query(positions, [*range(2, count + 2)])  # the first is itself
+    return np.stack([np.repeat(np.arange(len(positions)), count), nearest.ravel()], axis=1)
+
+
+def on_roadmap(
+    name: str,
+    problem: Problem,
+    objectives: Objectives,
+    roadmap: StateRoadmap,
+    budget: Budget,
+    progress: ProgressCallback | None,
+    began: float,
+    notes: tuple[str, ...],
+) -> Candidates:
+    """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
+    if progress:
+        progress(Progress("graph"))
+    graph = roadmap.graph(objectives.optimised)
+    seconds = time.perf_counter() - began
+    query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, seconds, notes)
+    found = query.exact(name, budget, progress)
+    judgement = judge(problem, found.objectives, found.trajectories, planned=found.planned, tolerance=found.tolerance)
+    kept = judgement.kept
+    dropped = len(found.trajectories) - kept.size
+    return replace(
+        found,
+        trajectories=tuple(found.trajectories[i] for i in kept),
+        planned=found.planned[kept],
+        tolerance=found.tolerance[kept],
+        provenance=tuple(found.provenance[i] for i in kept),
+        certificate=found.certificate + f"; without {dropped} that were dropped as not to be trusted" * bool(dropped),
+        notes=(*found.notes, *judgement.notes(name)),
+        stats={
+            **found.stats,
+            "positions": len(roadmap.positions),
+            "moves": int(roadmap.moves[0].size),
+            "turns": int(roadmap.turns[0].size),
+            "dropped": judgement.dropped,
+        },
+    )
