@@ -10,18 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.errors import UnsupportedCriterion
-from hpop.math import is_symbolic, smooth_abs
+from hpop.math import hypot, is_symbolic, smooth_abs
 
 if TYPE_CHECKING:
     from hpop.world import World
 
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
+CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
@@ -77,7 +78,8 @@ class Phase(NamedTuple):
     duration  (M,)  s
     begin     (M,)  share of the motion done when the phase begins
     end       (M,)  share done when it ends
-    shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration)
+    shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
+              evenly, but the states do not change in proportion to it
     """
 
     duration: Column
@@ -87,7 +89,7 @@ class Phase(NamedTuple):
 
     def share(self, u: Column) -> Column:
         """Share of the motion done at fraction ``u`` of the phase's time."""
-        grown = {"hold": 0.0 * u, "cruise": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
+        grown = {"hold": 0.0 * u, "cruise": u, "drive": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
         return self.begin + (self.end - self.begin) * grown
 
     def share_rates(self, u: Column) -> tuple[Column, Column]:
@@ -95,6 +97,7 @@ class Phase(NamedTuple):
         first, second = {
             "hold": (0.0 * u, 0.0),
             "cruise": (1.0 + 0.0 * u, 0.0),
+            "drive": (1.0 + 0.0 * u, 0.0),
             "speed-up": (2.0 * u, 2.0),
             "slow-down": (2.0 - 2.0 * u, -2.0),
         }[self.shape]
@@ -128,6 +131,37 @@ class Law(Protocol):
         """Signed rotation (M,), rad, of the base."""
 
 
+@runtime_checkable
+class Curve(Law, Protocol):
+    """A law of curves: what it varies is not in proportion to the share done, and its yaw rate may change its sign.
+
+    All others are taken to change their states evenly with the share, and each of their motions for one whole turn.
+    """
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """Names of the states that it needs beside the model's own."""
+
+    def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+        """First and second derivative of state ``name`` by the share."""
+
+    def swept(self, start: States, end: States) -> Column:
+        """Absolute rotation (M,), rad, of the base."""
+
+    def bends(self, start: States, end: States) -> tuple[Column, Column]:
+        """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
+
+    def strays(self, start: States, end: States) -> Column:
+        """How far (M,), m or rad, the end is from where the law leads from the start."""
+
+
+def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+    """First and second derivative of a state by the share of the motion done."""
+    if isinstance(law, Curve):
+        return law.slopes(name, start, end, share)
+    return getattr(end, name) - getattr(start, name), 0.0
+
+
 class Model(Protocol):
     """A system: what moves, by which laws, and where its camera is."""
 
@@ -158,17 +192,16 @@ class Body:
     length      (M,)  m    path length
     turned      (M,)  rad  absolute rotation
     rotation    (M,)  rad  signed rotation, counter-clockwise positive
+    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none: the motion itself,
+                      or maximal stretches of a curve in which the heading changes with one sign
     """
 
     start: Pose
     end: Pose
     length: Column
+    turned: Column
     rotation: Column
-
-    @cached_property
-    def turned(self) -> Column:
-        """Absolute rotation (M,), rad."""
-        return smooth_abs(self.rotation)
+    turns: tuple[Column, ...]
 
 
 class Instants:
@@ -193,7 +226,7 @@ class Instants:
         self._t = t
         self._derivatives = derivatives
         self.read: set[str] = set()
-        self.state = _LazyStates(motions.model.state_names, size, column, self.read)
+        self.state = _LazyStates(motions.start.names, size, column, self.read)
 
     @property
     def t(self) -> Column:
@@ -236,8 +269,12 @@ class Instants:
     @cached_property
     def camera_velocity(self) -> tuple[Column, Column]:
         """Velocity (x, y) of the camera in the world frame, m/s."""
+        return self.velocity(self.camera)
+
+    def velocity(self, body: Pose) -> tuple[Column, Column]:
+        """Velocity (x, y) of a body that is rigidly mounted on the base, m/s, world frame."""
         x, y, rate = (self._derivative(name, 0) for name in ("x", "y", "yaw"))
-        return x - rate * (self.camera.y - self.base.y), y + rate * (self.camera.x - self.base.x)
+        return x - rate * (body.y - self.base.y), y + rate * (body.x - self.base.x)
 
     def _ahead(self, order: int) -> Column:
         yaw = self.base.yaw
@@ -287,6 +324,8 @@ class Motions:
     end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
     t0      (M,) s start time of each motion, or None on a graph without time
     panels  quadrature panels a phase; None takes as many as the lengths ask for, which symbols cannot know (they get 3)
+    turns   (M,) rad, two columns: signed rotations of the turns that end in each motion along a curve; None where no
+            motion knows its neighbours
     """
 
     world: World
@@ -296,6 +335,7 @@ class Motions:
     end: States
     t0: Column | None = None
     panels: int | None = None
+    turns: tuple[Column, Column] | None = None
 
     def __len__(self) -> int:
         return self.start.size
@@ -326,12 +366,26 @@ class Motions:
         return self._body("camera")
 
     def _body(self, name: str) -> Body:
+        law, rotation = self.law, self.law.turned(self.start, self.end)
+        turned: Column = smooth_abs(rotation)
+        turns: tuple[Column, ...] = (rotation,)
+        if isinstance(law, Curve):
+            turned, turns = law.swept(self.start, self.end), self.turns or law.bends(self.start, self.end)
         return Body(
             start=self.model.pose(name, self.start),
             end=self.model.pose(name, self.end),
-            length=self.law.travel(self.start, self.end, self.model.lever(name)),
-            rotation=self.law.turned(self.start, self.end),
+            length=self._length(name),
+            turned=turned,
+            rotation=rotation,
+            turns=turns,
         )
+
+    def _length(self, name: str) -> Column:
+        """Path length (M,) of a body, m; on curves one off the axis goes now a longer, now a shorter way than it."""
+        lever = self.model.lever(name)
+        if lever and isinstance(self.law, Curve):
+            return self.integrate(lambda s: hypot(*s.velocity(self.model.pose(name, s.state))))
+        return self.law.travel(self.start, self.end, lever)
 
     def integrate(self, rate: Rate) -> Column:
         """Time integral (M,) of a rate along each motion.
@@ -360,6 +414,11 @@ class Motions:
             value = self._phase_worst(rate, phase)
             largest = value if largest is None else np.maximum(largest, value)
         return largest
+
+    def moment(self, share: float) -> Instants:
+        """The moment (M,) in each motion when a share of its time has passed; under laws of one phase."""
+        (phase,) = self.phases
+        return self._instants(phase, share, None)
 
     def _constant(self, rate: Rate) -> Column | None:
         """The rate (M,), if nothing that it reads changes within the motions; else None.
@@ -390,7 +449,7 @@ class Motions:
 
     @property
     def _symbolic(self) -> bool:
-        names = self.model.state_names
+        names = self.start.names
         return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
 
     def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
@@ -432,12 +491,13 @@ class Motions:
         if self.panels is not None:
             return np.full(len(self), self.panels)
         share = phase.end - phase.begin
-        lengths = np.maximum(self.base.length, self.camera.length) * share / self.world.cell
-        angles = self.camera.turned * share / PANEL_ANGLE
-        # Under constant acceleration the fastest panel covers up to twice the mean.
-        stretch = 2.0 if phase.shape in ("speed-up", "slow-down") else 1.0
+        farthest = self.law.travel(self.start, self.end, self.model.lever("camera"))
+        lengths = np.maximum(self.base.length, farthest) * share / self.world.cell
+        angles = self.base.turned * share / PANEL_ANGLE
+        # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
+        stretch = {"speed-up": 2.0, "slow-down": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
         panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
-        return np.asarray(np.maximum(1, panels), dtype=np.int64)
+        return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
 
     def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
         """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""
@@ -461,9 +521,9 @@ class Motions:
         def derivatives(name: str) -> tuple[Column, Column]:
             if name not in self.law.varies:
                 return 0.0 * picked.duration, 0.0 * picked.duration
-            span = getattr(end, name) - getattr(start, name)
             first, second = share_rates()
-            return span * first, span * second
+            slope, bend = slopes(self.law, name, start, end, share)
+            return slope * first, bend * first * first + slope * second
 
         t = None
         if self.t0 is not None:

@@ -59,7 +59,7 @@ def elementwise(function: Any, size: int) -> Any:
 class SymbolicMotions:
     """A batch of motions whose start and end states are symbols.
 
-    vector   MX of all states, start columns then end columns, in the model's order
+    vector   MX of all states, start columns then end columns, in the order of their names
     motions  the batch on those symbols
     point    (2 * states * M,) the numbers that the symbols stand for
     """
@@ -73,7 +73,7 @@ class SymbolicMotions:
         """Symbols in place of the states of a numeric batch."""
         import casadi
 
-        names, size = motions.model.state_names, len(motions)
+        names, size = motions.start.names, len(motions)
         numbers = [getattr(states, name) for states in (motions.start, motions.end) for name in names]
         vector = casadi.MX.sym("states", 2 * len(names) * size)
         columns = [lift(part, size) for part in casadi.vertsplit(vector, size)]
@@ -86,6 +86,7 @@ class SymbolicMotions:
             States(**dict(zip(names, end, strict=True))),
             t0=motions.t0,
             panels=motions.panels,
+            turns=motions.turns,
         )
         return cls(vector, symbolic, np.concatenate(numbers))
 

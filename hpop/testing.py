@@ -14,9 +14,10 @@ import numpy as np
 import shapely
 
 from hpop.arrays import Column, FloatArray
-from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost
+from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
+from hpop.models.driven import ahead, driven
 from hpop.motions import Motions, States
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
@@ -24,6 +25,8 @@ from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Landmark, Person, Zone
 
+KINDS = ("move", "turn", "drive")
+CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
@@ -51,13 +54,13 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     model = DifferentialDrive(camera_offset=(0.1, 0.05))
     world = random_world(rng)
     if criterion.aggregate == "trajectory":
-        trajectories = [_detour(model, scale) for scale in (0.3, 1.0)]
+        trajectories = [*(_detour(model, scale) for scale in (0.3, 1.0)), _slalom(model)]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([running_costs(asked, trajectory, world) for trajectory in trajectories])
 
     else:
-        batches = [random_motions(rng, world, model, kind, size) for kind in ("move", "turn") for size in (1, 40)]
+        batches = [random_motions(rng, world, model, kind, size) for kind in KINDS for size in (1, 40)]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
@@ -80,6 +83,7 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     yield Check("adds up along lattice edges to the trajectory's cost", _fault(lambda: _walk(criterion, rng, world)))
     yield Check("costs a motion the same alone and in a batch", _fault(lambda: _alone(criterion, batches)))
     yield Check("costs halves of a move as much as the whole", _fault(lambda: _halves(criterion, batches)))
+    yield Check("costs the same wherever a curve is cut", _fault(lambda: _cut(criterion, rng, world, model)))
     if criterion.smooth:
         yield Check("has the same value on CasADi symbols", _fault(lambda: _symbolic(criterion, batches)))
         yield Check("has the gradient of its differences", _fault(lambda: _gradient(criterion, batches)))
@@ -106,10 +110,21 @@ def random_world(rng: np.random.Generator) -> World:
 
 
 def random_motions(rng: np.random.Generator, world: World, model: DifferentialDrive, kind: str, size: int) -> Motions:
-    """Short moves, or turns of up to half a turn either way across yaw = pi, at least 0.5 m from what is blocked."""
+    """Short moves, turns of up to half a turn either way across yaw = pi, or curves; 0.5 m from what is blocked.
+
+    Every third curve begins or ends standing, every fourth turns first one way and then the other.
+    """
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
     x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
     yaw = rng.uniform(-np.pi, np.pi, size)
+    if kind == "drive":
+        speeds, bends = rng.uniform(0.3, 1.0, (2, size)), rng.uniform(0.4, 1.5, (2, size))
+        speeds[rng.integers(0, 2, size), np.arange(size)] *= np.arange(size) % 3 > 0
+        bends = bends * rng.choice([-1.0, 1.0], size) * np.array([np.ones(size), np.where(np.arange(size) % 4, 1, -1)])
+        lasts = rng.uniform(0.2, 0.4, size)
+        start = States(x=x, y=y, yaw=yaw, speed=speeds[0], turn_rate=bends[0], clock=rng.uniform(0, 60, size))
+        end = ahead(start, (speeds[1] - speeds[0]) / lasts, (bends[1] - bends[0]) / lasts, lasts)
+        return Motions(world, model, model.laws[kind], start, end, t0=start.clock)
     length = rng.uniform(0.1, 0.4, size) if kind == "move" else np.zeros(size)
     turn = rng.uniform(0.2, 3.1, size) * rng.choice([-1.0, 1.0], size) if kind == "turn" else np.zeros(size)
     end = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw + turn)
@@ -154,6 +169,21 @@ def _part(motions: Motions, index: slice) -> Motions:
     return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
 
 
+def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: DifferentialDrive) -> str:
+    """Curves, each a trajectory of one motion, against the same cut in two and in five."""
+    m = random_motions(rng, world, model, "drive", 20)
+    columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
+    wholes = [Trajectory(model, States(**{n: c[i] for n, c in columns.items()}), (m.kind,)) for i in range(len(m))]
+    expected = trajectory_costs([criterion], wholes, world)
+    for pieces in (2, 5):
+        apart = trajectory_costs([criterion], [whole.cut(np.array([pieces])) for whole in wholes], world)
+        limits = (world.cell, 1.0) if criterion.aggregate == "max" else (CUT_TOLERANCE, None)
+        fault = _differ(f"in {pieces} pieces", expected, apart, *limits)
+        if fault:
+            return fault
+    return ""
+
+
 def _halves(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in (m for m in batches if m.kind == "move"):
         start, end = motions.start, motions.end
@@ -176,22 +206,32 @@ def _detour(model: DifferentialDrive, scale: float) -> Trajectory:
     return Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
 
 
+def _slalom(model: DifferentialDrive) -> Trajectory:
+    """Curves through the room from rest to rest: to the left, to the right, straight on, and about on the spot."""
+    left, right = [(0.0, 2.0, 0.6), (0.0, 0.0, 0.4), (0.0, -2.0, 0.6)], [(0.0, -2.0, 0.6), (0.0, 2.0, 0.6)]
+    on_the_spot = [(0.0, 3.0, 0.4), (0.0, -3.0, 0.4)]
+    controls = [(1.0, 0.0, 0.8), *left, *right, (0.0, 0.0, 1.0), *right, *left, (-0.8, 0.0, 1.0), *on_the_spot]
+    return driven(model, (1.0, 1.0, 0.2), controls)
+
+
 def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
-    """One trajectory's value against the sum (mean, maximum) over its motions, law by law."""
-    trajectory = _detour(model, 1.0)
-    costs = np.zeros(len(trajectory))
-    for index, motions in trajectory.batches(world):
-        # On a graph without time; a criterion that asks for the time is only defined on trajectories.
-        costs[index] = motion_costs(criterion, replace(motions, t0=None))
-    return _differ(
-        "on the trajectory", _added_up(criterion, costs, trajectory), _value(criterion, trajectory, world), 1e-9
-    )
+    """Two trajectories' values against the sum (mean, maximum) over their motions, law by law."""
+    for trajectory in (_detour(model, 1.0), _slalom(model)):
+        costs = np.zeros(len(trajectory))
+        for index, motions in trajectory.batches(world):
+            # On a graph without time; a criterion that asks for the time is only defined on trajectories.
+            costs[index] = motion_costs(criterion, replace(motions, t0=None))
+        added = _added_up(criterion, costs, trajectory)
+        fault = _differ("on the trajectory", added, _value(criterion, trajectory, world), 1e-9)
+        if fault:
+            return fault
+    return ""
 
 
 def _bounded(criterion: Any, world: World, model: DifferentialDrive) -> str:
     """A straight way, which a bound may meet, and detours, against the bound between their ends."""
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
-    for trajectory in (straight, *(_detour(model, scale) for scale in (0.3, 1.0))):
+    for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]
         bound, value = float(criterion.bound(*ends)[0]), trajectory_cost(criterion, trajectory, world)
         if not 0.0 <= bound <= value * (1 + 1e-9):
@@ -228,12 +268,17 @@ def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatA
 
 def _reframed(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
     """World and trajectory turned and shifted together; fields lie on another grid then, hence the tolerance."""
-    trajectory = _detour(model, 1.0)
-    s = trajectory.states
-    x, y = _turned(s.x, s.y)
-    moved = Trajectory(model, States(x=x, y=y, yaw=s.yaw + FRAME[2]), trajectory.kinds)
-    there = _value(criterion, moved, reframed(world))
-    return _differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
+    elsewhere = reframed(world)
+    for trajectory in (_detour(model, 1.0), _slalom(model)):
+        s = trajectory.states
+        x, y = _turned(s.x, s.y)
+        others = {name: getattr(s, name) for name in s.names[3:]}
+        moved = Trajectory(model, States(x=x, y=y, yaw=s.yaw + FRAME[2], **others), trajectory.kinds)
+        there = _value(criterion, moved, elsewhere)
+        fault = _differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
+        if fault:
+            return fault
+    return ""
 
 
 def reframed(world: World) -> World:

@@ -16,7 +16,7 @@ from hpop.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.world import World
 
-PIECE = 0.1  # s: motions at constant speed are cut into pieces of about this duration
+PIECE = 0.1  # s: motions at constant speed, and curves, are cut into pieces of about this duration
 MOST_PIECES = 4000
 AGREES = 0.02  # a criterion whose pieces add up to something else, as a share of its value, is traced motion by motion
 
@@ -25,7 +25,7 @@ AGREES = 0.02  # a criterion whose pieces add up to something else, as a share o
 class Trace:
     """Criteria along a trajectory, piece by piece.
 
-    trajectory  cut into pieces: short motions at constant speed, and whole turns
+    trajectory  cut into pieces: short motions at constant speed or along curves, and whole turns
     criteria    k
     cost        (k,)    value on the whole trajectory
     running     (n, k)  value over everything up to the end of each piece: total, mean, worst, or value with memory
@@ -73,19 +73,17 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def in_pieces(trajectory: Trajectory) -> Trajectory:
-    """Cut motions at constant speed into short ones, as a finer lattice would have them."""
+    """Cut motions at constant speed and curves into short ones, as a finer lattice would have them."""
     if not len(trajectory):
         return trajectory
     steady = np.zeros(len(trajectory), dtype=bool)
     for i, kind in enumerate(trajectory.kinds):
         ends = trajectory.states.take(slice(i, i + 1)), trajectory.states.take(slice(i + 1, i + 2))
-        steady[i] = [phase.shape for phase in trajectory.model.laws[kind].phases(*ends)] == ["cruise"]
+        shapes = [phase.shape for phase in trajectory.model.laws[kind].phases(*ends)]
+        steady[i] = shapes in (["cruise"], ["drive"])
     piece = max(PIECE, trajectory.duration / MOST_PIECES)
     pieces = np.where(steady, np.maximum(1, np.ceil(trajectory.durations / piece)), 1).astype(int)
-    owner = np.repeat(np.arange(len(trajectory)), pieces)
-    within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
-    times = np.append(trajectory.times[owner] + within * trajectory.durations[owner], trajectory.duration)
-    return Trajectory(trajectory.model, trajectory.at(times), tuple(trajectory.kinds[i] for i in owner))
+    return trajectory.cut(pieces)
 
 
 def _along(

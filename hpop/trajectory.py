@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,13 +12,14 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError
 from hpop.math import wrap
-from hpop.motions import Model, Motions, States
+from hpop.motions import Curve, Model, Motions, States, slopes
 
 if TYPE_CHECKING:
     from hpop.world import World
 
 STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
 STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
+LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,8 @@ class Trajectory:
     """Motions of a model, in time order; the end of each is the start of the next.
 
     model   the system that moves
-    states  (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad
+    states  (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
+            states, then those that curves need beside them
     kinds   (n,) law of each motion; none when the start is the goal
     """
 
@@ -38,8 +40,6 @@ class Trajectory:
         columns = {name: frozen(np.asarray(getattr(self.states, name), float)) for name in self.states.names}
         object.__setattr__(self, "states", States(**columns))
         object.__setattr__(self, "kinds", tuple(self.kinds))
-        if self.states.names != self.model.state_names:
-            raise ModelError(f"states {self.states.names} given, but the model has {self.model.state_names}")
         if any(column.shape != (len(self.kinds) + 1,) for column in columns.values()):
             raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
         if not all(np.isfinite(column).all() for column in columns.values()):
@@ -47,7 +47,11 @@ class Trajectory:
         unknown = set(self.kinds) - set(self.model.laws)
         if unknown:
             raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(self.model.laws)}")
+        names = (*self.model.state_names, *extras(self.model, self.kinds))
+        if self.states.names != names:
+            raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
         self._check_what_stays()
+        self._check_curves()
 
     def _check_what_stays(self) -> None:
         """A law that does not vary a state would hide a jump in it from every criterion."""
@@ -57,6 +61,17 @@ class Trajectory:
                 if jump.max() > STILL:
                     i = int(index[np.argmax(jump)])
                     raise ModelError(f"a {kind} does not change {name}, but motion {i} does, by {jump.max():.3g}")
+
+    def _check_curves(self) -> None:
+        """The states of a curve fix its way: they may not contradict it."""
+        for index, law in self._curves():
+            strays = law.strays(self.states.take(index), self.states.take(index + 1))
+            if strays.max() > LED:
+                i = int(index[np.argmax(strays)])
+                raise ModelError(
+                    f"motion {i}, a {law.kind}, ends {strays.max():.3g} m or rad from where its speeds lead; the "
+                    "states of a curve must agree with each other, and its clock may not run backwards"
+                )
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -113,8 +128,39 @@ class Trajectory:
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
         """The motions grouped by law, each group with the places of its motions in time order."""
         for kind, index in self._by_kind():
-            start, end = self.states.take(index), self.states.take(index + 1)
-            yield index, Motions(world, self.model, self.model.laws[kind], start, end, t0=self.times[index])
+            yield index, _motions(world, self.model, kind, self.states, self.times, self.turns, index, index)
+
+    @cached_property
+    def turns(self) -> tuple[FloatArray, FloatArray]:
+        """Signed rotations, two columns (n,), rad, of the turns along curves that end in each motion; 0 for none.
+
+        A turn is a maximal stretch of curves in which the heading changes with one sign. It ends with its motion where
+        the next begins to turn the other way or does not turn at all, and within a motion where the yaw rate changes
+        its sign; so two can end in one motion. Wherever curves are cut, their turns stay the same.
+        """
+        first, second = np.zeros(len(self)), np.zeros(len(self))
+        for index, law in self._curves():
+            first[index], second[index] = law.bends(self.states.take(index), self.states.take(index + 1))
+        ended: tuple[FloatArray, FloatArray] = (np.zeros(len(self)), np.zeros(len(self)))
+        rotated = 0.0  # in the stretch so far
+        for i in range(len(self)):
+            if rotated * first[i] <= 0.0 and i:
+                ended[int(second[i - 1] != 0.0)][i - 1] = rotated
+                rotated = 0.0
+            rotated += first[i]
+            if second[i]:
+                ended[0][i] = rotated
+                rotated = second[i]
+        if len(self):
+            ended[int(second[-1] != 0.0)][-1] = rotated
+        return ended
+
+    def cut(self, pieces: IntArray) -> Trajectory:
+        """The same trajectory, each motion (n,) cut into so many of equal duration; only motions at one pace can be."""
+        owner = np.repeat(np.arange(len(self)), pieces)
+        within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
+        times = np.append(self.times[owner] + within * self.durations[owner], self.duration)
+        return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner))
 
     def at(self, t: FloatArray | float) -> States:
         """States at times t (N,), s; before the start and after the goal the robot stands there."""
@@ -171,6 +217,12 @@ class Trajectory:
         for kind in dict.fromkeys(self.kinds):
             yield kind, np.flatnonzero(kinds == kind)
 
+    def _curves(self) -> Iterator[tuple[IntArray, Curve]]:
+        for kind, index in self._by_kind():
+            law = self.model.laws[kind]
+            if isinstance(law, Curve):
+                yield index, law
+
     def _phases(self, kind: str, index: IntArray) -> Any:
         return self.model.laws[kind].phases(self.states.take(index), self.states.take(index + 1))
 
@@ -184,7 +236,7 @@ class Trajectory:
 
     def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
         moments = np.clip(np.atleast_1d(np.asarray(t, float)), 0.0, self.duration)
-        names = self.model.state_names
+        names = self.states.names
         value = {name: np.full(moments.shape, getattr(self.states, name)[0]) for name in names}
         first = {name: np.zeros(moments.shape) for name in names}
         second = {name: np.zeros(moments.shape) for name in names}
@@ -210,16 +262,22 @@ class Trajectory:
             share = phase.share(np.clip(u, 0.0, 1.0))
             speed, change = phase.share_rates(np.clip(u, 0.0, 1.0))
             chosen = within & ~np.isnan(elapsed)
-            for name in self.model.state_names:
-                span = getattr(end, name) - getattr(start, name)
-                at = place[chosen]
+            at = place[chosen]
+            for name in self.states.names:
                 if name in law.varies:
+                    slope, bend = slopes(law, name, start, end, share)
                     out[0][name][at] = law.interpolate(name, start, end, share)[chosen]
-                    out[1][name][at] = (span * speed)[chosen]
-                    out[2][name][at] = (span * change)[chosen]
+                    out[1][name][at] = (slope * speed)[chosen]
+                    out[2][name][at] = (bend * speed * speed + slope * change)[chosen]
                 else:
                     out[0][name][at] = getattr(start, name)[chosen]
             elapsed = np.where(within, np.nan, elapsed - phase.duration)
+
+
+def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
+    """States that the laws of some kinds need beside the model's own, in order."""
+    laws = [model.laws[kind] for kind in dict.fromkeys(kinds)]
+    return tuple(dict.fromkeys(name for law in laws if isinstance(law, Curve) for name in law.extra))
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
@@ -227,15 +285,32 @@ def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[
     if not trajectories:
         return
     model = trajectories[0].model
-    names = model.state_names
-    starts, ends = (
-        {name: np.concatenate([getattr(t.states, name)[part] for t in trajectories]) for name in names}
-        for part in (slice(None, -1), slice(1, None))
-    )
-    owner = np.repeat(np.arange(len(trajectories)), [len(t) for t in trajectories])
-    t0 = np.concatenate([t.times[:-1] for t in trajectories])
+    names = dict.fromkeys(name for t in trajectories for name in t.states.names)
+    nothing = {len(t): np.full(len(t) + 1, np.nan) for t in trajectories}  # what its laws do not need
+    states = States(**{n: np.concatenate([getattr(t.states, n, nothing[len(t)]) for t in trajectories]) for n in names})
+    times = np.concatenate([t.times for t in trajectories])
+    sizes = np.array([len(t) for t in trajectories])
+    owner = np.repeat(np.arange(len(trajectories)), sizes)
+    begins = np.arange(owner.size) + owner  # every trajectory has one state more than motions
+    first, second = (np.concatenate([t.turns[side] for t in trajectories]) for side in (0, 1))
     kinds = np.array([kind for t in trajectories for kind in t.kinds], dtype=str)
     for kind in dict.fromkeys(kinds.tolist()):
         index = np.flatnonzero(kinds == kind)
-        start, end = States(**starts).take(index), States(**ends).take(index)
-        yield owner[index], Motions(world, model, model.laws[kind], start, end, t0=t0[index])
+        yield owner[index], _motions(world, model, kind, states, times, (first, second), index, begins[index])
+
+
+def _motions(
+    world: World,
+    model: Model,
+    kind: str,
+    states: States,
+    times: FloatArray,
+    turns: tuple[FloatArray, FloatArray],
+    index: IntArray,
+    begins: IntArray,
+) -> Motions:
+    """Motions under one law: their places among all motions, and the states at which they begin."""
+    law, names = model.laws[kind], (*model.state_names, *extras(model, (kind,)))
+    start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
+    ended = (turns[0][index], turns[1][index]) if isinstance(law, Curve) else None
+    return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

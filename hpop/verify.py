@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.math import wrap
 from hpop.models.solid import SolidCollision
-from hpop.motions import States
+from hpop.motions import Curve, States
 from hpop.planners.base import edge_objectives
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -22,6 +22,8 @@ SPACING = 0.05  # m or rad: distance between the states at which collisions are 
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same
 HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
+STEPS = 100  # in which a curve is looked at
+FASTER = 1e-3  # share by which a wheel may exceed its limits
 MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
 
 
@@ -41,7 +43,7 @@ def verify(problem: Problem, front: Front) -> list[str]:
             f"trajectory {i} {fault}"
             for fault in (
                 *_end_faults(problem, trajectory, _offset(front.provenance[i])),
-                *_heading_faults(trajectory),
+                *_heading_faults(problem, trajectory),
             )
         ]
     free = collision_free(problem, front.trajectories)
@@ -115,16 +117,50 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
         yield "does not end with the goal's heading"
 
 
-def _heading_faults(trajectory: Trajectory) -> Iterator[str]:
+def _heading_faults(problem: Problem, trajectory: Trajectory) -> Iterator[str]:
     """Motions that slide sideways or go back: a differential drive only goes where it looks."""
     s, laws = trajectory.states, trajectory.model.laws
     dx, dy = np.diff(s.x), np.diff(s.y)
     side = dy * np.cos(s.yaw[:-1]) - dx * np.sin(s.yaw[:-1])
     ahead = dx * np.cos(s.yaw[:-1]) + dy * np.sin(s.yaw[:-1])
-    straight = np.array([{"x", "y"} <= laws[kind].varies for kind in trajectory.kinds], dtype=bool)
+    curved = _curved(trajectory)
+    straight = np.array([{"x", "y"} <= laws[kind].varies for kind in trajectory.kinds], dtype=bool) & ~curved
     wrong = np.flatnonzero(straight & ((np.abs(side) > CLOSE) | (ahead < -CLOSE)))
     if wrong.size:
         yield f"does not go ahead in motion {wrong[0]}, a {trajectory.kinds[wrong[0]]}"
+    yield from _curve_faults(problem, trajectory, np.flatnonzero(curved))
+
+
+def _curve_faults(problem: Problem, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
+    """Curves along which the robot slides or goes back, or whose wheels are faster than the model's.
+
+    Told by differences of places and headings over hundredths of each motion.
+    """
+    model, lasts = problem.model, trajectory.durations[curved]
+    times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
+    s = trajectory.at(times.ravel())
+    x, y, yaw = (np.reshape(column, times.shape) for column in (s.x, s.y, s.yaw))
+    dx, dy, turned, heading = np.diff(x), np.diff(y), np.diff(yaw), 0.5 * (yaw[:, 1:] + yaw[:, :-1])
+    ahead, side = dx * np.cos(heading) + dy * np.sin(heading), dy * np.cos(heading) - dx * np.sin(heading)
+    wheels = np.stack([ahead + sign * 0.5 * model.wheel_base * turned for sign in (-1.0, 1.0)])  # (2, c, STEPS), m
+    fastest = np.abs(wheels).max(axis=(0, 2), initial=0.0) * STEPS
+    hardest = np.abs(np.diff(wheels)).max(axis=(0, 2), initial=0.0) * STEPS**2
+    for wrong, fault in (
+        ((np.abs(side) > CLOSE).any(axis=1) | (ahead < -CLOSE).any(axis=1), "does not go ahead"),
+        (fastest > model.wheel_speed * lasts * (1 + FASTER) + CLOSE, "drives faster than its wheels can turn"),
+        (
+            hardest > model.wheel_acceleration * lasts**2 * (1 + FASTER) + CLOSE,
+            "speeds up or turns harder than its wheels can",
+        ),
+    ):
+        if wrong.any():
+            i = curved[np.argmax(wrong)]
+            yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
+
+
+def _curved(trajectory: Trajectory) -> BoolArray:
+    """Which motions (n,) go along curves."""
+    return np.array([isinstance(trajectory.model.laws[kind], Curve) for kind in trajectory.kinds], dtype=bool)
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
@@ -146,6 +182,8 @@ def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> Bool
 
 def _dense(trajectory: Trajectory) -> FloatArray:
     """States (N, 3) along the geometry of a trajectory, the yaw in [0, 2 pi)."""
+    if _curved(trajectory).any():
+        trajectory = _straightened(trajectory)
     corners = np.stack([trajectory.states.x, trajectory.states.y, trajectory.states.yaw], axis=1)
     steps = np.diff(corners, axis=0)
     counts = np.maximum(1, np.ceil(np.abs(steps).max(axis=1, initial=0.0) / SPACING - 1e-9)).astype(int)
@@ -153,3 +191,13 @@ def _dense(trajectory: Trajectory) -> FloatArray:
     states = np.concatenate([*pieces, corners[-1:]])
     states[:, 2] %= 2 * np.pi
     return states
+
+
+def _straightened(trajectory: Trajectory) -> Trajectory:
+    """The trajectory with its curves cut into pieces no longer than SPACING."""
+    s, pieces = trajectory.states, np.ones(len(trajectory), dtype=np.int64)
+    curved, lasts = _curved(trajectory), trajectory.durations
+    for rate in (s.speed, s.turn_rate):
+        most = np.maximum(np.abs(rate[:-1]), np.abs(rate[1:])) * lasts  # m or rad: what is linear is largest at an end
+        pieces = np.where(curved, np.maximum(pieces, np.ceil(most / SPACING)), pieces).astype(np.int64)
+    return trajectory.cut(pieces)

@@ -22,6 +22,7 @@ AGAIN = "gives the same costs when asked again"
 EDGES = "costs the same on a trajectory as on its edges"
 ALONE = "costs a motion the same alone and in a batch"
 HALVES = "costs halves of a move as much as the whole"
+CUT = "costs the same wherever a curve is cut"
 SYMBOLS = "has the same value on CasADi symbols"
 GRADIENT = "has the gradient of its differences"
 
@@ -87,7 +88,7 @@ CALLS = itertools.count()
 @dataclass(frozen=True)
 class Moody(Base):
     def cost(self, m):
-        return m.base.length * (1.0 + next(CALLS))
+        return m.base.length * 3.0 ** (next(CALLS) % 50)
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,14 @@ class Square(Base):
 
     def cost(self, m):
         return self.scale * m.base.length**2
+
+
+@dataclass(frozen=True)
+class TurningMotions(Base):
+    """Right for turns in place, but a curve in pieces would have many turns, or none."""
+
+    def cost(self, m):
+        return np.where(m.base.turned > np.radians(1.0), 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -247,6 +256,7 @@ WRONG = [
     (Square(), HALVES, "in two halves"),
     (Square(1e-4), HALVES, "in two halves"),
     (Grown(), HALVES, "in two halves"),
+    (TurningMotions(), CUT, "in 2 pieces"),
     (NumbersOnly(), SYMBOLS, "Error"),
     (OtherOnSymbols(), SYMBOLS, "on symbols"),
     (Kinked(), GRADIENT, "d cost/d state"),
@@ -265,13 +275,20 @@ def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
 
 @pytest.mark.parametrize(
     ("criterion", "claim"),
-    [(Relative(), ALONE), (Flat(), HALVES), (Square(), HALVES), (OtherOnSymbols(), SYMBOLS), (Kinked(), GRADIENT)],
+    [
+        (Relative(), ALONE),
+        (Flat(), HALVES),
+        (TurningMotions(), CUT),
+        (Square(), HALVES),
+        (OtherOnSymbols(), SYMBOLS),
+        (Kinked(), GRADIENT),
+    ],
     ids=lambda value: type(value).__name__,
 )
 def test_one_mistake_fails_one_check_where_it_can(criterion, claim):
     failed = {check.claim for check in conformance(criterion) if check.fault}
     assert claim in failed
-    assert failed <= {claim, HALVES, GRADIENT}
+    assert failed <= {claim, HALVES, CUT, GRADIENT}
 
 
 @pytest.mark.parametrize("name", [name for name, cls in criteria.items() if cls.__module__.startswith("hpop.")])
@@ -285,7 +302,7 @@ def test_a_good_criterion_in_an_unusual_unit_passes():
 
 def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     claims = [check.claim for check in conformance(make_criterion("turns"))]
-    assert claims == [PICKLE, FINITE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES]
+    assert claims == [PICKLE, FINITE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES, CUT]
     assert [check.claim for check in conformance(make_criterion("length"))] == [
         *claims[:4],
         BOUND,
@@ -297,7 +314,7 @@ def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     check_criterion(Memory())
 
 
-@pytest.mark.parametrize("kind", ["move", "turn"])
+@pytest.mark.parametrize("kind", ["move", "turn", "drive"])
 @pytest.mark.parametrize("size", [1, 40])
 def test_random_motions_are_what_they_say(kind, size):
     rng = np.random.default_rng(3)
@@ -310,6 +327,10 @@ def test_random_motions_are_what_they_say(kind, size):
         ahead = np.arctan2(m.end.y - m.start.y, m.end.x - m.start.x)
         assert np.cos(ahead - m.start.yaw) == pytest.approx(1.0)
         assert (m.end.yaw == m.start.yaw).all()
+    elif kind == "drive":
+        assert m.law.strays(m.start, m.end).max() < 1e-12
+        assert (m.base.length < 0.5).all()
+        assert size == 1 or np.sign(m.start.turn_rate * m.end.turn_rate).tolist().count(-1.0) == 10
     else:
         assert (m.end.x == m.start.x).all()
         assert (m.base.turned >= 0.2).all()

@@ -14,6 +14,7 @@ import shapely
 
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError
+from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.parts import Part, convex_parts
 from hpop.motions import Law, Pose, States
@@ -132,13 +133,24 @@ class DifferentialDrive:
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Planned ("move", "turn") and executed ("run", "spin") motion laws."""
+        """Planned ("move", "turn") and executed ("run", "spin") motion laws, and curves ("drive")."""
         return {
             "move": Move(self.speed),
             "turn": Turn(self.turn_rate, self.turn_acceleration, self.speed / self.acceleration),
             "run": Run(self.speed, self.acceleration),
             "spin": Spin(self.turn_rate, self.turn_acceleration),
+            "drive": Drive(),
         }
+
+    @property
+    def wheel_speed(self) -> float:
+        """Largest speed of a wheel, m/s: what straight moves and turns in place ask for."""
+        return max(self.speed, 0.5 * self.wheel_base * self.turn_rate)
+
+    @property
+    def wheel_acceleration(self) -> float:
+        """Largest acceleration of a wheel, m/s²."""
+        return max(self.acceleration, 0.5 * self.wheel_base * self.turn_acceleration)
 
     def pose(self, body: str, states: States) -> Pose:
         """Pose of "base" or "camera" in each of the states."""

@@ -249,7 +249,8 @@ def test_no_states_and_no_motions_are_no_trouble():
         collision = PlanarCollision(robot, world)
         assert collision.states_free(nothing).shape == (0,)
         for law in robot.laws.values():
-            assert collision.motions_free(Motions(world, robot, law, nothing, nothing)).shape == (0,)
+            none = States(**dict.fromkeys((*nothing.names, *getattr(law, "extra", ())), nothing.x))
+            assert collision.motions_free(Motions(world, robot, law, none, none)).shape == (0,)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import smooth_abs
-from hpop.motions import Motions
+from hpop.motions import Curve, Motions
 
 FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
 
@@ -26,8 +26,8 @@ class AngularAcceleration:
     frequency f, which has the peak acceleration π f v: 0.51 deg/s² for the 0.71 deg/s at 0.23 Hz where the plateau
     begins, 0.44 deg/s² for the 2.8 deg/s at 0.05 Hz. The default is twice that, a choice of this project.
 
-    α is constant within each phase of a law, so this is exact. A turn from rest to rest that reaches the turn rate ω
-    costs 2 ω (1 - α_th/α): few turns and gentle ones are cheap.
+    α is constant within each phase of a law and along each curve, so this is exact. A turn from rest to rest that
+    reaches the turn rate ω costs 2 ω (1 - α_th/α): few turns and gentle ones are cheap.
     """
 
     threshold: float = FELT
@@ -38,9 +38,13 @@ class AngularAcceleration:
 
     def cost(self, m: Motions) -> Column:
         """Excess (M,), rad/s."""
+        if isinstance(m.law, Curve):
+            return m.integrate(lambda s: self._excess(s.turn_acceleration))
         total: Column = 0.0
         for phase in m.phases:
             _, change = phase.share_rates(0.5)
-            excess = np.maximum(smooth_abs(m.camera.rotation * change) - self.threshold, 0.0)
-            total = total + phase.duration * excess
+            total = total + phase.duration * self._excess(m.camera.rotation * change)
         return total
+
+    def _excess(self, acceleration: Column) -> Column:
+        return np.maximum(smooth_abs(acceleration) - self.threshold, 0.0)

@@ -16,13 +16,15 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 @criterion("turns", group="C", unit="1", aggregate="sum", smooth=False, quantum=1.0)
 @dataclass(frozen=True)
 class Turns:
-    """N, the number of turning motions, whatever their angle; those at start and goal count.
+    """N, the number of turns of more than one degree, whatever their angle; those at start and goal count.
 
-    Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A motion counts when
-    it turns the base by more than one degree. That is the paper's N where turns are made in one go, as planners here
-    make them; two turns in succession count twice, and a curve cut into pieces of less than a degree would not count.
+    Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A turn in place is one
+    motion and one turn: the paper's N where turns are made in one go, as planners here make them; two turns in place in
+    succession count twice. Along curves a turn is a maximal stretch in which the heading changes with one sign, however
+    it is cut into motions: a change of sign begins another, and so does going straight for a while. A curve on a graph,
+    or alone, knows no neighbours and is counted as if the heading stayed the same before and after.
     """
 
     def cost(self, m: Motions) -> Column:
-        """1 for each motion (M,) that turns, else 0."""
-        return np.where(m.base.turned > LEAST_TURN, 1.0, 0.0)
+        """Number (M,) of turns that end in each motion."""
+        return sum(np.where(np.abs(turn) > LEAST_TURN, 1.0, 0.0) for turn in m.base.turns)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.motions import Motions
+from hpop.motions import Curve, Motions
 from hpop.world.content import Person
 from hpop.world.proxemics import any_moves, position
+
+CHORDS = 8  # straight pieces that stand for a curve
 
 
 @criterion("cutting_between", group="O", unit="1", aggregate="sum", requires=("groups",), smooth=False, quantum=1.0)
@@ -24,27 +26,27 @@ class CuttingBetween:
     split anywhere, on the segment too, and each crossing counts once. A path that comes from the right, touches the
     segment and turns back has crossed it twice; one that does so from the left, not at all.
 
-    Each motion is taken as straight from start to end, and so is the way of people who walk during it: exact for
-    straight moves, and for two who walk side by side.
+    Each motion is taken as straight from start to end, a curve as straight between eight moments, and so is the way of
+    people who walk meanwhile: exact for straight moves, and for two who walk side by side.
     """
 
     def cost(self, m: Motions) -> Column:
         """Number of crossings (M,)."""
         content = m.world.content
         pairs = [tuple(content.people[i] for i in pair) for group in content.groups for pair in combinations(group, 2)]
-        start_t = end_t = None
-        if any_moves(person for pair in pairs for person in pair):
-            if m.t0 is None:
-                raise CriterionError(
-                    "'cutting_between' needs to know when each motion begins, because people who talk walk; on a graph "
-                    "without time, give them no velocity"
-                )
-            start_t, end_t = m.t0, m.t0 + m.duration
+        walks = any_moves(person for pair in pairs for person in pair)
+        if walks and m.t0 is None:
+            raise CriterionError(
+                "'cutting_between' needs to know when each motion begins, because people who talk walk; on a graph "
+                "without time, give them no velocity"
+            )
+        shares = np.linspace(0.0, 1.0, CHORDS + 1 if isinstance(m.law, Curve) else 2)
+        places = [m.base.start, *(m.moment(share).base for share in shares[1:-1]), m.base.end]
+        times = [m.t0 + share * m.duration if walks else None for share in shares]
         crossings = 0.0 * m.base.start.x
         for one, other in pairs:
-            begin = _seen_from(one, other, m.base.start.x, m.base.start.y, start_t)
-            end = _seen_from(one, other, m.base.end.x, m.base.end.y, end_t)
-            crossings = crossings + _crossed(begin, end)
+            ways = [_seen_from(one, other, at.x, at.y, t) for at, t in zip(places, times, strict=True)]
+            crossings = crossings + sum(_crossed(begin, end) for begin, end in pairwise(ways))
         return crossings
 
 

@@ -42,13 +42,14 @@ class OrientationRetention(_RoundTurns):
     Turns by 90 degrees (or 45) are easy to keep count of; others are remembered as the nearest one, so the viewer's
     idea of where they face goes wrong by e_k. The definition is the project's own.
     It is a sum, so exact searches can minimise it, and it bounds the misalignment |Σ e_k| in the end
-    (:class:`NetMisalignment`), in which errors may cancel and which needs memory. Each motion that turns is one turn:
-    one planned in two pieces counts as two.
+    (:class:`NetMisalignment`), in which errors may cancel and which needs memory. Each turn in place is one turn: one
+    planned in two pieces counts as two. Along curves a turn is a stretch in which the heading changes with one sign,
+    as in ``turns``.
     """
 
     def cost(self, m: Motions) -> Column:
-        """What each motion (M,) turns beyond the nearest multiple, rad."""
-        return np.abs(self._missed(m.camera.rotation))
+        """What the turns that end in each motion (M,) go beyond the nearest multiple, rad."""
+        return sum(np.abs(self._missed(turn)) for turn in m.camera.turns)
 
 
 @criterion("net_misalignment", group="P", unit="rad", aggregate="trajectory", requires=("camera",), smooth=False)

@@ -9,7 +9,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.motions import Motions
+from hpop.motions import Curve, Motions
 
 
 @criterion("bending_energy", group="R", unit="1/m", aggregate="sum")
@@ -24,8 +24,8 @@ class BendingEnergy:
     rounding |Δθ|). Among piecewise-linear trajectories it ranks as the total rotation does: count ``turns`` beside
     it.
 
-    Within a motion the curvature is taken as constant: exact for straight moves, turns in place and arcs; else a
-    lower bound.
+    Along curves it is the integral of ω²/max(|v|, rounding |ω|) over time. Within other motions the curvature is
+    constant: straight moves, turns in place and arcs.
     """
 
     rounding: float = 0.5  # m
@@ -36,7 +36,12 @@ class BendingEnergy:
 
     def cost(self, m: Motions) -> Column:
         """Integral (M,) of the squared curvature, 1/m."""
-        turned = m.base.turned
-        way = np.maximum(m.base.length, self.rounding * turned)
+        if isinstance(m.law, Curve):
+            return m.integrate(lambda s: self._bent(np.abs(s.turn_rate), np.abs(s.speed)))
+        return self._bent(m.base.turned, m.base.length)
+
+    def _bent(self, turned: Column, length: Column) -> Column:
+        """Squared rotation over the way that it takes, of whole motions or a second."""
+        way = np.maximum(length, self.rounding * turned)
         bends = way > 0
         return np.where(bends, turned * turned / np.where(bends, way, 1.0), 0.0)
