@@ -1,0 +1,235 @@
+"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, against others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import GraphError, OptionError
+from hpop.planners.search.graph import MAX_SUM, Graph
+from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, _node, _targets, pareto_paths
+from hpop.status import Budget, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.planners.search.mean_kernel import CappedMean
+    from hpop.planners.search.slices import Clock
+
+MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
+
+
+@dataclass(frozen=True, eq=False)
+class MeanPaths(ParetoPaths):
+    """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
+
+    Rows of ``costs`` are in the order of the mean. If the search was stopped, they are walks under the cap, mutually
+    non-dominated, but the exact front may have better ones.
+
+    integral  column of S
+    duration  column of T
+    cap       what no walk's duration exceeds
+    notes     what blocks the way
+    """
+
+    integral: int
+    duration: int
+    cap: int
+    notes: tuple[str, ...]
+
+    @property
+    def means(self) -> FloatArray:
+        """S / T (n,) in quanta of the one over quanta of the other; 0 for a walk that takes no time."""
+        total, time = self.costs[:, self.integral], self.costs[:, self.duration]
+        return np.asarray(total / np.maximum(1, time), dtype=np.float64)
+
+    def mean(self, i: int) -> Fraction:
+        """S / T of one walk, exactly."""
+        total, time = self.costs[i, [self.integral, self.duration]].tolist()
+        return Fraction(total, max(1, time))
+
+
+def capped_mean_paths(
+    graph: Graph,
+    source: int,
+    target: int | Sequence[int] | IntArray,
+    *,
+    integral: int,
+    duration: int,
+    cap: int,
+    budget: Budget = UNLIMITED,
+    progress: ProgressCallback | None = None,
+) -> MeanPaths:
+    """Find every non-dominated vector (S/T, other costs) of the walks from source to target with T <= cap.
+
+    S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are costs of their own (to
+    minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: a mean
+    falls where one lingers in good places, so that without a cap the front may be infinite. Of walks with equal vectors
+    one is kept. A walk of no arcs has the mean 0.
+
+    First :func:`pareto_paths` finds the front of S, T and the other costs, which is fast and a good beginning; then
+    :mod:`.mean_kernel` completes it, pruning by the means found so far.
+
+    Accepts: any :class:`Graph` whose columns S and T are sums and whose arcs of no duration add nothing to S; up to
+    four other costs, each a sum or a maximum.
+
+    Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, what is
+    returned are walks under the cap, perhaps dominated by ones not found.
+
+    Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
+    additive search, growing steeply with the cap.
+
+    >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a way through a bad place, a shorter one, and waiting before it
+    >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 0], arcs)
+    >>> paths = capped_mean_paths(graph, 0, 1, integral=0, duration=1, cap=6)
+    >>> paths.mean(0), paths.arcs(0).tolist()
+    (Fraction(1, 6), [2, 2, 1])
+    """
+    source = _node(graph, source, "source")
+    targets = _targets(graph, target)
+    columns = _columns(graph, integral, duration)
+    _check_cap(graph, columns, cap)
+    from hpop.planners.search.slices import Clock  # numba: on first use
+
+    clock = Clock(budget, progress)
+    first = pareto_paths(graph, source, targets, budget=budget, progress=progress)
+    clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
+    run = _Run(graph, first, columns, int(cap))
+    try:
+        status = run.go(source, targets, clock)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return run.result(source, clock, status)
+
+
+class _Run:
+    """One query after the additive search; ``columns`` has the duration, the integral, then the other costs."""
+
+    def __init__(self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], cap: int) -> None:
+        walks = first.costs[:, list(columns)]
+        under = np.flatnonzero(walks[:, 0] <= cap)
+        self.rows = under[np.argsort(walks[under, 0], kind="stable")]  # of equal vectors the shortest comes first
+        self.walks = walks[self.rows]
+        self.graph, self.first, self.columns, self.cap = graph, first, columns, cap
+        self.front = np.zeros((max(64, 2 * len(under)), len(columns)), np.int64)
+        self.solutions = np.zeros(len(self.front), np.int64)
+        self.size = 0
+        self.search: CappedMean | None = None
+        self.seconds_bounds = first.stats.seconds_bounds
+
+    def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
+        """Run the query; what it found is in the front of ``search``, or else in this one."""
+        from hpop.planners.search.bounds import lower_bounds
+        from hpop.planners.search.mean_kernel import CappedMean, gather
+        from hpop.planners.search.slices import N_GENERATED
+
+        self.size = int(clock.call(gather, self.walks, self.front, self.solutions))
+        if self.first.status is not Status.COMPLETE:
+            return self.first.status
+        if not self.size:
+            return Status.NO_PATH
+        begin = clock.seconds()
+        h, _, status = lower_bounds(self.graph, source, targets, clock)
+        self.seconds_bounds += clock.seconds() - begin
+        if status is not None:
+            return status
+        known = (self.front, self.solutions, self.size)
+        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.cap, known)
+        self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # the limit is one for both
+        return self.search.run(clock)
+
+    def result(self, source: int, clock: Clock, status: Status) -> MeanPaths:
+        """What was found, in the order of the mean."""
+        first, counts = self.first.stats, {}
+        front, solutions = self.front[: self.size], self.solutions[: self.size]
+        if self.search is not None:
+            front, solutions, generated, expanded = self.search.found()
+            counts = {"labels_generated": generated, "labels_expanded": first.labels_expanded + expanded}
+        costs = np.empty((len(front), self.graph.criteria), np.int64)
+        costs[:, list(self.columns)] = front
+        costs.setflags(write=False)
+        stats = replace(
+            first,
+            method="capped mean",
+            order=self.columns,
+            peak_memory=clock.peak,
+            seconds_bounds=self.seconds_bounds,
+            seconds_search=clock.seconds() - self.seconds_bounds,
+            seconds_compiled=clock.compiled,
+            **counts,
+        )
+        paths = tuple(self._path(int(label), clock) for label in solutions)
+        integral, duration = self.columns[1], self.columns[0]
+        notes = self._too_short() if status is Status.NO_PATH else ()
+        return MeanPaths(
+            costs,
+            status,
+            stats,
+            self.graph,
+            source,
+            paths,
+            integral=integral,
+            duration=duration,
+            cap=self.cap,
+            notes=notes,
+        )
+
+    def _path(self, label: int, clock: Clock) -> IntArray:
+        """Places of the arcs of a walk that the second search closed, or that the first one found."""
+        if label < 0:
+            return self.first._paths[int(self.rows[-1 - label])]
+        if self.search is None:
+            raise AssertionError("a label without its search, please report")
+        return self.search.path(label, clock)
+
+    def _too_short(self) -> tuple[str, ...]:
+        """A note if there are walks, but none under the cap."""
+        durations = self.first.costs[:, self.columns[0]]
+        if not len(durations):
+            return ()
+        return (f"the cap of {self.cap} on the duration is below the least, {durations.min()}; raise it",)
+
+
+def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
+    """The duration, the integral, then the other costs."""
+    for name, column in (("integral", integral), ("duration", duration)):
+        if isinstance(column, bool) or not isinstance(column, int | np.integer) or not 0 <= column < graph.criteria:
+            raise OptionError(f"{name} must be a column from 0 to {graph.criteria - 1}, got {column!r}")
+        if graph.aggregates[column] != "sum":
+            raise GraphError(f"a mean is the ratio of two sums, but {name}, cost {column}, is a 'max'")
+    if integral == duration:
+        raise OptionError(f"integral and duration must be two columns, got {integral} for both")
+    return (int(duration), int(integral), *(j for j in range(graph.criteria) if j not in (integral, duration)))
+
+
+def _check_cap(graph: Graph, columns: tuple[int, ...], cap: Any) -> None:
+    """Refuse a cap under which sums or products could overflow, and arcs of no duration that add to the integral."""
+    if isinstance(cap, bool) or not isinstance(cap, int | np.integer) or cap < 0:
+        raise OptionError(f"cap must be a whole number >= 0 of the duration's quanta, got {cap!r}")
+    time, total = graph.costs[:, columns[0]], graph.costs[:, columns[1]]
+    lasts = time > 0
+    free = np.flatnonzero(~lasts & (total > 0))
+    if free.size:
+        raise GraphError(
+            f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean has no "
+            "bound; give it a duration, or a finer quantum of the duration"
+        )
+    rate = float(np.max(total[lasts] / time[lasts], initial=0.0))
+    if max(1.0, 1.01 * rate) * cap * cap > MAX_PRODUCT:
+        raise GraphError(
+            f"means could overflow: they are compared by products of up to {rate * cap * cap:.3g}, the limit is "
+            f"{MAX_PRODUCT:.3g}; use a coarser quantum of cost {columns[0]} or {columns[1]}, or a smaller cap"
+        )
+    # A useful walk has no loop of no duration.
+    shortest = int(time[lasts].min()) if lasts.any() else int(cap) + 1
+    arcs = (int(cap) // shortest + 1) * (1 if lasts.all() else graph.nodes)
+    for j in columns[2:]:
+        worst = int(graph.costs[:, j].max(initial=0))
+        if graph.aggregates[j] == "sum" and worst * arcs > MAX_SUM:
+            raise GraphError(
+                f"cost {j} could overflow: a walk under the cap may cost up to {worst * arcs}, the limit is {MAX_SUM}; "
+                "use a coarser quantum, or a smaller cap"
+            )
