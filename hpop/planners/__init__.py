@@ -1,5 +1,6 @@
 """Planners: problem in, candidate trajectories out; importing this package registers those that come with hpop."""
 
+from hpop.planners.any_angle import AnyAngle
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
@@ -8,6 +9,7 @@ from hpop.planners.weighted_sum import WeightedSum
 from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
 
 __all__ = [
+    "AnyAngle",
     "Candidates",
     "EpsilonConstraint",
     "Lattice",

@@ -1,0 +1,180 @@
+"""The any-angle planner: the corners of lattice paths, joined wherever there is line of sight, and searched again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.errors import OptionError
+from hpop.models.collision import PlanarCollision
+from hpop.motions import Motions, States
+from hpop.planners.base import Candidates, edge_objectives, planner
+from hpop.planners.lattice import Lattice
+from hpop.planners.roadmap import SAME, checked_ends, on_roadmap, pairs
+from hpop.planners.roadmap_graph import StateRoadmap
+from hpop.status import Budget, ProgressCallback, Status
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+
+@planner("any-angle")
+@dataclass(frozen=True)
+class AnyAngle:
+    """All non-dominated paths, at any angles, between the corners of the lattice's non-dominated paths.
+
+    step           m      of the lattice
+    headings       4, 8 or 16 of the lattice
+    max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
+    time_limit     s      of each of the two searches; what is found until then is returned and called incomplete
+    max_labels     count  partial paths kept by each
+    max_memory     bytes  allocated by each
+
+    Becerra et al. 2020 (arXiv 2002.10696) leave angles other than multiples of 45 degrees open. Here the positions at
+    which the lattice's non-dominated paths turn, and those at which they bend when pulled taut, with start and goal,
+    become a roadmap: two are linked wherever the robot can go straight, as in a visibility graph (Lozano-Perez and
+    Wesley 1979, doi 10.1145/359156.359164), and the exact search runs on it. Each lattice path is a path of this
+    roadmap, pulled taut too, and so is everything that recombines them.
+
+    Accepts what the lattice accepts. Guarantees that no path of the roadmap is better in one cost and no worse in the
+    others, costs rounded to the criteria's quanta edge by edge. So if all corners are taken and the goal is on the
+    lattice, nothing on the lattice is better by more than that; elsewhere the last move goes on from the lattice's goal
+    to the exact one. Corners are positions of the lattice, so a smaller step still gives shorter paths. Costs a state
+    for each heading of each link, and a turn for each two headings of a position: the square of what it sees.
+    """
+
+    step: float = 0.25
+    headings: int = 8
+    max_positions: int | None = 200
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+
+    def __post_init__(self) -> None:
+        self._lattice()
+        most = self.max_positions
+        if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 0):
+            raise OptionError(f"max_positions must be a whole number of at least 0, got {most!r}")
+
+    def _lattice(self) -> Lattice:
+        return Lattice(
+            self.step,
+            self.headings,
+            time_limit=self.time_limit,
+            max_labels=self.max_labels,
+            max_memory=self.max_memory,
+        )
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Plan on the lattice, then on the roadmap of its corners.
+
+        Raises as :meth:`Lattice.solve` does.
+        """
+        objectives = edge_objectives(problem.criteria, "any-angle")
+        begun = time.perf_counter()
+        first = self._lattice().solve(problem, progress)
+        if first.status is Status.INTERRUPTED or not first.trajectories:
+            return _lattice_only(first)
+        began = time.perf_counter()
+        problem = _on_headings(problem, first.trajectories[0])
+        try:
+            roadmap, notes = self.roadmap(problem, first)
+            budget = Budget(self.time_limit, self.max_labels, self.max_memory)
+            found = on_roadmap("any-angle", problem, objectives, roadmap, budget, progress, began, notes)
+        except KeyboardInterrupt:
+            return _lattice_only(replace(first, status=Status.INTERRUPTED))
+        return replace(
+            found,
+            status=found.status if first.status.is_final else first.status,
+            stats={**found.stats, "lattice_points": len(first.trajectories), "lattice_seconds": began - begun},
+        )
+
+    def roadmap(self, problem: Problem, first: Candidates) -> tuple[StateRoadmap, tuple[str, ...]]:
+        """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
+        ends = checked_ends(problem)
+        corners = _corners(problem, first.trajectories, ends)
+        positions = np.concatenate([ends, corners[: self.max_positions]])
+        count = len(positions) - len(ends)
+        incomplete = "" if first.status.is_final else f"incomplete ({first.status}) "
+        roadmap = StateRoadmap(
+            problem.model,
+            problem.world,
+            positions,
+            pairs(len(positions)),
+            problem.start[2],
+            len(ends) - 1,
+            problem.goal[2],
+            name=f"the visibility roadmap of {count} corners of the {incomplete}front of "
+            f"{self._lattice().lattice(problem).words}",
+            chosen={"step": self.step, "headings": self.headings, "corners": count},
+            remedy="take a smaller step, or more max_positions",
+        )
+        few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
+        return roadmap, (few,) if count < len(corners) else ()
+
+
+def _lattice_only(first: Candidates) -> Candidates:
+    """What the lattice gave, where no roadmap was searched."""
+    what = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
+    return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {what}"))
+
+
+def _on_headings(problem: Problem, trajectory: Trajectory) -> Problem:
+    """The problem with the lattice's headings at both ends: yaws written with few decimals are meant as these."""
+    (x, y, _), (goal_x, goal_y, goal_yaw) = problem.start, problem.goal
+    first, last = (float(yaw) for yaw in trajectory.states.yaw[[0, -1]])
+    return replace(problem, start=(x, y, first), goal=(goal_x, goal_y, None if goal_yaw is None else last))
+
+
+def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, where paths turn or end, or bend when pulled taut, apart from the ends given.
+
+    Those that most paths share come first.
+    """
+    points, marked = [], []
+    for t in trajectories:
+        at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
+        points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
+        marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] == "turn") for i in at])
+    way = np.repeat(np.arange(len(points)), [len(p) for p in points])
+    along = np.concatenate(points)
+    corner = np.concatenate(marked) | _bends(problem, along, way)
+    once_a_way = np.unique(np.column_stack([way, along])[corner], axis=0)
+    corners, shared = np.unique(once_a_way[:, 1:], axis=0, return_counts=True)
+    corners = corners[np.argsort(-shared, kind="stable")]
+    apart: FloatArray = np.hypot(*(corners[:, None] - ends).transpose(2, 0, 1)).min(axis=1)
+    return np.asarray(corners[apart > SAME])
+
+
+def _bends(problem: Problem, along: FloatArray, way: IntArray) -> BoolArray:
+    """Which positions (N, 2) along ways, numbered (N,), stay when these are pulled taut.
+
+    From the start, then from each bend, the next bend is the last position before one that is out of sight. All ways
+    are followed at once, a position a round.
+    """
+    collision, law = PlanarCollision(problem.model, problem.world), problem.model.laws["move"]
+
+    def in_sight(tails: IntArray, heads: IntArray) -> BoolArray:
+        (x, y), (to_x, to_y) = along[tails].T, along[heads].T
+        yaw = np.arctan2(to_y - y, to_x - x)
+        start, end = States(x=x, y=y, yaw=yaw), States(x=to_x, y=to_y, yaw=yaw)
+        return collision.motions_free(Motions(problem.world, problem.model, law, start, end))
+
+    bends = np.zeros(way.size, dtype=bool)
+    last = np.flatnonzero(np.diff(way, prepend=-1))
+    onward = last + 1
+    while True:
+        going = np.append(way, -1)[onward] == way[last]
+        last, onward = last[going], onward[going]
+        if not last.size:
+            return bends
+        seen = (onward == last + 1) | in_sight(last, onward)
+        last = np.where(seen, last, onward - 1)
+        bends[last[~seen]] = True
+        onward = onward + seen
