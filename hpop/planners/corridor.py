@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
@@ -69,13 +70,12 @@ class HalfPlanes:
         """The point (2,) inside that is nearest to another one."""
         if self.excess(point[None])[0] <= 0.0:
             return point
-        hull = shapely.convex_hull(shapely.multipoints(self.corners))  # a line, where there is no room
-        return np.asarray(shapely.get_coordinates(shapely.shortest_line(hull, shapely.points(point)))[0])
+        return np.asarray(shapely.get_coordinates(shapely.shortest_line(self.polygon, shapely.points(point)))[0])
 
     @property
-    def polygon(self) -> shapely.Polygon:
-        """The same as a shapely polygon."""
-        return shapely.Polygon(self.corners)
+    def polygon(self) -> BaseGeometry:
+        """The same as a shapely polygon; a line, where there is no room."""
+        return shapely.MultiPoint(self.corners).convex_hull
 
     @classmethod
     def box(cls, points: FloatArray, width: float) -> HalfPlanes:
@@ -120,7 +120,7 @@ class Region:
 
     inside  half-planes of the region
     seed    (2, 2)  m: the segment that it was grown around
-    safe    whether the robot is free all over it, at any yaw; else only as near to obstacles as the seed is
+    safe    whether the robot is free all over it, at any yaw, by shapely; else only as near to obstacles as the seed is
     """
 
     inside: HalfPlanes
@@ -130,17 +130,16 @@ class Region:
     @classmethod
     def around(cls, segment: FloatArray, model: DifferentialDrive, world: World) -> Region | None:
         """Grow a region around a segment (2, 2); None where the segment touches an obstacle."""
-        inside, safe = HalfPlanes.box(segment, WIDTH), True
-        for space, reach in spaces(model, world):
+        inside, reaches = HalfPlanes.box(segment, WIDTH), spaces(model, world)
+        for space, reach in reaches:
             clear = clear_of(space, segment, WIDTH + reach)
             if clear is None:
                 return None
             # A robot that is not round may be nearer than its reach; then its path is the limit.
             lies = (segment @ clear.normals.T).max(axis=0)
-            shifted = np.maximum(clear.offsets - reach, lies) + 0.5 * TOUCH
-            safe &= bool((clear.offsets - lies >= reach - TOUCH).all())
-            inside = inside.cut(clear.normals, shifted)
-        return cls(inside, segment, safe)
+            inside = inside.cut(clear.normals, np.maximum(clear.offsets - reach, lies) + 0.5 * TOUCH)
+        shape = np.array([inside.polygon])
+        return cls(inside, segment, all(bool(space.shapes_free(shape, reach)[0]) for space, reach in reaches))
 
     def covers(self, segment: FloatArray) -> bool:
         """Whether a segment (2, 2) lies inside."""

@@ -16,8 +16,8 @@ from hpop.models import DifferentialDrive
 from hpop.planners import WeightedSumCorridor, make_planner
 from hpop.planners.corridor import corridors
 from hpop.planners.corridor_program import CorridorProgram
+from hpop.planners.corridor_weights import GAP, SMALL, Shared, solve_corridor
 from hpop.planners.vertices import Polyline
-from hpop.planners.weighted_sum_corridor import GAP, SMALL, Shared, solve_corridor
 from hpop.problem import Problem
 from hpop.registry import criteria
 from hpop.status import Status
