@@ -5,10 +5,12 @@ from hpop.planners.base import Candidates, Planner, make_planner, planner
 from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
+from hpop.planners.rrt import RRT
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
 
 __all__ = [
+    "RRT",
     "AnyAngle",
     "Candidates",
     "EpsilonConstraint",
