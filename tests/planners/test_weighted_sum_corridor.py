@@ -173,6 +173,20 @@ def test_the_program_is_parametrised_and_compiled_once():
     assert np.abs(found[0] - found[1]).max() > 0.1
 
 
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2])
+def test_what_a_solver_leaves_of_its_tolerance_is_taken_back(yaw):
+    """Vertices a micrometre off come back into the overlaps, and onto the ray of a heading that is kept."""
+    problem = Problem(BLOCK, ROBOT, (1, 1, yaw), (5, 1, None), ["length"])
+    corridor = only_corridor(problem, OUTSIDE)
+    program = CorridorProgram(corridor, (Length(),), BLOCK, ROBOT, ("CLARABEL",))
+    exact = program.solve(np.array([1.0]))
+    back = program._inside(exact + 1e-6 * np.random.default_rng(0).normal(size=exact.shape))
+    assert np.abs(back - exact).max() < 1e-5
+    for overlap, vertex in zip(corridor.overlaps, back[1:-1], strict=True):
+        assert overlap.excess(vertex[None])[0] <= 1e-12
+    assert (abs(back[1, 0] - 1.0) < 1e-12) == (yaw > 0)
+
+
 def test_a_form_that_is_not_convex_is_named():
     class Wrong(Length):
         def convex(self, path):
