@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 
+import hpop.report
 import hpop.view
 from hpop.cli import main
+from hpop.status import Progress
 
 SCENARIO = """\
 world:
@@ -27,6 +30,7 @@ criteria: [exposure, turns, length]
 planner:
   - weighted-sum: {step: 0.5}
   - lattice: {step: 0.5}
+  - epsilon-constraint: {step: 0.5, max_points: 8}
 """
 
 
@@ -57,6 +61,9 @@ def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_a
     added = there.stdout.split("What each planner added")[1]
     assert "weighted-sum" in added
     assert "lattice" in added
+    assert "epsilon-constraint" in added
+    planners = {planner for point in points(scenario, "two") for planner in [point["provenance"]["planner"]]}
+    assert "epsilon-constraint" in planners
 
 
 def test_a_dask_scheduler_may_be_named(scenario: Path) -> None:
@@ -68,6 +75,28 @@ def test_a_dask_scheduler_may_be_named(scenario: Path) -> None:
     assert there.exit_code == 0, there.output
     plan(scenario, "one")
     assert points(scenario, "one") == points(scenario, "dask")
+
+
+@pytest.mark.parametrize("workers", [(), ("--workers", "2")])
+@pytest.mark.parametrize(("stage", "least"), [("weights", 2), ("epsilon-constraint", 2)])
+def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
+    scenario: Path, monkeypatch: pytest.MonkeyPatch, workers: tuple[str, ...], stage: str, least: int
+) -> None:
+    """The interrupt comes with the first result after the second; what is saved is a front, and says so."""
+
+    def interrupt(progress: Progress) -> None:
+        if progress.stage == stage and progress.front >= least:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(hpop.report, "progress_bar", lambda: nullcontext(interrupt))
+    planner = {"weights": "weighted-sum", "epsilon-constraint": "epsilon-constraint"}[stage]
+    scenario.write_text(SCENARIO.split("planner:")[0] + f"planner: {{{planner}: {{step: 0.5}}}}\n")
+    result = plan(scenario, "out", *workers)
+    saved = json.loads((scenario.parent / "out" / "front.json").read_text())
+    assert saved["status"] == "interrupted"
+    assert "interrupted" in result.stdout
+    assert len(saved["points"]) >= least
+    assert {point["provenance"]["planner"] for point in saved["points"]} == {planner}
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.math import wrap
 from hpop.motions import Motions, States
+from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import Rounded, SparseWorld, moments
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
@@ -328,16 +329,21 @@ class PolylineProgram:
         least = [*[SHORTEST] * fixed, *[x_min, y_min] * corners]
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
         tops = self.costs(warm)[worst]
-        found = solver(
-            x0=np.concatenate([free, tops]),
-            p=parameters,
-            lbx=np.concatenate([np.maximum(least, free - REGION), np.full(len(worst), -np.inf)]),
-            ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
-            lbg=np.concatenate([np.full(len(summed) + above, -np.inf), KEEP * warm.lengths, bounded]),
-            ubg=np.concatenate(
-                [epsilon[summed] / scale[summed], np.zeros(above), np.full(warm.lengths.size + bounded.size, np.inf)]
-            ),
-        )
+        with interrupts_held():
+            found = solver(
+                x0=np.concatenate([free, tops]),
+                p=parameters,
+                lbx=np.concatenate([np.maximum(least, free - REGION), np.full(len(worst), -np.inf)]),
+                ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
+                lbg=np.concatenate([np.full(len(summed) + above, -np.inf), KEEP * warm.lengths, bounded]),
+                ubg=np.concatenate(
+                    [
+                        epsilon[summed] / scale[summed],
+                        np.zeros(above),
+                        np.full(warm.lengths.size + bounded.size, np.inf),
+                    ]
+                ),
+            )
         stats = solver.stats()
         vertices, costs = (np.array(value) for value in values(found["x"], parameters))
         vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]

@@ -3,21 +3,27 @@
 import dataclasses
 import json
 import math
+import os
+import signal
+import threading
 from pathlib import Path
 
+import casadi
 import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import Clearance, Exposure, Length
+from hpop.criteria import Clearance, Exposure, Length, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.frontier import hypervolume
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, make_planner
+from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.polyline import PolylineProgram
 from hpop.problem import Problem
 from hpop.status import Status
+from hpop.sweep import processes
 from hpop.verify import verify
 from hpop.world import World
 
@@ -110,12 +116,6 @@ def test_the_museum_without_lattice_points():
     assert verify(problem, front) == []
 
 
-def test_planning_again_gives_the_same(paper):
-    again = EpsilonConstraint(step=0.5).solve(PAPER)
-    assert again.planned.tolist() == paper[0].planned.tolist()
-    assert again.provenance == paper[0].provenance
-
-
 def test_divisions_find_trade_offs_between_the_known_ones():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
     coarse, fine = (problem.solve("epsilon-constraint", step=0.5, divisions=d) for d in (0, 2))
@@ -146,6 +146,60 @@ def test_start_is_goal():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
     front = problem.solve("epsilon-constraint", step=0.5)
     assert front.costs.tolist() == [[1.0, 0.0]]
+
+
+# The grid of bounds
+
+ROLES = Roles((Exposure(), Turns(), Length()), 2, (0, 2))
+
+
+def grid(*costs, divisions=0):
+    """A grid over warm starts of these costs; what they look like does not matter to it."""
+    warm = [Known(None, np.array(row, float)) for row in costs]
+    return Grid(ROLES, warm, np.full(3, np.inf), divisions)
+
+
+def answer(cell, *costs):
+    return Found(cell, Known(None, np.array(costs, float)), np.array(costs, float), {})
+
+
+def test_a_wave_has_the_loosest_bound_of_each_count_and_more_of_each_evenly_spaced():
+    few = grid(*[(e, n, 10 - e) for n in (2, 3) for e in (1, 2, 3, 4, 5, 6, 7, 8)])
+    wave = {tuple(cell.epsilon[:2]) for cell in few.wave(few.levels[0])}
+    assert wave == {(e, n) for n in (2, 3) for e in (8, 6, 4, 2)}
+    many = grid(*[(e, n, 10 - e) for n in range(20) for e in (1, 2, 3)])
+    wave = {tuple(cell.epsilon[:2]) for cell in many.wave(many.levels[0])}
+    assert wave == {(3, n) for n in range(20)}
+    assert few.wave([]) == []
+
+
+def test_a_bound_is_answered_only_by_a_looser_one_whose_answer_keeps_it():
+    one = grid((3, 2, 5), (2, 2, 6), (1, 2, 7), (2.5, 1, 8))
+    loose, middle, tight, few = one.levels[0]
+    assert [cell.of for cell in one.levels[0]] == [0, 1, 2, 3]
+    one.found.append(answer(loose, 1.5, 2, 5))  # keeps middle's bounds too
+    assert one.unanswered([loose, middle, tight, few]) == [tight, few]  # an exposure of 1, one turn
+    one.found.append(answer(tight, 0.5, 1, 7))  # keeps few's bounds, but was asked for more than they do
+    assert one.unanswered([loose, middle, tight, few]) == [few]
+
+
+def test_further_bounds_lie_evenly_down_to_the_next_better_cost_and_end_where_there_is_no_answer():
+    one = grid((3, 2, 5), (1, 2, 7), divisions=3)
+    cells = [cell for level in one.levels[1:] for cell in level]
+    assert [cell.epsilon[0] for cell in cells] == [2.5, 2.0, 1.5]
+    assert all(math.isinf(cell.epsilon[2]) and cell.epsilon[1] == 2 for cell in cells)
+    one.infeasible.append(cells[1])
+    assert one.unanswered(cells) == cells[:1]
+
+
+def test_a_bound_starts_from_the_nearest_known_trajectory_with_counts_that_keep_it():
+    one = grid((3, 2, 5), (1, 4, 4), divisions=1)
+    cell = one.levels[1][0]
+    assert cell.epsilon.tolist() == [2, 2, math.inf]
+    assert one.start(cell) is one.warm[0]  # the other is within the exposure, but turns too often
+    one.found.append(answer(cell, 1.9, 2, 6))
+    assert one.start(cell) is one.found[0].known
+    assert one.start(Cell(np.array([2.0, 1.0, np.inf]), 0, 1)) is None
 
 
 # What it refuses, and what it says when there is nothing
@@ -196,7 +250,11 @@ def test_costs_that_are_not_there_are_refused(options, match):
 def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
     candidates = EpsilonConstraint(step=0.5, epsilon={"length": 3.9}, max_points=6).solve(PAPER)
     assert candidates.trajectories == ()
-    assert any("no polyline was found within epsilon {'length': 3.9}" in note for note in candidates.notes)
+    ideal = Lattice(step=0.5).solve(PAPER).planned[:, 2].min()
+    said = (
+        f"no polyline was found within epsilon {{'length': 3.9}}: the ideal of the warm starts is length {ideal:.4g} m"
+    )
+    assert said in candidates.notes
     assert any("infeasible" in note for note in candidates.notes)
     assert sum(candidates.stats["failed"].values()) > 0
 
@@ -215,9 +273,20 @@ def test_no_path_is_said():
     assert any("no warm start" in note for note in candidates.notes)
 
 
-def test_a_start_in_collision_is_refused():
-    with pytest.raises(QueryError, match="start"):
-        EpsilonConstraint(step=0.5).solve(Problem(OPEN, ROBOT, (3.1, 2, 0), (5, 2, 0), ["length"]))
+def test_a_start_in_collision_is_refused_as_by_the_lattice():
+    problem = Problem(OPEN, ROBOT, (3.1, 2, 0), (5, 2, 0), ["length"])
+    said = []
+    for planner in (Lattice(step=0.5), EpsilonConstraint(step=0.5)):
+        with pytest.raises(QueryError, match="start") as refused:
+            planner.solve(problem)
+        said.append(str(refused.value))
+    assert said[0] == said[1]
+
+
+def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
+    monkeypatch.setattr(casadi, "has_nlpsol", lambda name: name != "ipopt")
+    with pytest.raises(OptionError, match=r"IPOPT.*install.*or use planner 'lattice'"):
+        EpsilonConstraint(step=0.5).solve(PAPER)
 
 
 # Budgets
@@ -232,19 +301,64 @@ def test_the_cap_on_points_is_said_when_it_binds(paper):
     assert not any(note.startswith("max_points") for note in paper[0].notes)
 
 
+class Stop:
+    """A progress callback that does something, once, when so many candidates are found."""
+
+    def __init__(self, found, act):
+        self.found, self.act, self.seen, self.done = found, act, [], False
+
+    def __call__(self, progress):
+        if progress.stage == "epsilon-constraint":
+            self.seen.append(progress)
+            if progress.front == self.found and not self.done:
+                self.done = True
+                self.act()
+
+
+def ctrl_c():
+    raise KeyboardInterrupt
+
+
 def test_ctrl_c_keeps_what_is_finished():
-    seen = []
-
-    def progress(p):
-        if p.stage == "epsilon-constraint":
-            seen.append(p)
-            if p.front == 2:
-                raise KeyboardInterrupt
-
-    candidates = EpsilonConstraint(step=0.5).solve(PAPER, progress)
+    stop = Stop(2, ctrl_c)
+    candidates = EpsilonConstraint(step=0.5).solve(PAPER, stop)
     assert candidates.status is Status.INTERRUPTED
     assert len(candidates.trajectories) == 2
-    assert [p.labels for p in seen] == list(range(len(seen)))
+    assert [p.labels for p in stop.seen] == list(range(len(stop.seen)))
+
+
+def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
+    """CasADi by itself takes it for a failed evaluation, and goes on."""
+    solve, calls = PolylineProgram.solve, []
+
+    def interrupted(program, *arguments, **options):
+        calls.append(program)
+        if len(calls) == 5:
+            threading.Timer(0.005, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return solve(program, *arguments, **options)
+
+    monkeypatch.setattr(PolylineProgram, "solve", interrupted)
+    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
+    assert candidates.status is Status.INTERRUPTED
+    assert 0 < len(candidates.trajectories) < candidates.stats["warm_starts"]
+    assert candidates.notes == ()
+
+
+def test_ctrl_c_in_the_warm_starts_ends_the_plan(monkeypatch):
+    first = Lattice(step=0.5).solve(PAPER)
+    stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
+    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
+    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
+    assert (candidates.status, candidates.stats["tried"]) == (Status.INTERRUPTED, 0)
+
+
+def test_warm_starts_that_are_not_all_are_said(monkeypatch):
+    first = Lattice(step=0.5).solve(PAPER)
+    stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT)
+    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
+    candidates = EpsilonConstraint(step=0.5, max_points=4).solve(PAPER)
+    assert candidates.status is Status.LABEL_LIMIT
+    assert "the warm starts are not all there are: label limit" in candidates.notes
 
 
 def test_time_that_runs_out_is_said(monkeypatch):
@@ -253,6 +367,32 @@ def test_time_that_runs_out_is_said(monkeypatch):
     candidates = EpsilonConstraint(step=0.5, time_limit=60.0).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)
+
+
+# Workers
+
+
+def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost(paper):
+    options = {"step": 0.5, "max_points": 16}
+    serial = EpsilonConstraint(**options).solve(PAPER)
+    with processes(2) as pool:
+        there = EpsilonConstraint(step=0.5).solve(PAPER, executor=pool)
+        assert there.planned.tolist() == paper[0].planned.tolist()
+        assert there.provenance == paper[0].provenance
+        assert there.notes == ()
+
+        stop = Stop(3, ctrl_c)
+        stopped = EpsilonConstraint(**options).solve(PAPER, stop, executor=pool)
+        assert stopped.status is Status.INTERRUPTED
+        assert len(stopped.trajectories) == 3
+        assert all(p in serial.provenance for p in stopped.provenance)
+
+        killed = Stop(2, lambda: os.kill(next(iter(pool._processes)), signal.SIGKILL))
+        survived = EpsilonConstraint(**options).solve(PAPER, killed, executor=pool)
+    assert killed.done
+    assert survived.status is serial.status
+    assert survived.provenance == serial.provenance
+    assert any("BrokenProcessPool" in note for note in survived.notes)
 
 
 # What goes wrong
