@@ -150,6 +150,11 @@ class Integral:
         return self.mean.cost(m)
 
 
+def integral_of(mean: Criterion) -> Criterion:
+    """What adds up in the place of a time-mean: the criterion that it names, or its time integral."""
+    return getattr(mean, "integral", None) or cast(Criterion, Integral(mean))
+
+
 @dataclass(frozen=True)
 class Objectives:
     """What a planner whose costs add up along edges makes of the criteria asked for.
@@ -200,7 +205,7 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             continue
         stand_in = criterion
         if criterion.aggregate == "time-mean":
-            stand_in = getattr(criterion, "integral", None) or cast(Criterion, Integral(criterion))
+            stand_in = integral_of(criterion)
             means.append(criterion)
             notes.append(
                 f"{criterion.name} is a mean and does not add up: the search minimises {stand_in.name} "

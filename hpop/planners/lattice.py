@@ -13,6 +13,7 @@ from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.exact_mean import check_detour, exact_mean, mean_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
@@ -32,6 +33,7 @@ class Lattice:
     step            m      between neighbouring positions
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
+    max_detour      longest duration over the least of any path, >= 1; a time-mean is then optimised itself
     time_limit      s      of the search; what is found until then is returned and called incomplete
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search
@@ -42,11 +44,16 @@ class Lattice:
     every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start;
     the goal is the nearest free position within step / sqrt(2) from which the robot could go straight to where the
     goal was asked for.
+
+    With ``max_detour`` one time-mean is a cost itself, beside at most four others, and the front is exact among all
+    walks, loops allowed, that keep the cap (:func:`hpop.planners.search.capped_mean_paths`); it cannot be joined with
+    fronts in which the integral stands in. The cost grows steeply with the cap.
     """
 
     step: float = 0.25
     headings: int = 8
     corner_cutting: bool = False
+    max_detour: float | None = None
     time_limit: float | None = None
     max_labels: int | None = None
     max_memory: int | None = None
@@ -55,17 +62,25 @@ class Lattice:
         if not (isinstance(self.step, int | float) and 0 < self.step < math.inf):
             raise OptionError(f"the lattice's step must be a positive length in m, got {self.step!r}")
         Headings(self.headings)
-        Budget(self.time_limit, self.max_labels, self.max_memory)
+        if self.max_detour is not None:
+            check_detour(self.max_detour)
+        self._budget()
+
+    def _budget(self) -> Budget:
+        return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice.
 
         Raises QueryError when start or goal is blocked, off the map or off the headings, or when people move,
         UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
-        finite.
+        finite, OptionError for a ``max_detour`` without a time-mean.
         """
+        if self.max_detour is not None:
+            query = self.query(problem, mean_objectives(problem.criteria, "lattice"), progress)
+            return exact_mean(query, problem.criteria, self.max_detour, "lattice", self._budget(), progress)
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        return query.exact("lattice", Budget(self.time_limit, self.max_labels, self.max_memory), progress)
+        return query.exact("lattice", self._budget(), progress)
 
     def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> GraphQuery:
         """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
