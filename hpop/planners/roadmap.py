@@ -16,8 +16,8 @@ from hpop.motions import States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
-from hpop.planners.trust import judge
-from hpop.status import Budget, Progress, ProgressCallback
+from hpop.planners.trust import Judgement, judge
+from hpop.status import Budget, Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -168,7 +168,11 @@ def on_roadmap(
     seconds = time.perf_counter() - began
     query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, seconds, notes)
     found = query.exact(name, budget, progress)
-    judgement = judge(problem, found.objectives, found.trajectories, planned=found.planned, tolerance=found.tolerance)
+    try:
+        judgement = _judged(problem, found)
+    except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
+        found = replace(found, status=Status.INTERRUPTED)
+        judgement = _judged(problem, found)
     kept = judgement.kept
     dropped = len(found.trajectories) - kept.size
     return replace(
@@ -187,3 +191,7 @@ def on_roadmap(
             "dropped": judgement.dropped,
         },
     )
+
+
+def _judged(problem: Problem, found: Candidates) -> Judgement:
+    return judge(problem, found.objectives, found.trajectories, planned=found.planned, tolerance=found.tolerance)

@@ -41,13 +41,13 @@ ON_THE_LATTICE, OFF_THE_LATTICE = (0.45 + 8 * STEP, 0.4 + 6 * STEP), (4.37, 3.28
 SEEDS = (0, 1, 3, 5)
 
 
-@pytest.mark.parametrize("goal_yaw", [0.0, None])
+@pytest.mark.parametrize(("goal_yaw", "headings"), [(0.0, 8), (None, 8), (None, 4), (None, 16)])
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("robot", [ROBOT, LONG], ids=["round", "long"])
-def test_nothing_on_the_lattice_is_better(seed, goal_yaw, robot):
+def test_nothing_on_the_lattice_is_better(seed, goal_yaw, headings, robot):
     asked = cluttered(seed, (*ON_THE_LATTICE, goal_yaw), robot)
-    lattice = Lattice(step=STEP).solve(asked)
-    found = AnyAngle(step=STEP).solve(asked)
+    lattice = Lattice(STEP, headings).solve(asked)
+    found = AnyAngle(STEP, headings).solve(asked)
     assert found.status is lattice.status
     exact = trajectory_costs(found.objectives, lattice.trajectories, asked.world)
     # The lattice's sums are rounded a step, and both are integrated by panels that begin elsewhere.

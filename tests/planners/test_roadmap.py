@@ -15,6 +15,7 @@ from hpop.planners.base import edge_objectives
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search import pareto_paths
+from hpop.planners.trust import Judgement, judge
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -284,6 +285,38 @@ def test_a_limit_leaves_a_part_that_is_called_one():
     for row in found.planned:
         assert not (exact.planned < row).all(axis=1).any()
     assert Roadmap(samples=80, time_limit=1e-6).solve(problem()).status is Status.TIME_LIMIT
+
+
+def test_an_interruption_of_the_last_check_keeps_what_was_found(monkeypatch):
+    calls = 0
+
+    def interrupted_once(*arguments, **options):
+        nonlocal calls
+        calls += 1
+        if calls == 1:
+            raise KeyboardInterrupt
+        return judge(*arguments, **options)
+
+    expected = Roadmap(samples=30).solve(problem())
+    monkeypatch.setattr("hpop.planners.roadmap.judge", interrupted_once)
+    found = Roadmap(samples=30).solve(problem())
+    assert found.status is Status.INTERRUPTED
+    assert (found.planned == expected.planned).all()
+
+
+def test_a_candidate_that_is_not_to_be_trusted_is_dropped_and_said(monkeypatch):
+    def strict(asked, objectives, trajectories, **options):
+        judged = judge(asked, objectives, trajectories, **options)
+        return Judgement(judged.costs, ("collides", *judged.reasons[1:]))
+
+    expected = Roadmap(samples=30).solve(problem())
+    monkeypatch.setattr("hpop.planners.roadmap.judge", strict)
+    found = Roadmap(samples=30).solve(problem())
+    assert (found.planned == expected.planned[1:]).all()
+    assert len(found.trajectories) == len(found.provenance) == len(found.tolerance) == len(expected.planned) - 1
+    assert found.stats["dropped"] == {"collides": 1}
+    assert found.certificate.endswith("; without 1 that were dropped as not to be trusted")
+    assert found.notes[-1] == f"roadmap: 1 of {len(expected.planned)} candidates dropped: 1 collides"
 
 
 @pytest.mark.parametrize(
