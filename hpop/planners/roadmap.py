@@ -45,9 +45,10 @@ class Roadmap:
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
     roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
-    criteria's quanta edge by edge. With the rule of PRM* the shortest path converges to the shortest of all as samples
-    grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761, Theorem 34); this planner proves nothing of how far
-    it is. Costs a state for each heading of each link, and a turn for each two headings of a position.
+    criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
+    samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); how far it still is, this planner does not
+    say. Costs a state for each heading of each link, and a turn for each two headings of a position; where a robot that
+    is not round has little room, each of these turns is checked by itself, which takes most of the time.
     """
 
     samples: int = 500
