@@ -48,6 +48,19 @@ def test_ones_own_criterion_is_planned_with(capsys):
     assert front.best("glare").costs["glare"] < 26.0
 
 
+def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
+    """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both."""
+    trajectories = example("04_study.py").main(tmp_path, runs=4)
+    states = {name: trajectory.states for name, trajectory in trajectories.items()}
+    length = {name: np.hypot(np.diff(s.x), np.diff(s.y)).sum() for name, s in states.items()}
+    turns = {name: int((np.abs(np.diff(s.yaw)) > 0.1).sum()) for name, s in states.items() if name != "RRT"}
+    assert turns["least turns"] < turns["shortest"]
+    assert length["shortest"] < min(length["least turns"], length["RRT"])
+    heading = np.sign(np.diff(states["RRT"].yaw))
+    assert (np.diff(heading) != 0).sum() > turns["shortest"]
+    assert (tmp_path / "study.png").stat().st_size > 10_000
+
+
 def test_the_papers_structure_is_reproduced(tmp_path):
     """One optimum with V = 0 and N = 8; one with N = 0 that is the shortest; others between."""
     front = example("paper_figure/paper_figure.py").main(tmp_path)

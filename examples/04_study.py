@@ -1,0 +1,76 @@
+"""The three trajectories of the study in Becerra et al. 2020 (arXiv 2002.10696), on another museum.
+
+Users compared the path with the least turns, the shortest path, and what a common planner makes: an RRT under wheel
+accelerations, of many runs the one whose curvature changes its sign least often. They felt best with the first, worst
+with the last. Needs OMPL: pip install 'hpop[rrt]'.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from shapely.plotting import plot_polygon
+
+import hpop
+
+HERE = Path(__file__).parent
+LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-")}
+
+
+def main(folder: Path = Path("out/04_study"), runs: int = 30) -> dict[str, hpop.Trajectory]:
+    """Plan all three, compare them in a table, draw them on one map."""
+    # World and criteria: V, N and D of the paper; the sign changes of the curvature are reported beside.
+    problem = hpop.Problem(
+        world=hpop.World.from_geojson(HERE / "museum.geojson"),
+        model=hpop.DifferentialDrive(radius=0.3, camera_height=1.2),
+        start=(2.0, 10.0, 0.0),
+        goal=(28.0, 17.0, 0.0),
+        criteria=["obstruction", "turns", "length", "curvature_sign_changes"],
+    )
+
+    # Plan: two optima of one front, and the baseline (the paper: 1000 runs). executor= spreads the runs over processes.
+    front = problem.solve(planner="lattice", step=0.5)
+    baseline = problem.solve(planner="rrt", runs=runs, seed=1)
+    trajectories = {
+        "least turns": front.lexicographic(["turns", "length"]).item,
+        "shortest": front.lexicographic(["length", "turns"]).item,
+        "RRT": baseline.best("length").item,
+    }
+
+    # Compare: on curves N counts the stretches in which the heading changes to one side.
+    rows = {name: problem.evaluate(trajectory) for name, trajectory in trajectories.items()}
+    print(f"{'':11} {'V':>6} {'N':>4} {'D (m)':>6} {'sign changes':>13}")
+    for name, (v, n, d, flips) in ((name, row.values()) for name, row in rows.items()):
+        print(f"{name:11} {v:6.3f} {n:4.0f} {d:6.1f} {flips:13.0f}")
+    print(baseline.certificate)
+
+    # Look.
+    folder.mkdir(parents=True, exist_ok=True)
+    draw(problem, trajectories, rows).savefig(folder / "study.png", dpi=150)
+    return trajectories
+
+
+def draw(problem: hpop.Problem, trajectories: dict[str, hpop.Trajectory], rows: dict[str, dict[str, float]]) -> Figure:
+    """The trajectories on the map, their costs in the legend."""
+    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    axes = figure.add_subplot(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    axes.set_title("Three ways through the museum: fewest turns, shortest, and what an RRT finds")
+    plot_polygon(problem.world.solid(0.0, 1.2), axes, add_points=False, facecolor="#b9b9b9", edgecolor="#555555")
+    for name, trajectory in trajectories.items():
+        v, n, d, flips = rows[name].values()
+        states = trajectory.at(np.linspace(0.0, trajectory.duration, 4000))
+        colour, dashes = LINES[name]
+        label = f"{name}: {n:.0f} turns, {d:.1f} m, {100 * v:.1f} % obstructed, curvature sign changes: {flips:.0f}"
+        axes.plot(states.x, states.y, dashes, color=colour, linewidth=2.2, label=label)
+    for name, (x, y, yaw) in {"start": problem.start, "goal": problem.goal}.items():
+        axes.plot(x, y, "o", color="black", markersize=7)
+        axes.annotate(name, (x, y), (x - 0.6, y - 1.0), weight="bold")
+        axes.annotate(
+            "", (x + np.cos(yaw), y + np.sin(yaw)), (x, y), arrowprops={"arrowstyle": "-|>", "linewidth": 1.6}
+        )
+    figure.legend(loc="outside lower center", frameon=False)
+    return figure
+
+
+if __name__ == "__main__":
+    main()
