@@ -16,6 +16,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json
 	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
 	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
+	$(BIN)/python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py

@@ -1,6 +1,11 @@
 """Benchmark of polyline programs: do they converge, how long do they take, what do they add to the lattice's front.
 
 ``python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json``
+
+Four parts: single programs from warm starts of 4, 6, 8 and 12 segments; the polylines' front against the lattice's on
+the museum and, where the data are there, on pal_office, without the lattice's points; two workers against one.
+``jobs slower`` says by how much a job took longer with workers than alone: on cores that others use too, the speed-up
+is less by that.
 """
 
 from __future__ import annotations
@@ -22,11 +27,13 @@ from hpop.planners import EpsilonConstraint, Lattice
 from hpop.planners.polyline import PolylineProgram
 from hpop.planners.trust import is_free
 from hpop.planners.vertices import Polyline
+from hpop.sweep import processes
 
 ROOT = Path(__file__).parents[1]
 COUNTS = (4, 6, 8, 12)  # segments
 CASES = 20
 AGREE = 1e-3  # relative: no worse
+WORKERS, RUNS = 2, 3
 
 
 def warm_starts(base: hpop.Problem, seed: int = 0) -> dict[int, list[tuple[hpop.Problem, Polyline]]]:
@@ -123,6 +130,39 @@ def coverage(problem: hpop.Problem, step: float) -> dict[str, Any]:
     return row
 
 
+def workers(problem: hpop.Problem, step: float) -> dict[str, Any]:
+    """Seconds of one plan, lattice included, here and with workers in turn; the least of some runs of each."""
+    planner = EpsilonConstraint(step=step)
+    seconds: dict[int, list[float]] = {1: [], WORKERS: []}
+    jobs: dict[int, list[float]] = {1: [], WORKERS: []}
+    found = []
+    with processes(WORKERS) as pool:
+        EpsilonConstraint(step=step, max_points=4 * WORKERS).solve(problem, executor=pool)  # imports, kernels
+        for _ in range(RUNS):
+            for count, executor in ((1, None), (WORKERS, pool)):
+                began = time.perf_counter()
+                candidates = planner.solve(problem, executor=executor)
+                seconds[count].append(time.perf_counter() - began)
+                jobs[count].append(candidates.stats["build_seconds"] + candidates.stats["solve_seconds"])
+                found.append(candidates.planned.tolist())
+    if any(planned != found[0] for planned in found):
+        raise AssertionError("workers change the result")
+    best = {count: int(np.argmin(runs)) for count, runs in seconds.items()}
+    one, many = (seconds[count][best[count]] for count in (1, WORKERS))
+    slower = jobs[WORKERS][best[WORKERS]] / jobs[1][best[1]]
+    row = {
+        "workers": WORKERS,
+        "bounds tried": candidates.stats["tried"],
+        "one_s": one,
+        "workers_s": many,
+        "speed_up": one / many,
+        "jobs slower": slower,
+        "speed_up at equal jobs": slower * one / many,
+    }
+    print(json.dumps(row), flush=True)
+    return row
+
+
 def main() -> None:
     """Run all parts and write what was measured."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -134,7 +174,9 @@ def main() -> None:
     robot = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
     criteria = ["exposure", "turns", "length"]
     museum = hpop.World.from_geojson(ROOT / "examples" / "museum.geojson")
-    result["museum"] = coverage(hpop.Problem(museum, robot, (2, 10, 0), (28, 10, 0), criteria), options.step)
+    tour = hpop.Problem(museum, robot, (2, 10, 0), (28, 10, 0), criteria)
+    result["museum"] = coverage(tour, options.step)
+    result["workers"] = workers(tour, options.step)
     office = options.data / "pal_office" / "map.yaml"
     if office.exists():
         world = hpop.World.from_ros_map(office)

@@ -50,8 +50,9 @@ class EpsilonConstraint:
     on the exact geometry; each is a local optimum for its number of turns, near its warm start. The warm starts
     themselves are not among the candidates. The grid of bounds is AUGMECON's (Mavrotas 2009; Mavrotas and Florios
     2013), but spans only what the warm starts know: a bound is skipped if a looser one was answered within it, and
-    tighter ones than one that was infeasible are left out. Cost: a program is built once a structure, in 30 to 200 ms,
-    and solved in 20 to 100 ms.
+    tighter ones than one that was infeasible are left out. Bounds are tried in waves, so results depend neither on the
+    executor nor on its number of workers. Cost: a program is built once a structure and process, in 30 to 200 ms, and
+    solved in 20 to 100 ms.
     """
 
     step: float = 0.25
