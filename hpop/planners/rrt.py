@@ -16,7 +16,8 @@ from hpop.errors import OptionError, QueryError
 from hpop.models.collision import PlanarCollision
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.roadmap import checked_ends
-from hpop.planners.rrt_run import Query, Run, load_ompl, run
+from hpop.planners.rrt_query import Query
+from hpop.planners.rrt_run import Run, load_ompl, run
 from hpop.planners.trust import judge
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep

@@ -13,7 +13,9 @@ import shapely
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
-from hpop.planners.rrt_run import Base, Limits, Query, close
+from hpop.planners.rrt_close import close
+from hpop.planners.rrt_query import Base, Limits, Query
+from hpop.planners.rrt_run import Run
 from hpop.planners.trust import judge
 from hpop.problem import Problem
 from hpop.status import Status
@@ -203,6 +205,12 @@ def test_a_gap_that_the_limits_do_not_let_be_closed_is_not_closed():
     assert close(open_query((0.3, 0.0, 0.0)), controls) is None
 
 
+def test_a_gap_behind_the_robot_is_not_closed_by_going_back():
+    standing = np.tile([0.0, 0.0, 0.4], (16, 1))
+    assert close(open_query((0.05, 0.0, 0.0)), standing) is not None
+    assert close(open_query((-0.05, 0.0, 0.0)), standing) is None
+
+
 def test_a_closing_that_would_collide_is_not_taken():
     """The goal is straight behind a thin wall, which the robot cannot pass."""
     wall = World.from_polygons([shapely.box(1.0, -9, 1.05, 9)], extent=shapely.box(-9, -9, 9, 9))
@@ -267,10 +275,7 @@ def test_ctrl_c_keeps_what_is_finished(at, several):
 def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
     """A run that believes itself free, straight through the wall."""
     through = np.array([[0.25, 0.0, 4.0], [0.0, 0.0, 0.0], [-0.25, 0.0, 4.0]])
-    from hpop.planners import rrt
-    from hpop.planners.rrt_run import Run
-
-    monkeypatch.setattr(rrt, "run", lambda query, seed: Run(through, "", 1))
+    monkeypatch.setattr("hpop.planners.rrt.run", lambda query, seed: Run(through, "", 1))
     candidates = RRT(runs=3).solve(PROBLEM)
     assert candidates.trajectories == ()
     assert candidates.stats["dropped"] == {"collides": 3}
