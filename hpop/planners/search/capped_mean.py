@@ -70,8 +70,8 @@ def capped_mean_paths(
     falls where one lingers in good places, so that without a cap the front may be infinite. Of walks with equal vectors
     one is kept. A walk of no arcs has the mean 0.
 
-    First :func:`pareto_paths` finds the front of S, T and the other costs, which is fast and a good beginning; then
-    :mod:`.mean_kernel` completes it, pruning by the means found so far.
+    First :func:`pareto_paths` finds the front of T and the other costs, S left out, which is fast: the means of these
+    paths are a beginning. Then :mod:`.mean_kernel` does the rest, pruning by the means found so far.
 
     Accepts: any :class:`Graph` whose columns S and T are sums and whose arcs of no duration add nothing to S; up to
     four other costs, each a sum or a maximum.
@@ -95,7 +95,7 @@ def capped_mean_paths(
     from hpop.planners.search.slices import Clock  # numba: on first use
 
     clock = Clock(budget, progress)
-    first = pareto_paths(graph, source, targets, budget=budget, progress=progress)
+    first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress)
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
     run = _Run(graph, first, columns, int(cap))
     try:
@@ -106,15 +106,17 @@ def capped_mean_paths(
 
 
 class _Run:
-    """One query after the additive search; ``columns`` has the duration, the integral, then the other costs."""
+    """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
 
     def __init__(self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], cap: int) -> None:
-        walks = first.costs[:, list(columns)]
-        under = np.flatnonzero(walks[:, 0] <= cap)
-        self.rows = under[np.argsort(walks[under, 0], kind="stable")]  # of equal vectors the shortest comes first
-        self.walks = walks[self.rows]
+        totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
+        costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]
+        under = np.flatnonzero(costs[:, 0] <= cap)
+        self.rows = under[np.argsort(costs[under, 0], kind="stable")]  # of equal vectors the shortest comes first
+        self.walks = costs[self.rows]
+        self.least = int(costs[:, 0].min(initial=MAX_PRODUCT))
         self.graph, self.first, self.columns, self.cap = graph, first, columns, cap
-        self.front = np.zeros((max(64, 2 * len(under)), len(columns)), np.int64)
+        self.front = np.zeros((max(64, 2 * len(first)), len(columns)), np.int64)
         self.solutions = np.zeros(len(self.front), np.int64)
         self.size = 0
         self.search: CappedMean | None = None
@@ -163,7 +165,9 @@ class _Run:
         )
         paths = tuple(self._path(int(label), clock) for label in solutions)
         integral, duration = self.columns[1], self.columns[0]
-        notes = self._too_short() if status is Status.NO_PATH else ()
+        notes: tuple[str, ...] = ()
+        if status is Status.NO_PATH and len(self.first):
+            notes = (f"the cap of {self.cap} on the duration is below the least, {self.least}; raise it",)
         return MeanPaths(
             costs,
             status,
@@ -185,12 +189,12 @@ class _Run:
             raise AssertionError("a label without its search, please report")
         return self.search.path(label, clock)
 
-    def _too_short(self) -> tuple[str, ...]:
-        """A note if there are walks, but none under the cap."""
-        durations = self.first.costs[:, self.columns[0]]
-        if not len(durations):
-            return ()
-        return (f"the cap of {self.cap} on the duration is below the least, {durations.min()}; raise it",)
+
+def _without(graph: Graph, column: int) -> Graph:
+    """The graph without one of its costs."""
+    left = [j for j in range(graph.criteria) if j != column]
+    aggregates = [graph.aggregates[j] for j in left]
+    return Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, left], aggregates=aggregates)
 
 
 def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
@@ -217,10 +221,11 @@ def _check_cap(graph: Graph, columns: tuple[int, ...], cap: Any) -> None:
             f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean has no "
             "bound; give it a duration, or a finer quantum of the duration"
         )
-    rate = float(np.max(total[lasts] / time[lasts], initial=0.0))
-    if max(1.0, 1.01 * rate) * cap * cap > MAX_PRODUCT:
+    rate = float(np.max(total[lasts] / time[lasts], initial=1.0))
+    largest = 1.01 * rate * int(cap) ** 2  # of an integral and a duration under the cap
+    if largest > MAX_PRODUCT:
         raise GraphError(
-            f"means could overflow: they are compared by products of up to {rate * cap * cap:.3g}, the limit is "
+            f"means could overflow: they are compared by products of up to {largest:.3g}, the limit is "
             f"{MAX_PRODUCT:.3g}; use a coarser quantum of cost {columns[0]} or {columns[1]}, or a smaller cap"
         )
     # A useful walk has no loop of no duration.
