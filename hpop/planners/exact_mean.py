@@ -6,7 +6,6 @@ front is finite, and :func:`hpop.planners.search.capped_mean_paths` finds it exa
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -21,16 +20,17 @@ from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.state_graph import MAX_COSTS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
 
+LARGEST_DETOUR = 1000
 INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs follow
 
 
 def check_detour(max_detour: Any) -> None:
     """Raise OptionError unless it can be a cap over the least duration."""
     number = isinstance(max_detour, int | float) and not isinstance(max_detour, bool)
-    if not (number and 1 <= max_detour < math.inf):
+    if not (number and 1 <= max_detour <= LARGEST_DETOUR):
         raise OptionError(
-            f"max_detour must be a number >= 1, the longest duration over the least of any path, got {max_detour!r}; "
-            "such as 1.3, or leave it out: then the mean's integral is minimised"
+            f"max_detour must be a number from 1 to {LARGEST_DETOUR}, the longest duration over the least of any path, "
+            f"got {max_detour!r}; take one such as 1.3, or leave it out: then the mean's integral is minimised"
         )
 
 

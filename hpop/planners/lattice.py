@@ -33,7 +33,7 @@ class Lattice:
     step            m      between neighbouring positions
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
-    max_detour      longest duration over the least of any path, >= 1; a time-mean is then optimised itself
+    max_detour      longest duration over the least of any path; a time-mean is then optimised itself
     time_limit      s      of the search; what is found until then is returned and called incomplete
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search

@@ -222,11 +222,11 @@ def _check_cap(graph: Graph, columns: tuple[int, ...], cap: Any) -> None:
             "bound; give it a duration, or a finer quantum of the duration"
         )
     rate = float(np.max(total[lasts] / time[lasts], initial=1.0))
-    largest = 1.01 * rate * int(cap) ** 2  # of an integral and a duration under the cap
+    largest = int(Fraction(1.01 * rate) * int(cap) ** 2)  # of an integral and a duration under the cap
     if largest > MAX_PRODUCT:
         raise GraphError(
-            f"means could overflow: they are compared by products of up to {largest:.3g}, the limit is "
-            f"{MAX_PRODUCT:.3g}; use a coarser quantum of cost {columns[0]} or {columns[1]}, or a smaller cap"
+            f"means could overflow: they are compared by products of up to {largest}, the limit is "
+            f"{MAX_PRODUCT}; use a coarser quantum of cost {columns[0]} or {columns[1]}, or a smaller cap"
         )
     # A useful walk has no loop of no duration.
     shortest = int(time[lasts].min()) if lasts.any() else int(cap) + 1

@@ -313,6 +313,8 @@ def test_what_could_overflow_is_refused_by_name():
     graph = Graph.from_arcs(2, [0, 0], [1, 1], [[10**9, 10**10, 1], [5, 10**10, 1]])
     with pytest.raises(GraphError, match=r"means could overflow.*coarser quantum of cost 1 or 0, or a smaller cap"):
         search(graph, 0, {1}, 10**10)
+    with pytest.raises(GraphError, match="means could overflow"):
+        search(graph, 0, {1}, 10**400)
     graph = Graph.from_arcs(2, [0, 0], [1, 0], [[1, 1, 10**15], [1, 1, 10**15]])
     with pytest.raises(GraphError, match="cost 2 could overflow: a walk under the cap may cost up to 1001"):
         search(graph, 0, {1}, 1000)
