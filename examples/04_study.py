@@ -64,7 +64,7 @@ def draw(problem: hpop.Problem, trajectories: dict[str, hpop.Trajectory], rows: 
         axes.plot(states.x, states.y, dashes, color=colour, linewidth=2.2, label=label)
     for name, (x, y, yaw) in {"start": problem.start, "goal": problem.goal}.items():
         axes.plot(x, y, "o", color="black", markersize=7)
-        axes.annotate(name, (x, y), (x - 0.6, y - 1.0), weight="bold")
+        axes.text(x - 0.6, y - 1.0, name, weight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})
         axes.annotate(
             "", (x + np.cos(yaw), y + np.sin(yaw)), (x, y), arrowprops={"arrowstyle": "-|>", "linewidth": 1.6}
         )

@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 from hpop.errors import OptionError, QueryError
+from hpop.front import Front
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.rrt_close import close
@@ -139,6 +140,14 @@ def test_the_front_joins_the_lattices_and_never_gets_worse():
     assert "rrt: a baseline" in joined.certificate
     for row in lattice.integers:
         assert (joined.integers <= row).all(axis=1).any()
+
+
+def test_a_saved_front_is_the_same_when_loaded(several, tmp_path):
+    front = PROBLEM.front(several)
+    front.save(tmp_path / "front.json")
+    loaded = Front.load(tmp_path / "front.json")
+    assert loaded.costs.tolist() == front.costs.tolist()
+    assert verify(PROBLEM, loaded) == []
 
 
 def test_a_free_heading_at_the_goal():
