@@ -39,14 +39,14 @@ class RRT:
     max_extensions  count  of a tree before its run gives up
     time_limit      s      of all runs, looked at between them; those finished until then are selected from
 
-    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696), which does not publish its parameters. Trees
-    are OMPL's (Sucan, Moll and Kavraki 2012), their drives those of :mod:`hpop.planners.rrt_run`. Wheel accelerations
-    are bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes back.
+    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696); how its trees grow is our choice. They are
+    OMPL's (Sucan, Moll and Kavraki 2012), their drives those of :mod:`hpop.planners.rrt_query`. Wheel accelerations are
+    bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes back.
 
-    Accepts any criteria, a differential drive, and start and goal where the circle that the robot sweeps is clear: it
-    plans for that circle. Guarantees nothing of any cost, nor that a path that exists is found. Trajectories begin and
-    end at rest, exactly at start and goal, and are free of collisions. Costs a few tenths of a second a run in a
-    building; the same with any executor.
+    Accepts any criteria, not all of them with memory; start and goal where the circle that the robot sweeps is clear,
+    since it plans for that circle. Guarantees nothing of any cost, nor that a path that exists is found; trajectories
+    begin and end at rest, exactly at start and goal, and are free of collisions. Costs about half a second a run in a
+    building, memory for one tree; the results are the same with any executor.
     """
 
     runs: int = 100
