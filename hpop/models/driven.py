@@ -22,8 +22,14 @@ from hpop.math import smooth_abs
 from hpop.motions import Model, Phase, States
 from hpop.trajectory import Trajectory
 
-_roots, _weights = np.polynomial.legendre.leggauss(6)
-NODES = tuple(zip((0.5 * (_roots + 1.0)).tolist(), (0.5 * _weights).tolist(), strict=True))  # on [0, 1]
+
+def gauss(count: int) -> tuple[tuple[float, float], ...]:
+    """Nodes and weights of Gauss-Legendre quadrature on [0, 1]."""
+    roots, weights = np.polynomial.legendre.leggauss(count)
+    return tuple(zip((0.5 * (roots + 1.0)).tolist(), (0.5 * weights).tolist(), strict=True))
+
+
+NODES = gauss(6)
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,7 @@ class Drive:
 
     varies = frozenset({"x", "y", "yaw", "speed", "turn_rate", "clock"})
     extra = ("speed", "turn_rate", "clock")
+    nodes = NODES
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         duration = end.clock - start.clock
@@ -46,7 +53,7 @@ class Drive:
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         begin = getattr(start, name)
         if name in ("x", "y"):
-            return begin + self._gone(name, start, end, share) + share * self._off(name, start, end)
+            return begin + self._gone(name, start, end, share) + share * self.defect(name, start, end)
         way = (getattr(end, name) - begin) * share
         if name == "yaw":
             return begin + way - 0.5 * _grown(start, end) * share * (1.0 - share)
@@ -63,7 +70,7 @@ class Drive:
         speed, yaw = start.speed + gain * share, self.interpolate("yaw", start, end, share)
         turning = self.slopes("yaw", start, end, share)[0]
         ahead, aside = (np.cos(yaw), -np.sin(yaw)) if name == "x" else (np.sin(yaw), np.cos(yaw))
-        off = self._off(name, start, end)
+        off = self.defect(name, start, end)
         return lasts * speed * ahead + off, lasts * (gain * ahead + speed * turning * aside)
 
     def travel(self, start: States, end: States, lever: float) -> Column:
@@ -88,22 +95,22 @@ class Drive:
 
     def strays(self, start: States, end: States) -> Column:
         """How far (M,), m or rad, the end is from where the law leads; infinite where time runs backwards."""
-        off = [np.abs(self._off(name, start, end)) for name in ("x", "y")]
-        yaw = np.abs(end.yaw - start.yaw - self.turned(start, end))
-        return np.where(end.clock >= start.clock, np.maximum(np.maximum(*off), yaw), np.inf)
+        x, y, yaw = (np.abs(self.defect(name, start, end)) for name in ("x", "y", "yaw"))
+        return np.where(end.clock >= start.clock, np.maximum(np.maximum(x, y), yaw), np.inf)
+
+    def defect(self, name: str, start: States, end: States) -> Column:
+        """By how much (M,), m or rad, the end is off in x, y or yaw from where the law leads."""
+        gone = self.turned(start, end) if name == "yaw" else self._gone(name, start, end, 1.0)
+        return getattr(end, name) - getattr(start, name) - gone
 
     def _gone(self, name: str, start: States, end: States, share: Column) -> Column:
         """Way (M,), m, along an axis of the world, up to a share: ∫ v cos θ dt or ∫ v sin θ dt."""
         way, component = np.cos if name == "x" else np.sin, 0.0
-        for node, weight in NODES:
+        for node, weight in self.nodes:
             at = node * share
             speed = start.speed + (end.speed - start.speed) * at
             component = component + weight * speed * way(self.interpolate("yaw", start, end, at))
         return (end.clock - start.clock) * share * component
-
-    def _off(self, name: str, start: States, end: States) -> Column:
-        """What the states at both ends disagree by along an axis, m."""
-        return getattr(end, name) - getattr(start, name) - self._gone(name, start, end, 1.0)
 
 
 def _grown(start: States, end: States) -> Column:

@@ -6,6 +6,7 @@ from hpop.planners.epsilon_constraint import EpsilonConstraint
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.rrt import RRT
+from hpop.planners.smoothing import Smoothing
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
 
@@ -17,6 +18,7 @@ __all__ = [
     "Lattice",
     "Planner",
     "Roadmap",
+    "Smoothing",
     "WeightedSum",
     "WeightedSumCorridor",
     "make_planner",

@@ -37,6 +37,25 @@ def require_ipopt(planner: str) -> None:
         )
 
 
+def mx(column: Column, size: int) -> Any:
+    """A column of symbols or numbers as a CasADi vector (size,)."""
+    import casadi
+
+    if isinstance(column, int | float | np.ndarray | np.generic):
+        return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
+    return casadi.vec(casadi.MX(column))
+
+
+def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
+    """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
+    found: dict[int, tuple[Heights, float]] = {}
+    for part in problem.model.parts:
+        z = (part.z_min, part.z_max)
+        key = id(problem.world.free_space(z))
+        found[key] = max(found.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
+    return tuple(found.values())
+
+
 class _Mapped:
     """A field's CasADi function whose maps have sparse derivatives."""
 

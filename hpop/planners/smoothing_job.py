@@ -1,0 +1,215 @@
+"""Smoothing one polyline: solve, repair what collides, refuse what is no longer the same way; here or in a worker."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.models.driven import driven
+from hpop.planners.driven_guess import CORNER, clearances, first_guess, structure_of
+from hpop.planners.driven_program import Driven, DrivenProgram, Structure
+from hpop.planners.homotopy import homotopic
+from hpop.planners.trust import judge
+from hpop.planners.vertices import Polyline
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+LOOSE = 0.02  # relative: bounds are looser than what the polyline costs when it is executed
+QUADRATURE = 0.01  # relative: a program's sums over its intervals against sums over field cells
+REPAIRS = 5  # solves with higher clearances after a solution that collides
+SPREAD = 1e-2  # weight of the costs that are not minimised
+POINTS = 20  # of each interval, by which its way is compared with the polyline
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """A candidate: what is driven, its costs as the program added them up, and how it came about.
+
+    planned    (k,)
+    tolerance  (k,)  by how much they may be off
+    """
+
+    trajectory: Trajectory
+    planned: FloatArray
+    tolerance: FloatArray
+    provenance: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of one polyline.
+
+    found    the candidate, or None
+    reason   why there is none, else ""
+    counts   how often something happened on the way
+    seconds  of building programs and of solving them
+    """
+
+    found: Smoothed | None
+    reason: str
+    counts: Counter[str]
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothingJob:
+    """What all polylines share. Pickled without its programs: each process builds those it needs, once a structure.
+
+    problem
+    criteria   k
+    minimise   place of the one that counts most; None weighs all alike
+    intervals  count of each program, at least
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    minimise: int | None
+    intervals: int
+    programs: dict[Structure, DrivenProgram] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "programs": {}}
+
+    @property
+    def smooth(self) -> list[int]:
+        """Places of the criteria that enter the program; its structure settles the others."""
+        return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
+
+    def solve(self, trajectory: Trajectory) -> Outcome:
+        """What comes of one polyline; depends on it alone."""
+        seconds, counts, began = {"build": 0.0, "solve": 0.0}, Counter[str](), time.perf_counter()
+        result = self._smoothed(trajectory, counts, seconds)
+        seconds["solve"] = time.perf_counter() - began - seconds["build"]
+        found, reason = (None, result) if isinstance(result, str) else (result, "")
+        return Outcome(found, reason, counts, seconds)
+
+    def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:
+        if not set(trajectory.kinds) <= {"move", "turn"}:
+            return "no polyline"
+        polyline = Polyline.of(trajectory, self.problem).simplified(LEAST_TURN)
+        if not len(polyline.lengths):
+            return "goes nowhere"
+        reference = polyline.trajectory(self.problem.model)
+        both = trajectory_costs(self.criteria, [reference, reference.execution()], self.problem.world)
+        epsilon = both.max(axis=0) * (1 + LOOSE) + [criterion.quantum for criterion in self.criteria]
+        structure = structure_of(polyline, self.intervals)
+        if not structure.turns:
+            return self._straight(reference, epsilon)
+        program = self._program(structure, seconds)
+        solved = self._solve(program, polyline, epsilon, counts)
+        return solved if isinstance(solved, str) else self._checked(*solved, polyline, epsilon, counts["repairs"])
+
+    def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Smoothed | str:
+        """Without turns nothing is free but the speeds: as fast as they may be."""
+        model, length = (
+            self.problem.model,
+            float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y)))),
+        )
+        ramp = min(model.speed / model.acceleration, math.sqrt(length / model.acceleration))
+        cruise = max(0.0, length / (model.acceleration * ramp) - ramp)
+        pose = [float(column[0]) for column in (reference.states.x, reference.states.y, reference.states.yaw)]
+        controls = [(model.acceleration, 0.0, ramp), (0.0, 0.0, cruise), (-model.acceleration, 0.0, ramp)]
+        goes = driven(model, pose, controls)
+        judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
+        told = self._told("nothing is free", 0, 0, 0)
+        return judged.reasons[0] or Smoothed(goes, judged.costs[0], self._tolerance(judged.costs[0], goes), told)
+
+    def _program(self, structure: Structure, seconds: dict[str, float]) -> DrivenProgram:
+        if structure not in self.programs:
+            began = time.perf_counter()
+            smooth = tuple(self.criteria[j] for j in self.smooth)
+            self.programs[structure] = DrivenProgram(self.problem, smooth, structure).build()
+            seconds["build"] = time.perf_counter() - began
+        return self.programs[structure]
+
+    def _solve(
+        self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
+    ) -> tuple[Driven, Trajectory] | str:
+        """A solution that does not collide, or why there is none."""
+        smooth, model = self.smooth, self.problem.model
+        weights = np.full(len(smooth), 1.0 / len(smooth))
+        if self.minimise is not None:
+            weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
+        bounds, aim = clearances(polyline, program), epsilon[smooth]
+        scale = np.where(aim > 1e-3, aim, 1.0)
+        for corner in (CORNER, 0.3 * CORNER):
+            guess = first_guess(polyline, program.structure, model, corner=corner)
+            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
+            counts["programs"] += 1
+            if solution.trajectory is not None:
+                break
+        collided = ""
+        while solution.trajectory is not None:
+            if self._free(solution.trajectory):
+                return solution, solution.trajectory
+            if counts["repairs"] == REPAIRS:
+                return "collides"
+            collided = "collides; "
+            counts["repairs"] += 1
+            counts["programs"] += 1
+            bounds = program.raised(bounds, solution.trajectory)
+            guess = program.again(guess, solution.trajectory)
+            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
+        return f"{collided}not converged ({solution.status})"
+
+    def _free(self, trajectory: Trajectory) -> bool:
+        return judge(self.problem, self.criteria[:1], [trajectory]).reasons[0] != "collides"
+
+    def _checked(
+        self, solution: Driven, goes: Trajectory, polyline: Polyline, epsilon: FloatArray, repairs: int
+    ) -> Smoothed | str:
+        """A candidate that keeps its bounds, its turns and its way, or which of these it does not."""
+        judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
+        if judged.reasons[0]:
+            return judged.reasons[0]
+        turns = sum(int((np.abs(ended) > LEAST_TURN).sum()) for ended in goes.turns)
+        if turns < structure_of(polyline, 0).turns:
+            return "lowers the number of turns"
+        way = path_points(goes)
+        spaces = {id(s): s for s in map(self._space, self.problem.model.parts)}.values()
+        if not all(homotopic(way, polyline.vertices, space) for space in spaces):
+            return "leaves the homotopy class of its polyline"
+        planned = judged.costs[0].copy()
+        planned[self.smooth] = solution.costs
+        told = self._told(solution.status, solution.iterations, turns, repairs)
+        return Smoothed(goes, planned, self._tolerance(planned, goes), told)
+
+    def _space(self, part: Any) -> Any:
+        return self.problem.world.free_space((part.z_min, part.z_max))
+
+    def _told(self, status: str, iterations: int, turns: int, repairs: int) -> dict[str, Any]:
+        minimise = None if self.minimise is None else self.criteria[self.minimise].name
+        return {
+            "planner": "smoothing",
+            "minimise": minimise,
+            "turns": turns,
+            "status": status,
+            "iterations": iterations,
+            "repairs": repairs,
+        }
+
+    def _tolerance(self, planned: FloatArray, goes: Trajectory) -> FloatArray:
+        """Sums within QUADRATURE; maxima within what one unit a metre changes between samples and in the field."""
+        longest = float(np.hypot(np.diff(goes.states.x), np.diff(goes.states.y)).max())
+        worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
+        quanta = np.array([criterion.quantum for criterion in self.criteria])
+        between = self.problem.world.cell + longest / 4
+        return np.asarray(np.where(worst, between, QUADRATURE * np.abs(planned)) + quanta)
+
+
+def path_points(trajectory: Trajectory) -> FloatArray:
+    """Points (N, 2), m, along a driven trajectory."""
+    share = np.arange(POINTS) / POINTS
+    times = (trajectory.times[:-1, None] + trajectory.durations[:, None] * share).ravel()
+    states = trajectory.at(np.append(times, trajectory.duration))
+    return np.stack([states.x, states.y], axis=1)

@@ -1,0 +1,324 @@
+"""The smoothing planner: curves that keep the turns, the way and the limits of the polylines they come from."""
+
+import dataclasses
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop.criteria import Length, OrientationRetention, Turns
+from hpop.criteria.base import trajectory_costs
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.front import Front
+from hpop.models import DifferentialDrive
+from hpop.models.driven import Drive, ahead
+from hpop.motions import States
+from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job
+from hpop.planners.driven_program import DrivenProgram, Forward, Structure
+from hpop.planners.smoothing import Smoothing
+from hpop.planners.smoothing_job import SmoothingJob
+from hpop.planners.vertices import Polyline
+from hpop.problem import Problem
+from hpop.status import Status
+from hpop.trajectory import Trajectory
+from hpop.verify import verify
+from hpop.world import World
+
+ROBOT = DifferentialDrive(radius=0.25)
+BLOCK = World.from_polygons([shapely.box(2.8, 1.4, 3.4, 2.6)], extent=shapely.box(0, 0, 6, 4))
+OPEN = World.from_polygons([], extent=shapely.box(-1, -1, 12, 6))
+COSTS = ["turns", "exposure", "length", "duration", "rotation", "clearance"]
+ROUND = Problem(BLOCK, ROBOT, (1, 2, 0), (5, 2, 0), COSTS)
+OPTIONS = {"step": 1.0}
+
+
+@pytest.fixture(scope="module")
+def smoothed():
+    """Candidates of six costs round a block, and the polylines that they come from."""
+    candidates = Smoothing(**OPTIONS).solve(ROUND)
+    return candidates, ROUND.solve("lattice", **OPTIONS).trajectories
+
+
+def job(world, *criteria, start=(0.0, 0.0, 0.0), goal=(5.0, 0.0, 0.0), robot=ROBOT, **options):
+    problem = Problem(world, robot, start, goal, criteria or [Length()])
+    return SmoothingJob(problem, problem.criteria, options.get("minimise"), options.get("intervals", 60))
+
+
+def polyline(*poses):
+    return Trajectory.from_poses(ROBOT, poses)
+
+
+# What every candidate keeps
+
+
+def test_candidates_are_what_they_claim(smoothed):
+    candidates, polylines = smoothed
+    assert candidates.status is Status.COMPLETE
+    assert len(candidates.trajectories) >= 0.9 * len(polylines) > 2
+    front = ROUND.front(candidates)
+    assert verify(ROUND, front) == []
+    assert "NOT VALID" not in front.certificate
+    assert "local optima" in front.certificate
+    json.dumps(candidates.provenance)
+    assert any("ramps at start and goal" in note for note in candidates.notes)
+
+
+def test_no_candidate_has_fewer_turns_than_its_polyline(smoothed):
+    candidates, polylines = smoothed
+    (before,) = trajectory_costs([Turns()], polylines, BLOCK).T
+    (after,) = trajectory_costs([Turns()], candidates.trajectories, BLOCK).T
+    for count, provenance in zip(after, candidates.provenance, strict=True):
+        assert count >= before[provenance["warm_start"]]
+        assert count == provenance["turns"]
+
+
+def test_candidates_cost_no_more_than_their_polylines_executed(smoothed):
+    candidates, polylines = smoothed
+    for goes, provenance in zip(candidates.trajectories, candidates.provenance, strict=True):
+        planned = polylines[provenance["warm_start"]]
+        new, *old = trajectory_costs(candidates.objectives[1:], [goes, planned, planned.execution()], BLOCK)
+        assert (new <= 1.021 * np.max(old, axis=0) + 1e-3).all()
+
+
+def test_the_block_is_passed_on_the_same_side(smoothed):
+    candidates, polylines = smoothed
+    for goes, provenance in zip(candidates.trajectories, candidates.provenance, strict=True):
+        planned = polylines[provenance["warm_start"]]
+        sides = []
+        for way in (goes, planned):
+            at = way.at(np.linspace(0, way.duration, 500))
+            sides.append(np.sign(at.y[np.argmin(np.abs(at.x - 3.1))] - 2.0))
+        assert sides[0] == sides[1]
+
+
+def test_the_robot_starts_and_ends_at_rest_and_keeps_its_limits(smoothed):
+    for goes in smoothed[0].trajectories:
+        s = goes.states
+        assert (s.speed[[0, -1]] == 0).all()
+        assert (s.turn_rate[[0, -1]] == 0).all()
+        track = ROBOT.wheels(goes, np.linspace(0, goes.duration, 2000)[1:-1])
+        for speed in (track.left_speed, track.right_speed):
+            assert np.abs(speed).max() <= ROBOT.wheel_speed + 1e-4
+        for change in (track.left_acceleration, track.right_acceleration):
+            assert np.abs(change).max() <= ROBOT.wheel_acceleration + 1e-3
+        assert s.speed.min() >= 0.0
+
+
+def test_planned_costs_are_the_re_evaluated_ones_within_the_tolerance(smoothed):
+    candidates, _ = smoothed
+    again = trajectory_costs(candidates.objectives, candidates.trajectories, BLOCK)
+    assert (np.abs(again - candidates.planned) <= candidates.tolerance).all()
+    names = [c.name for c in candidates.objectives]
+    exact = [name in ("turns", "length", "duration", "rotation") for name in names]
+    exposure = names.index("exposure")
+    assert (candidates.tolerance[:, exposure] <= 0.0101 * candidates.planned[:, exposure]).all()
+    np.testing.assert_allclose(candidates.planned[:, exact], again[:, exact], rtol=1e-5, atol=1e-6)
+
+
+def test_driven_fronts_are_saved_loaded_joined_and_pass_the_check(smoothed, tmp_path):
+    front = ROUND.front(smoothed[0]) | ROUND.solve("lattice", **OPTIONS)
+    front.save(tmp_path / "front.json")
+    again = Front.load(tmp_path / "front.json")
+    np.testing.assert_array_equal(again.costs, front.costs)
+    assert any("drive" in t.kinds for t in again.trajectories)
+    assert verify(ROUND, again) == []
+
+
+def test_sums_of_fields_maxima_and_curvatures_enter_the_program():
+    criteria = ["exposure", "clearance", "rotation_time", "proximity", "bending_energy"]
+    asked = job(BLOCK, *criteria, start=(1, 2, 0), goal=(5, 2, 0))
+    outcome = asked.solve(polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0)))
+    assert outcome.reason == ""
+    again = trajectory_costs(asked.criteria, [outcome.found.trajectory], BLOCK)[0]
+    assert (np.abs(again - outcome.found.planned) <= outcome.found.tolerance).all()
+
+
+# Known answers
+
+
+def test_a_straight_way_is_driven_as_fast_as_the_robot_may():
+    for length, seconds in ((5.0, 5.0 / 1.0 + 1.0 / 1.0), (0.64, 2 * math.sqrt(0.64))):
+        found = job(OPEN, goal=(length, 0, 0)).solve(polyline((0, 0, 0), (length, 0, 0))).found
+        assert found.trajectory.duration == pytest.approx(seconds)
+        assert found.trajectory.states.x[-1] == pytest.approx(length, abs=1e-9)
+
+
+def test_a_corner_is_driven_faster_than_it_is_turned_at_and_no_faster_than_the_straight_line():
+    corner = polyline((0, 0, 0), (4, 0, 0), (4, 4, math.pi / 2))
+    asked = job(OPEN, "duration", start=(0, 0, 0), goal=(4, 4, math.pi / 2), minimise=0)
+    found = asked.solve(corner).found
+    assert math.hypot(4, 4) / ROBOT.speed + ROBOT.speed / ROBOT.acceleration < found.trajectory.duration
+    assert found.trajectory.duration < corner.execution().duration - 1.5  # a whole stop is saved
+    assert found.provenance["turns"] == 1
+
+
+def test_two_turns_of_one_sign_stay_two():
+    """A quarter turn in two: without the straight driving between them they would merge into one."""
+    way = polyline((0, 0, 0), (3, 0, 0), (5, 2, math.pi / 4), (5, 5, math.pi / 2))
+    asked = job(OPEN, "duration", "turns", goal=(5, 5, math.pi / 2))
+    found = asked.solve(way).found
+    assert trajectory_costs([Turns()], [way, found.trajectory], OPEN).ravel().tolist() == [2, 2]
+    rates = found.trajectory.states.turn_rate
+    inner = np.flatnonzero(rates)
+    assert (rates[inner[0] : inner[-1]] == 0.0).any()
+
+
+def test_the_law_in_the_program_is_the_law_of_the_trajectory():
+    rng = np.random.default_rng(0)
+    start = States(
+        **{name: rng.uniform(-1, 1, 50) for name in ("x", "y", "yaw")},
+        speed=rng.uniform(0, 1, 50),
+        turn_rate=rng.uniform(0, 1.5, 50),
+        clock=np.zeros(50),
+    )
+    end = ahead(start, rng.uniform(0, 1, 50), rng.uniform(0, 1, 50), np.full(50, 0.3))
+    inside, law = Forward(sign=1.0), Drive()
+    for share in (0.1, 0.5, 0.8):
+        for name in ("x", "y", "yaw"):
+            found, expected = (one.interpolate(name, start, end, share) for one in (inside, law))
+            np.testing.assert_allclose(found, expected, atol=2e-4)
+    np.testing.assert_allclose(inside.travel(start, end, 0.0), law.travel(start, end, 0.0))
+    np.testing.assert_allclose(inside.swept(start, end), law.swept(start, end))
+    assert inside.strays(start, end).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("poses", "turning"),
+    [
+        ([(0, 0, 0), (5, 0, 0)], (False,)),
+        ([(0, 0, 1), (5, 0, 0)], (True, False)),
+        ([(0, 0, 0), (5, 0, 1)], (False, True)),
+        ([(0, 0, 1), (5, 0, 1)], (True, False, True)),
+        ([(0, 0, 0), (5, 0, 0), (5, 5, math.pi / 2)], (False, True, False)),
+        ([(0, 0, 1), (5, 0, 0), (5, 5, 0)], (True, False, True, False, True)),
+    ],
+)
+def test_phases_follow_the_turns_of_the_polyline(poses, turning):
+    problem = Problem(OPEN, ROBOT, poses[0], poses[-1], ["length"])
+    way = Polyline.of(polyline(*poses), problem)
+    structure = driven_guess.structure_of(way, 60)
+    assert structure.turning == turning
+    assert sum(structure.counts) == 60
+    assert structure.turns == sum(turning)
+    guess = driven_guess.first_guess(way, structure, ROBOT)
+    assert guess.nodes.shape == (5, 61)
+    assert guess.nodes[2, -1] - guess.nodes[2, 0] == pytest.approx(driven_guess.rotations(way).sum())
+
+
+def test_many_turns_get_more_intervals_than_were_asked_for():
+    assert sum(Structure(10, True, True, 20).counts) == 10 * 4 + 11 * 3
+
+
+# What goes wrong is dropped, counted and said
+
+
+def test_a_curve_on_the_other_side_is_dropped(monkeypatch):
+    """The solver is sent round the other side of a symmetric block."""
+
+    def mirrored(way):
+        return dataclasses.replace(way, vertices=way.vertices * [1, -1] + [0, 4])
+
+    guess, clearances = smoothing_job.first_guess, smoothing_job.clearances
+    monkeypatch.setattr(smoothing_job, "first_guess", lambda way, *a, **k: guess(mirrored(way), *a, **k))
+    monkeypatch.setattr(smoothing_job, "clearances", lambda way, program: clearances(mirrored(way), program))
+    way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
+    outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
+    assert outcome.found is None
+    assert outcome.reason == "leaves the homotopy class of its polyline"
+
+
+def test_turns_that_nothing_but_the_bound_keeps_are_missed(monkeypatch):
+    zigzag = polyline((0, 0, 0), (1.5, 0, 0), (2.5, 0.3, 0), (3.5, 0, 0), (5, 0, 0))
+    assert job(OPEN).solve(zigzag).reason == ""
+    monkeypatch.setattr(driven_program, "LEAST_TURN", 0.0)
+    assert job(OPEN).solve(zigzag).reason == "lowers the number of turns"
+
+
+def test_what_never_converges_is_counted_with_its_status(monkeypatch):
+    solve = DrivenProgram.solve
+
+    def never(program, *args, **options):
+        return dataclasses.replace(solve(program, *args, **options), trajectory=None, status="Restoration_Failed")
+
+    monkeypatch.setattr(DrivenProgram, "solve", never)
+    problem = dataclasses.replace(ROUND, criteria=("turns", "length"))
+    candidates = Smoothing(step=1.0).solve(problem)
+    assert candidates.trajectories == ()
+    count = candidates.stats["warm_starts"]
+    assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": count}
+    assert f"{count} polylines without a candidate: not converged (Restoration_Failed)" in candidates.notes
+
+
+def test_solutions_that_keep_colliding_are_dropped(monkeypatch):
+    monkeypatch.setattr(SmoothingJob, "_free", lambda job, trajectory: False)
+    way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
+    outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
+    assert outcome.reason == "collides"
+    assert outcome.counts["repairs"] == smoothing_job.REPAIRS
+
+
+def test_what_is_no_polyline_or_goes_nowhere_is_said():
+    found = job(OPEN).solve(polyline((0, 0, 0), (5, 0, 0))).found
+    assert job(OPEN).solve(found.trajectory).reason == "no polyline"
+    assert job(OPEN, goal=(0, 0, 1)).solve(polyline((0, 0, 0), (0, 0, 1))).reason == "goes nowhere"
+
+
+def test_a_bound_in_time_and_ctrl_c_keep_what_is_finished(monkeypatch):
+    problem = dataclasses.replace(ROUND, criteria=("turns", "length", "exposure"))
+    solve, calls = SmoothingJob.solve, []
+
+    def interrupted(job, trajectory):
+        calls.append(trajectory)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return solve(job, trajectory)
+
+    monkeypatch.setattr(SmoothingJob, "solve", interrupted)
+    candidates = Smoothing(step=1.0).solve(problem)
+    assert candidates.status is Status.INTERRUPTED
+    assert len(candidates.trajectories) == 1
+    monkeypatch.undo()
+    late = Smoothing(step=1.0, warm_start={"lattice": {"step": 1.0}}, time_limit=1e-6).solve(problem)
+    assert late.status is Status.TIME_LIMIT
+    assert late.trajectories == ()
+    assert any("polylines were not smoothed" in note for note in late.notes)
+
+
+def test_an_executor_gives_the_same():
+    problem = dataclasses.replace(ROUND, criteria=("turns", "length"))
+    with ThreadPoolExecutor(1) as executor:
+        there = Smoothing(step=1.0).solve(problem, executor=executor)
+    here = Smoothing(step=1.0).solve(problem)
+    np.testing.assert_array_equal(there.planned, here.planned)
+    assert there.provenance == here.provenance
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"intervals": 0}, "intervals must be a whole number"),
+        ({"time_limit": 0.0}, "time_limit"),
+        ({"warm_start": 3}, "warm_start is the name of a planner"),
+        ({"warm_start": {"lattice": {"stp": 1}}}, "no option 'stp'"),
+    ],
+)
+def test_wrong_options_say_what_to_do(options, message):
+    with pytest.raises(OptionError, match=message):
+        Smoothing(**options)
+
+
+def test_what_cannot_be_treated_is_refused_by_name():
+    with pytest.raises(
+        OptionError, match="minimise is one of exposure, length, duration, rotation, clearance, got 'turns'"
+    ):
+        Smoothing(minimise="turns").solve(ROUND)
+    for criteria, message in ((["length", OrientationRetention()], "orientation_retention"), (["turns"], "'length'")):
+        with pytest.raises(UnsupportedCriterion, match=message):
+            Smoothing().solve(dataclasses.replace(ROUND, criteria=criteria))
+
+
+def test_the_lattice_is_the_default_warm_start():
+    assert Smoothing(step=0.5, headings=16)._warm_planner(7.0) == Lattice(step=0.5, headings=16, time_limit=7.0)
