@@ -17,6 +17,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
 	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
 	$(BIN)/python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json
+	$(BIN)/python benchmarks/smoothing.py --out out/bench/smoothing.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py

@@ -23,5 +23,5 @@ class Oblique:
             raise CriterionError(f"'axis' must be an angle in rad, got {self.axis!r}")
 
     def cost(self, m: hpop.Motions) -> np.ndarray:
-        """Weighted length (M,), m; a straight move keeps its heading."""
-        return m.base.length * np.sin(2.0 * (m.base.start.yaw - self.axis)) ** 2
+        """Weighted length (M,), m; the heading changes along curves."""
+        return m.integrate(lambda s: np.abs(s.speed) * np.sin(2.0 * (s.base.yaw - self.axis)) ** 2)
