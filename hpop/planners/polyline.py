@@ -20,6 +20,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.math import wrap
 from hpop.motions import Motions, States
+from hpop.planners.hinges import unhinged
 from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import Rounded, SparseWorld, moments
 from hpop.planners.vertices import Polyline, Structure
@@ -204,13 +205,13 @@ class PolylineProgram:
         x, y = self._columns(free, ends)
         batches = [m for m in self._motions(x, y, ends) if m is not None]
         costs: list[Any] = [None] * k
-        rows = []
+        rows, tops = [], dict[int, Any]()
         for j, criterion in enumerate(self.criteria):
             if criterion.aggregate == "max":
                 samples = [_mx(_cost(criterion, m), len(m)) for batch in batches for m in moments(batch)]
-                below = casadi.vertcat(*samples)
                 costs[j] = slack[worst.index(j)]
-                rows.append((below - costs[j]) / scale[j])
+                tops[j] = casadi.mmax(casadi.vertcat(*samples))
+                rows.append((casadi.vertcat(*map(unhinged, samples)) - costs[j]) / scale[j])
             else:
                 costs[j] = sum(casadi.sum1(_mx(_cost(criterion, batch), len(batch))) for batch in batches)
         every = casadi.vertcat(*costs)
@@ -231,9 +232,7 @@ class PolylineProgram:
             "g": casadi.vertcat(scaled[summed], above, gone, *clearances),
         }
         solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS)
-        honest = list(costs)  # a slack may lie above the worst sample
-        for i, (j, row) in enumerate(zip(worst, rows, strict=True)):
-            honest[j] = casadi.mmax(row * scale[j] + slack[i])
+        honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
         values = casadi.Function("values", [variables, parameters], [casadi.horzcat(x, y), casadi.vertcat(*honest)])
         return solver, values, int(above.numel())
 

@@ -53,6 +53,8 @@ def test_length_against_clearance_round_a_disc_is_the_analytic_front():
     world = World.from_polygons([shapely.Point(0, 0).buffer(DISC, quad_segs=64)], extent=shapely.box(-8, -8, 8, 8))
     problem = Problem(world, ROBOT, (-HALF, 0, 0), (HALF, 0, None), [Length(), Clearance(enough=2.5), "turns"])
     front = problem.solve("epsilon-constraint", step=0.5, rounds=4)
+    assert front.runs[0]["failed"] == {}
+    assert front.costs[:, 1].min() <= 1e-3
     with_first_turn = 0
     for (length, shortfall, turns), trajectory in zip(front.costs, front.trajectories, strict=True):
         radius, segments = DISC + 2.5 - shortfall, trajectory.kinds.count("move")

@@ -10,10 +10,11 @@ from hpop.criteria import Clearance, Duration, Exposure, Length, Obstruction, Ro
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
+from hpop.planners.hinges import unhinged
 from hpop.planners.polyline import PolylineProgram
 from hpop.planners.vertices import Polyline, Structure
 from hpop.problem import Problem
-from hpop.symbols import elementwise
+from hpop.symbols import elementwise, lift
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -145,6 +146,32 @@ def test_the_worst_sample_is_never_worse_than_the_worst_moment():
     planned = PolylineProgram(GOAL_FREE, criteria, 0, line.structure).costs(line)[1]
     told = exact(GOAL_FREE, criteria, line)[1]
     assert told - 0.15 < planned < told + 0.082  # samples 0.3 m apart; the field is within 0.82 of a cell
+
+
+def test_a_worst_moment_is_bounded_where_its_hinge_is_flat():
+    """Nothing nearer than enough: the bound lies where the cost has no gradient on one side."""
+    criteria = (Length(), Clearance(enough=2.0))
+    line = polyline(GOAL_FREE, (-2, 3.4), (2, 3.4))
+    assert exact(GOAL_FREE, criteria, line)[1] == 0
+    solution = PolylineProgram(GOAL_FREE, criteria, 0, line.structure).solve(line, np.array([np.inf, 0.0]))
+    assert solution.converged, solution.status
+    assert solution.costs[1] == pytest.approx(0.0, abs=1e-6)
+    assert exact(GOAL_FREE, criteria, solution.polyline)[0] < exact(GOAL_FREE, criteria, line)[0] - 0.2
+
+
+def test_only_hinges_are_taken_away_and_conditions_stay():
+    x = casadi.MX.sym("x", 3)
+    column = lift(x, 3)
+    point = np.array([-1.0, 0.5, 2.0])
+    for before, after in (
+        (np.maximum(1.0 - column, 0.0), 1.0 - point),
+        (np.maximum(0.0, column), point),
+        (np.where(column > 0.0, np.maximum(column - 1.0, 0.0), 0.0), [0.0, -0.5, 1.0]),
+        (np.maximum(column, 1.0), np.maximum(point, 1.0)),
+        (np.where(column > 0.0, column, 1.0), np.where(point > 0.0, point, 1.0)),
+    ):
+        below = casadi.Function("below", [x], [unhinged(casadi.vec(casadi.MX(before)))])
+        assert np.array(below(point)).ravel().tolist() == list(after)
 
 
 def test_headings_without_a_turn_are_kept_exactly():
