@@ -187,7 +187,7 @@ class _Run:
             return self.first._paths[int(self.rows[-1 - label])]
         if self.search is None:
             raise AssertionError("a label without its search, please report")
-        return self.search.path(label, clock)
+        return self.search.paths(np.array([label]), clock)[0]
 
 
 def _without(graph: Graph, column: int) -> Graph:

@@ -17,7 +17,7 @@ targets, which is asked about every label, is one more block.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from hpop.arrays import IntArray
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.graph import Graph
+from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import drop_first, kernel, push
 from hpop.planners.search.slices import (
     CLOSED,
@@ -42,7 +43,6 @@ from hpop.planners.search.slices import (
     ROWS,
     SLICE,
     Clock,
-    Search,
 )
 from hpop.planners.search.tables import build, trace
 
@@ -203,7 +203,7 @@ def advance(
     return code
 
 
-class General(Search):
+class General(HeapSearch):
     """The search on one graph for one query, costs taken in the given order."""
 
     def __init__(
@@ -236,7 +236,7 @@ class General(Search):
             advance,
             self.counters,
             work,
-            np.array(self.rise, np.int64),
+            self.rise,
             self.fan,
             self.start,
             self.table,
@@ -256,13 +256,13 @@ class General(Search):
         return int(code)
 
     def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph and the sets."""
+        """List the tables of the graph, the sets and the heap."""
         tables = [self.table, self.nodes, self.origin, self.start, self.split, self.is_target]
-        return [*tables, self.blocks, self.vectors]
+        return [*tables, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
         """Double the rows of the sets."""
-        return self.vectors.nbytes, self._grow_rows
+        return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:
         self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
@@ -274,7 +274,7 @@ class General(Search):
             for name in ("table", "nodes", "vectors"):
                 setattr(self, name, getattr(self, name).astype(np.int64))
 
-    def path(self, label: int, clock: Clock) -> IntArray:
-        """Places of the arcs of a solution in the graph, from the source on."""
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""
         arrays = (self.start, self.split, self.table, self.origin, self.closed)
-        return cast(IntArray, clock.call(trace, *arrays, self.source, label))
+        return [clock.call(trace, *arrays, self.source, int(label)) for label in labels]

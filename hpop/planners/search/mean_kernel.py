@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hpop.arrays import IntArray
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.graph import Graph
+from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import drop_first, kernel, push
 from hpop.planners.search.slices import (
     CLOSED,
@@ -42,7 +43,6 @@ from hpop.planners.search.slices import (
     ROWS,
     SLICE,
     Clock,
-    Search,
 )
 
 TIME, INTEGRAL, OTHERS = range(3)  # columns of a label; the other costs follow
@@ -258,7 +258,7 @@ def advance(
     return code
 
 
-class CappedMean(Search):
+class CappedMean(HeapSearch):
     """The search on one graph for one query; ``columns`` has the duration, the integral, then the other costs.
 
     It begins with what is ``known``: a front, its solutions (negative; a label is 1 + its place among the closed ones)
@@ -295,7 +295,7 @@ class CappedMean(Search):
             advance,
             self.counters,
             work,
-            np.array(self.rise, np.int64),
+            self.rise,
             self.fan,
             self.graph.indptr,
             self.graph.heads,
@@ -318,17 +318,20 @@ class CappedMean(Search):
 
     def arrays(self) -> list[NDArray[Any]]:
         """List the tables of the graph and the sets."""
-        return [self.costs, self.h, self.is_target, self.blocks, self.vectors]
+        return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
         """Double the rows of the sets."""
-        return self.vectors.nbytes, self._grow_rows
+        return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:
         self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
 
-    def path(self, label: int, clock: Clock) -> IntArray:
-        """Places of the arcs of a solution in the graph, from the source on."""
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""
+        return [self._path(int(label)) for label in labels]
+
+    def _path(self, label: int) -> IntArray:
         arcs = []
         while label > 0:
             value = int(self.closed[label - 1])

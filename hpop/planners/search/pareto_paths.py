@@ -134,14 +134,23 @@ class _Run:
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
+        from hpop.planners.search.staircase import TooWide
+
         self.search = prepared
-        return prepared.run(clock)
+        try:
+            return prepared.run(clock)
+        except TooWide:
+            self.method = "general"
+            return self.go(clock)
 
     def _prepare(self, clock: Clock) -> Search | Status:
         """Set up the search with tables of its own, so that the bounds can be freed, or say why not."""
         from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
+        from hpop.planners.search.turns import Groups
 
-        h, samples, status = lower_bounds(self.graph, self.source, self.targets, clock)
+        column = _least_raised(self.graph)
+        groups = None if column < 0 else Groups.of(self.graph, column, clock)
+        h, samples, status = lower_bounds(self.graph, self.source, self.targets, clock, groups)
         self.after_bounds = clock.seconds()
         if status is not None:
             return status
@@ -152,14 +161,19 @@ class _Run:
             return Status.NO_PATH
         by_spread = _by_spread(samples, h[:, self.source])
         if self.method == "staircase":
-            from hpop.planners.search.staircase import Staircase
+            from hpop.planners.search.staircase import Staircase, TooWide
 
             others = [j for j in by_spread if j != index]
             turns = self.graph.costs[:, index] > 0
             others.sort(key=lambda j: bool(self.graph.costs[:, j].max(where=turns, initial=0)))  # free first
             self.order = (others[0], index, *others[1:])
             three = (others[0], index, others[1] if len(others) > 1 else -1)
-            return Staircase(self.graph, self.source, self.targets, h, three, clock)
+            if groups is None or groups.column != index:
+                groups = Groups.none(self.graph, clock)
+            try:
+                return Staircase(self.graph, self.source, self.targets, h, three, groups, clock)
+            except TooWide:
+                self.method = "general"
         from hpop.planners.search.general import General
 
         self.order = tuple(by_spread)
@@ -195,7 +209,7 @@ class _Run:
             costs[:, list(self.order)] = found[:, : len(self.order)]
             rows = np.lexsort(costs.T[::-1])
             costs = costs[rows]
-            paths = tuple(self.search.path(int(labels[i]), clock) for i in rows)
+            paths = tuple(self.search.paths(labels[rows], clock))
             counts = {"labels_generated": generated, "labels_expanded": expanded}
         costs.setflags(write=False)
         stats = SearchStats(
@@ -208,6 +222,13 @@ class _Run:
             **counts,
         )
         return ParetoPaths(costs, status, stats, self.graph, self.source, paths)
+
+
+def _least_raised(graph: Graph) -> int:
+    """Column of the sum that single arcs raise least, the one in which turns may be counted; -1 if there is none."""
+    most = graph.costs.max(axis=0, initial=0)
+    sums = [j for j, how in enumerate(graph.aggregates) if how == "sum" and 0 < most[j] < SMALL]
+    return min(sums, key=lambda j: int(most[j]), default=-1)
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:

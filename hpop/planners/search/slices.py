@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.planners.search.kernels import is_ready, make_ready, plan_keys, repack
+from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
 # What a kernel returns: the first two, or the array that has no room left for the next expansion.
-DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS = range(8)
+DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
 # The counters that a kernel and its driver share.
 N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
 WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
@@ -71,25 +71,17 @@ class Search(ABC):
     """The arrays of one search, and its loop. A subclass adds the structure that dominance tests use."""
 
     counters: IntArray
-    keys: IntArray
-    values: IntArray
     closed: IntArray
     front: IntArray  # (capacity, k)  costs in the order of the search
     solutions: IntArray  # (capacity,)   the labels that reached a target
 
-    def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
-        """Start with one label: f (k,) its estimate; rise (k,) what f may grow by in one expansion."""
-        self.rise = rise
+    def __init__(self, costs: int, fan: int) -> None:
+        """Start with one label open; `fan` is how many more one expansion can make."""
         self.fan = fan
-        self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
         self.counters = np.zeros(COUNTERS, np.int64)
-        self.keys = np.zeros(max(1024, 2 * fan) * self.plan[3], np.int64)
-        self.values = np.zeros(max(1024, 2 * fan), np.int64)
         self.closed = np.zeros(1024, np.int64)
-        self.front = np.zeros((64, len(f)), np.int64)
+        self.front = np.zeros((64, costs), np.int64)
         self.solutions = np.zeros(64, np.int64)
-        for j, value in enumerate(f):
-            self.keys[self.plan[0][j]] |= value << int(self.plan[1][j])
         self.counters[N_OPEN] = 1
 
     @abstractmethod
@@ -132,23 +124,15 @@ class Search(ABC):
 
     def memory(self) -> int:
         """Bytes of all arrays."""
-        own = (self.keys, self.values, self.closed, self.front, self.solutions)
+        own = (self.closed, self.front, self.solutions)
         return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
 
     def _room(self, code: int) -> tuple[int, Callable[[], None]]:
-        if code == HEAP:
-            return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == CLOSED:
             return self.closed.nbytes, self._grow_closed
         if code == FRONT:
             return self.front.nbytes + self.solutions.nbytes, self._grow_front
-        if code == KEYS:
-            return self.keys.nbytes, self._widen_keys
         return self.growth(code)
-
-    def _grow_heap(self) -> None:
-        self.keys.resize(2 * len(self.keys), refcheck=False)
-        self.values.resize(2 * len(self.values), refcheck=False)
 
     def _grow_closed(self) -> None:
         self.closed.resize(2 * len(self.closed), refcheck=False)
@@ -157,12 +141,6 @@ class Search(ABC):
         self.front.resize((2 * len(self.front), self.front.shape[1]), refcheck=False)
         self.solutions.resize(2 * len(self.solutions), refcheck=False)
 
-    def _widen_keys(self) -> None:
-        new = plan_keys([2 * int(limit) for limit in self.plan[2]])
-        keys = np.zeros(len(self.values) * new[3], np.int64)
-        repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
-        self.keys, self.plan = keys, new
-
     def found(self) -> tuple[IntArray, IntArray, int, int]:
         """Costs (n, k) and labels (n,) of the front so far; labels generated and expanded."""
         n = int(self.counters[N_FRONT])
@@ -170,5 +148,5 @@ class Search(ABC):
         return self.front[:n], self.solutions[:n], generated, expanded
 
     @abstractmethod
-    def path(self, label: int, clock: Clock) -> IntArray:
-        """Places of the arcs of a solution in the graph, from the source on."""
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""

@@ -4,217 +4,55 @@ Accepts: two or three costs, one of them (the index, a sum) small along good pat
 
 Guarantees: every non-dominated cost vector once, each with one path that has it.
 
-Labels leave the heap in lexicographic order of f = g + h (for a maximum f = g, with h taken into g), so the
-first cost of whatever was closed at a node is never larger and drops out of the dominance test (Pulido,
-Mandow, Perez de la Cruz, "Dimensionality reduction in multiobjective shortest path search", 2015). Of the two
-costs (n, d) left, n is a small integer. So keep, at each node, best[n] = the least d closed with at most n:
-a label is dominated iff best[n] <= d. The same staircase over f at the targets prunes what cannot be a
-solution. Both are asked at generation and again at expansion ("lazy", as in BOA*, Hernandez et al. 2023).
+Labels leave the queue in lexicographic order of f = g + h (for a maximum f = g, with h taken into g), so the first
+cost of whatever was closed at a node is never larger and drops out of the dominance test (Pulido, Mandow, Perez de la
+Cruz, "Dimensionality reduction in multiobjective shortest path search", 2015). Of the two costs (n, d) left, n is a
+small integer. So keep, at each node, best[n] = the least d closed with at most n: a label is dominated iff best[n] <=
+d. The same staircase over f at the targets prunes what cannot be a solution. Both are asked at generation and again at
+expansion ("lazy", as in BOA*, Hernandez et al. 2023).
 
-Where the arcs that raise the index make groups of nodes (turns in place, see :mod:`.turns`), labels are made
-only where other arcs arrive, and one staircase a group tells what any of its nodes could turn into.
+Where the arcs that raise the index make groups of nodes (turns in place, see :mod:`.turns`), labels are made only
+where other arcs arrive, and one staircase a group tells what any of its nodes could turn into. The staircases of a
+group lie side by side, so that one line of the processor's cache answers for all its nodes. Once a search has proved
+long, bounds that know how many turns are left prune more (:mod:`.turn_bounds`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.planners.search.bounds import UNREACHABLE
+from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, QUEUE
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.kernels import drop_first, kernel, push
 from hpop.planners.search.slices import (
-    CLOSED,
-    DONE,
-    FRONT,
+    BUCKETS,
+    CHUNKS,
     HEAP,
     INT32_LIMIT,
     KEYS,
-    N_CLOSED,
     N_EXPANDED,
-    N_FRONT,
-    N_GENERATED,
-    N_OPEN,
     N_ROWS,
     ROWS,
-    SLICE,
-    WIDTH,
     Clock,
     Search,
 )
-from hpop.planners.search.tables import build, trace
-from hpop.planners.search.turns import find_groups, most_successors
+from hpop.planners.search.staircase_kernel import ARC_COLUMNS, NODE_COLUMNS, advance, fill_tables, trace, widen
+from hpop.planners.search.turn_bounds import LAYERS, costs_by_turns
+from hpop.planners.search.turns import OFFSET, SIZE, Groups
 
-# Columns of the table of nodes: lower bounds, row of best and group (-1: none), dearest turn of the group.
-H_FIRST, H_INDEX, H_REST, ROW, GROUP, DEAREST, NODE_COLUMNS = range(7)
-HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
+INDEX_BITS = 14
+KEY_BITS = 62
+BUCKET_BITS = 15  # the first cost of the whole way, or of a long arc, is so many bits of buckets
+LONG = 4  # a search is long once it has expanded that many labels a node
 
 
-@kernel
-def advance(
-    counters: IntArray,
-    work: int,
-    rise: IntArray,
-    fan: int,
-    start: IntArray,
-    split: IntArray,
-    arcs: NDArray[Any],
-    nodes: NDArray[Any],
-    is_target: NDArray[np.uint8],
-    best: NDArray[Any],
-    group_best: NDArray[Any],
-    goal: NDArray[Any],
-    turn: int,
-    is_max: tuple[bool, bool],
-    source: int,
-    plan: tuple[IntArray, IntArray, IntArray, int],
-    keys: IntArray,
-    values: IntArray,
-    closed: IntArray,
-    front: IntArray,
-    solutions: IntArray,
-) -> int:
-    """Expand labels until the work is done or an array is full; return why."""
-    max_first, max_rest = is_max
-    word, shift, limit, words = plan
-    w0, w1, w2 = word
-    s0, s1, s2 = shift
-    m0, m1, m2 = limit
-    key = np.zeros(words, np.int64)
-    size = counters[N_OPEN]
-    done = counters[N_CLOSED]
-    width = best.shape[1]
-    last = width - 1
-    code = SLICE
-    while work > 0:
-        if size == 0:
-            code = DONE
-            break
-        f0 = (keys[w0] >> s0) & m0
-        f1 = (keys[w1] >> s1) & m1
-        f2 = (keys[w2] >> s2) & m2
-        value = values[0]
-        arc = (value & 0xFFFFFFFF) - 1
-        v = np.int64(arcs[arc, HEAD]) if arc >= 0 else source
-        g0 = f0 if max_first else f0 - nodes[v, H_FIRST]
-        n = f1 - nodes[v, H_INDEX]
-        d = f2 if max_rest else f2 - nodes[v, H_REST]
-        if n >= width:
-            code = WIDTH
-            break
-        row = np.int64(nodes[v, ROW])
-        group = np.int64(nodes[v, GROUP])
-        dominated = goal[min(f1, last)] <= f2 or (row >= 0 and best[row, n] <= d)
-        if not dominated and group >= 0 and n >= turn and not is_target[v]:
-            e = np.int64(group_best[group, n - turn])
-            dearest = np.int64(nodes[v, DEAREST])
-            dominated = (max(e, dearest) if max_rest else e + dearest) <= d
-        if dominated:
-            drop_first(keys, values, size, words)
-            size -= 1
-            work -= 1
-            continue
-        if size + fan > len(values):
-            code = HEAP
-            break
-        if done == len(closed):
-            code = CLOSED
-            break
-        if counters[N_FRONT] == len(solutions):
-            code = FRONT
-            break
-        if row < 0 and counters[N_ROWS] == len(best):
-            code = ROWS
-            break
-        if g0 + rise[0] > m0 or n + rise[1] > m1 or d + rise[2] > m2:
-            code = KEYS
-            break
-        drop_first(keys, values, size, words)
-        size -= 1
-        counters[N_EXPANDED] += 1
-        if is_target[v]:
-            for i in range(n, width):
-                if goal[i] <= d:
-                    break
-                goal[i] = d
-            at = counters[N_FRONT]
-            front[at, 0] = f0
-            front[at, 1] = f1
-            front[at, 2] = f2
-            solutions[at] = value
-            counters[N_FRONT] = at + 1
-            continue
-        if row < 0:
-            row = counters[N_ROWS]
-            counters[N_ROWS] = row + 1
-            nodes[v, ROW] = row
-        for i in range(n, width):
-            if best[row, i] <= d:
-                break
-            best[row, i] = d
-        if group >= 0:
-            for i in range(n, width):
-                if group_best[group, i] <= d:
-                    break
-                group_best[group, i] = d
-        closed[done] = value
-        done += 1
-        for t in range(split[v] - 1, start[v + 1]):  # first without a turn, then each turn
-            u, u0, un, ud = v, g0, n, d
-            if t >= split[v]:
-                u = np.int64(arcs[t, HEAD])
-                u0 = max(g0, arcs[t, FIRST], nodes[u, H_FIRST]) if max_first else g0 + arcs[t, FIRST]
-                un = n + arcs[t, INDEX]
-                ud = max(d, arcs[t, REST], nodes[u, H_REST]) if max_rest else d + arcs[t, REST]
-                row = np.int64(nodes[u, ROW])
-                f1 = un + nodes[u, H_INDEX]
-                f2 = ud if max_rest else ud + nodes[u, H_REST]
-                work -= 1
-                if goal[min(f1, last)] <= f2 or (row >= 0 and best[row, min(un, last)] <= ud):
-                    continue
-                if is_target[u]:
-                    key[:] = 0
-                    key[w0] |= (u0 if max_first else u0 + nodes[u, H_FIRST]) << s0
-                    key[w1] |= f1 << s1
-                    key[w2] |= f2 << s2
-                    push(keys, values, size, words, key, (done << 32) | (t + 1))
-                    size += 1
-                    counters[N_GENERATED] += 1
-                    continue
-            for a in range(start[u], split[u]):
-                work -= 1
-                x = np.int64(arcs[a, HEAD])
-                xn = un + arcs[a, INDEX]
-                f1 = xn + nodes[x, H_INDEX]
-                xd = max(ud, arcs[a, REST], nodes[x, H_REST]) if max_rest else ud + arcs[a, REST]
-                f2 = xd if max_rest else xd + nodes[x, H_REST]
-                if goal[min(f1, last)] <= f2:
-                    continue
-                row = np.int64(nodes[x, ROW])
-                if row >= 0 and best[row, min(xn, last)] <= xd:
-                    continue
-                group = np.int64(nodes[x, GROUP])
-                if group >= 0 and xn >= turn:
-                    e = np.int64(group_best[group, min(xn - turn, last)])
-                    dearest = np.int64(nodes[x, DEAREST])
-                    if (max(e, dearest) if max_rest else e + dearest) <= xd:
-                        continue
-                h0 = np.int64(nodes[x, H_FIRST])
-                x0 = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0
-                key[:] = 0
-                key[w0] |= x0 << s0
-                key[w1] |= f1 << s1
-                key[w2] |= f2 << s2
-                push(keys, values, size, words, key, (done << 32) | (a + 1))
-                size += 1
-                counters[N_GENERATED] += 1
-    counters[N_OPEN] = size
-    counters[N_CLOSED] = done
-    return code
+class TooWide(Exception):
+    """The costs of a label no longer fit a key: the general search has to take over."""
 
 
 class Staircase(Search):
@@ -227,111 +65,185 @@ class Staircase(Search):
         targets: IntArray,
         h: IntArray,
         order: tuple[int, int, int],
+        groups: Groups,
         clock: Clock,
         width: int = 16,
     ) -> None:
-        self.source = source
+        self.graph, self.order, self.groups = graph, order, groups
         reached = h[0] < UNREACHABLE
         most = [int(graph.costs[:, j].max(initial=0)) if j >= 0 else 0 for j in order]
         far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
         rise = [2 * c + b for c, b in zip(most, far, strict=True)]
+        self.rise = np.array(rise, np.int64)
         f = [int(h[j, source]) if j >= 0 else 0 for j in order]
-        is_max = np.array([j >= 0 and graph.aggregates[j] == "max" for j in order])
-        self.is_max = (bool(is_max[0]), bool(is_max[2]))
+        worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
         self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
-        self.table = np.empty((graph.arcs, ARC_COLUMNS), self.dtype)
+        priced = [j for j in (order[0], order[2]) if j >= 0]
+        shared = groups.step > 0 and not groups.dearest[:, order[0]].any()
+        self.turn = (groups.step, shared, bool(groups.alike[priced].all()), worst[0], worst[2])
+        self.source = int(groups.place[source])
+        self.start = np.empty(graph.nodes + 1, np.int64)
         self.nodes = np.empty((graph.nodes, NODE_COLUMNS), self.dtype)
-        self.origin = np.empty(graph.arcs, np.int32)
-        tables = (np.array(order, np.int64), order[1], h, self.table, self.nodes, self.origin)
-        self.start, self.split = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
-        group = np.empty(graph.nodes, np.int64)
-        dearest = clock.call(find_groups, self.start, self.split, self.table, is_max, group)
-        self.shared = bool(len(dearest) and not dearest[:, 0].any())
-        self.turn = int(dearest[:, 1].max(initial=0))
-        self.nodes[:, ROW] = self.nodes[:, GROUP] = -1
-        self.nodes[:, DEAREST] = 0
-        if self.shared:
-            self.nodes[:, GROUP] = group
-            self.nodes[:, DEAREST] = np.where(group >= 0, dearest[group, 2], 0)
-        if not len(dearest):
-            self.split = self.start[1:].copy()
+        m = len(groups.heads)
+        self.arcs = np.empty((m, ARC_COLUMNS), self.dtype)
+        self.heads, self.origin = np.empty(m, np.int32), np.empty(m, np.int32)
+        plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, groups.origin)
+        tables = (self.nodes, self.start, self.arcs, self.heads, self.origin)
+        m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
+        self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
         self.is_target = np.zeros(graph.nodes, np.uint8)
-        self.is_target[targets] = 1
-        self.best = self._empty(64, width)
-        self.group_best = self._empty(len(dearest) if self.shared else 1, width)
-        self.goal = self._empty(1, width)[0]
-        fan = int(clock.call(most_successors, self.start, self.split, self.table))
-        super().__init__(f, rise, fan)
+        self.is_target[self.groups.place[targets]] = 1
+        self.width = width
+        self.share = np.full((len(self.groups.rows), width), self._empty(1)[0])
+        self.stairs = self._empty(1 << 14)
+        self.layers = np.zeros((1, 0), self.dtype)
+        self.looked_ahead = False
+        self.goal = self._empty(width)
+        sizes = self.groups.rows[:, SIZE]
+        degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
+        super().__init__(3, int((degrees + sizes).max()))
+        self.fresh = np.zeros((self.fan, 3), np.int64)
+        self._queue(f)
 
-    def _empty(self, rows: int, width: int) -> NDArray[Any]:
-        return np.full((rows, width), min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
+    def _queue(self, f: list[int]) -> None:
+        """The queue with one label of estimate f (3,)."""
+        shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
+        bits = KEY_BITS - INDEX_BITS - shift
+        origin = f[0] >> shift
+        limit = INT32_LIMIT if self.dtype is np.int32 else (1 << bits) - 1
+        if max(f[1] + self.rise[1], 0) >> INDEX_BITS or f[2] + int(self.rise[2]) > limit:
+            raise TooWide
+        self.packing = np.array([shift, bits, bits + INDEX_BITS, origin, limit], np.int64)
+        buckets = 2 * ((int(self.rise[0]) >> shift) + 2)
+        self.queue = np.zeros(QUEUE, np.int64)
+        self.queue[[IN_HEAP, FREE]] = 1, -1
+        self.tops = np.full((buckets, 2), -1, np.int32)
+        chunks = max(64, 2 * self.fan)
+        self.below = np.zeros(chunks, np.int32)
+        self.entries = np.zeros((chunks * CHUNK, 2), np.int64)
+        self.keys, self.values = (np.zeros(max(1024, 2 * self.fan), np.int64) for _ in range(2))
+        self.keys[0] = ((f[0] & ((1 << shift) - 1)) << (bits + INDEX_BITS)) | (f[1] << bits) | f[2]
+
+    def _empty(self, size: int) -> NDArray[Any]:
+        return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
+        if not self.looked_ahead and self.counters[N_EXPANDED] > LONG * len(self.nodes):
+            self._look_ahead(clock)
+        groups = self.groups
+        tables = (
+            self.nodes,
+            self.start,
+            self.arcs,
+            self.heads,
+            groups.rows,
+            groups.dearest,
+            groups.turns,
+            self.is_target,
+        )
+        graph = (*tables, self.source, self.order[0], self.order[2])
         code = clock.call(
             advance,
             self.counters,
             work,
-            np.array(self.rise, np.int64),
             self.fan,
-            self.start,
-            self.split,
-            self.table,
-            self.nodes,
-            self.is_target,
-            self.best,
-            self.group_best,
-            self.goal,
+            self.rise,
+            self.packing,
+            graph,
             self.turn,
-            self.is_max,
-            self.source,
-            self.plan,
-            self.keys,
-            self.values,
+            self.stairs,
+            self.share,
+            self.goal,
+            self.width,
+            self.layers,
+            self.queue,
+            (self.tops, self.below, self.entries),
+            (self.keys, self.values),
             self.closed,
             self.front,
             self.solutions,
+            self.fresh,
         )
         return int(code)
 
+    def _look_ahead(self, clock: Clock) -> None:
+        """Take bounds that know how many turns are left, where there are any and memory allows."""
+        self.looked_ahead = True
+        limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
+        if limit is not None and self.memory() + 2 * size > limit:
+            return
+        if self.turn[0] != 1 or self.turn[4]:  # turns do not count by ones, or a maximum does not add up
+            return
+        layers = costs_by_turns(self.groups, self.order[2], self.nodes, self.start, self.arcs, self.is_target, clock)
+        if layers is not None:
+            self.layers = layers
+            self._lengthen_goal()
+
+    def _lengthen_goal(self) -> None:
+        more = self.width + self.layers.shape[1] - len(self.goal)
+        self.goal = np.concatenate([self.goal, np.repeat(self.goal[-1:], more)])
+
     def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph and the staircases."""
-        tables = [self.table, self.nodes, self.origin, self.start, self.split, self.is_target]
-        return [*tables, self.best, self.group_best, self.goal]
+        """List the tables of the graph, the staircases and the queue."""
+        groups = self.groups
+        tables = [self.nodes, self.start, self.arcs, self.heads, self.origin, self.is_target]
+        grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
+        queue: list[NDArray[Any]] = [self.tops, self.below, self.entries, self.keys, self.values, self.fresh]
+        return [*tables, *grouped, self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the rows, or the width, of the staircases."""
+        """Double the rows or the width of the staircases, or the room of the queue."""
+        if code == HEAP:
+            return self.keys.nbytes + self.values.nbytes, self._grow_heap
+        if code == CHUNKS:
+            return self.below.nbytes + self.entries.nbytes, self._grow_chunks
+        if code == BUCKETS:
+            return self.tops.nbytes, self._grow_buckets
+        if code == KEYS:
+            return self.stairs.nbytes + self.arcs.nbytes + self.nodes.nbytes, self._widen_costs
         if code == ROWS:
-            return self.best.nbytes, self._grow_rows
-        return self.best.nbytes + self.group_best.nbytes + self.goal.nbytes, self._grow_width
+            return self.stairs.nbytes, self._grow_rows
+        return self.stairs.nbytes, self._grow_width
+
+    def _widen_costs(self) -> None:
+        """Take 64 bits for costs that have outgrown 32."""
+        if self.dtype is np.int64:
+            raise TooWide
+        old = np.iinfo(self.dtype).max
+        self.dtype = np.int64
+        self.packing[-1] = (1 << int(self.packing[1])) - 1
+        for name in ("nodes", "arcs", "stairs", "share", "goal", "layers"):
+            array = getattr(self, name).astype(np.int64)
+            array[array == old] = UNREACHABLE
+            setattr(self, name, array)
+
+    def _grow_heap(self) -> None:
+        self.keys, self.values = (np.resize(a, 2 * len(a)) for a in (self.keys, self.values))
+
+    def _grow_chunks(self) -> None:
+        self.below.resize(2 * len(self.below), refcheck=False)
+        self.entries.resize((2 * len(self.entries), 2), refcheck=False)
+
+    def _grow_buckets(self) -> None:
+        self.tops = np.concatenate([self.tops, np.full_like(self.tops, -1)])
 
     def _grow_rows(self) -> None:
-        rows, width = self.best.shape
-        self.best.resize((2 * rows, width), refcheck=False)
-        self.best[rows:] = self._empty(1, 1)[0, 0]
+        size = len(self.stairs)
+        self.stairs.resize(2 * size, refcheck=False)
+        self.stairs[size:] = self._empty(1)[0]
 
     def _grow_width(self) -> None:
-        self.best = _wider(self.best)
-        self.group_best = _wider(self.group_best)
-        self.goal = _wider(self.goal[None, :])[0]
+        old = self.stairs
+        self.stairs = self._empty(2 * len(old))
+        self.counters[N_ROWS] = widen(old, self.stairs, self.nodes, self.groups.rows, self.width)
+        self.share = np.concatenate([self.share, np.repeat(self.share[:, -1:], self.width, axis=1)], axis=1)
+        self.width *= 2
+        self._lengthen_goal()
 
-    def _widen_keys(self) -> None:
-        super()._widen_keys()
-        if self.dtype is np.int32 and self.plan[2].max() >= INT32_LIMIT:
-            old = np.iinfo(self.dtype).max
-            self.dtype = np.int64
-            self.table, self.nodes = self.table.astype(np.int64), self.nodes.astype(np.int64)
-            for name in ("best", "group_best", "goal"):
-                array = getattr(self, name).astype(np.int64)
-                array[array == old] = UNREACHABLE
-                setattr(self, name, array)
-
-    def path(self, label: int, clock: Clock) -> IntArray:
-        """Places of the arcs of a solution in the graph, from the source on."""
-        arrays = (self.start, self.split, self.table, self.origin, self.closed)
-        return cast(IntArray, clock.call(trace, *arrays, self.source, label))
-
-
-def _wider(staircases: NDArray[Any]) -> NDArray[Any]:
-    """Double the width; beyond it a staircase goes on as it ends."""
-    return np.concatenate([staircases, np.repeat(staircases[:, -1:], staircases.shape[1], axis=1)], axis=1)
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""
+        graph, groups = self.graph, self.groups
+        arrays = (self.start, self.heads, self.origin, groups.nodes, self.closed, self.source, labels)
+        ends, steps = clock.call(trace, graph.indptr, graph.heads, graph.costs, self.order[1], *arrays)
+        return [part[::-1] for part in np.split(steps, ends[:-1])]

@@ -1,84 +1,232 @@
 """The groups that turns make of nodes, and what they save the search.
 
-Call the arcs with a positive cost in one chosen column (the index) turns. They make groups where every
-ordered pair of nodes joined by turns is joined by exactly one, and no turn costs more, in any cost, than two
-turns on the same way. Both are checked, arc by arc, so nothing is assumed of the graph. Then
+Call the arcs with a positive cost in one chosen column (the index) turns. They make groups where every ordered pair of
+nodes joined by turns is joined by exactly one, all raise the index alike, and no turn costs more, in any cost, than
+two turns on the same way. All is checked, arc by arc, so nothing is assumed of the graph. Then
 
-- a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches
-  a target); its successors are "an arc" and "a turn, then an arc".
-- if no turn costs anything in the first cost of the search, a label g at a node of a group is also dominated
-  if some closed label of any node of the group is nowhere larger after the dearest turn of the group: that
-  one could turn to this node. First costs compare, because their bound is the same at all nodes of a group.
-  On a lattice of 1.3 million arcs that left a quarter of the expansions.
+- a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches a
+  target); its successors are "an arc" and "a turn, then an arc".
+- if no turn costs anything in the first cost of the search, a label g at a node of a group is also dominated if some
+  closed label of any node of the group is nowhere larger after the dearest turn of the group: that one could turn to
+  this node. First costs compare, because their bound is the same at all nodes of a group.
+- if moreover all turns of a group cost the same, a label that is no better than a closed one of its group, whatever
+  the node, has no use for turns: the other one has made them. For lower bounds likewise, the best node of a group
+  speaks for all.
 
 Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a cell.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.planners.search.graph import Graph
 from hpop.planners.search.kernels import kernel
+from hpop.planners.search.slices import Clock
+
+OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Nodes renumbered so that each group is a range, and the arcs that are no turns; a lone node is a group too.
+
+    column    of the costs that turns raise; -1 if there are no groups, and then no turns either
+    step      by how much they raise it
+    nodes     (n,)      node of the graph at each new number
+    place     (n,)      new number of each node of the graph
+    rows      (g, 3)    first node, number of nodes, where the turns of each group begin in ``turns``
+    dearest   (g, k)    costs of the dearest turn of each group
+    alike     (k,)      whether all turns of a group cost the same
+    turns     (t, k)    costs of turns, one a pair of places (from, to) of a group; none where all are alike
+    start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
+    heads     (m,)      where they lead
+    origin    (m,)      which arcs of the graph they are
+    """
+
+    column: int
+    step: int
+    nodes: IntArray
+    place: IntArray
+    rows: IntArray
+    dearest: IntArray
+    alike: NDArray[np.bool_]
+    turns: IntArray
+    start: IntArray
+    heads: NDArray[np.int32]
+    origin: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
+        """The groups that the turns of a column make; None where they make none."""
+        group = np.empty(graph.nodes, np.int64)
+        worst = np.array([how == "max" for how in graph.aggregates])
+        tables = (graph.indptr, graph.heads, graph.costs)
+        count, step, turns = clock.call(number_groups, *tables, column, worst, group)
+        if step == 0:
+            return None
+        nodes = np.argsort(group, kind="stable") if (np.diff(group) < 0).any() else np.arange(graph.nodes)
+        rows = np.zeros((count, GROUP_COLUMNS), np.int64)
+        rows[:, SIZE] = np.bincount(group, minlength=count)
+        rows[1:, OFFSET] = np.cumsum(rows[:-1, SIZE])
+        rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
+        return cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
+
+    @classmethod
+    def none(cls, graph: Graph, clock: Clock) -> Self:
+        """Every node on its own, every arc a plain one."""
+        rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
+        rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
+        return cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
+
+    @classmethod
+    def _with_arcs(
+        cls, graph: Graph, column: int, step: int, nodes: IntArray, rows: IntArray, plain: int, clock: Clock
+    ) -> Self:
+        place = np.empty(graph.nodes, np.int64)
+        place[nodes] = np.arange(graph.nodes)
+        start = np.empty(graph.nodes + 1, np.int64)
+        heads, origin = np.empty(plain, np.int32), np.empty(plain, np.int32)
+        dearest = np.zeros((len(rows), graph.criteria), np.int64)
+        alike = np.ones(graph.criteria, np.bool_)
+        tables = (graph.indptr, graph.heads, graph.costs, column, nodes, place, rows)
+        m = clock.call(part_arcs, *tables, start, heads, origin, dearest, alike)
+        turns = np.zeros((0, graph.criteria), np.int64)
+        if not alike.all():
+            turns = np.zeros((int((rows[:, SIZE] ** 2).sum()), graph.criteria), np.int64)
+            clock.call(tell_turns, *tables, turns)
+        return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
 @kernel
-def find_groups(
-    start: IntArray, split: IntArray, arcs: NDArray[Any], is_max: NDArray[np.bool_], group: IntArray
-) -> IntArray:
-    """Number the groups (n,), -1 for nodes without turns.
-
-    Returns the dearest turn of each group (groups, k); no rows where turns do not make groups.
-    """
-    n, k = len(split), len(is_max)
-    nothing = np.zeros((0, k), np.int64)
+def number_groups(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    worst: NDArray[np.bool_],
+    group: IntArray,
+) -> tuple[int, Any, int]:
+    """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many."""
+    n, k = len(indptr) - 1, costs.shape[1]
+    group[:] = -1
+    size = np.zeros(n, np.int64)
+    count, turns = 0, 0
+    step: Any = np.int64(0)
     seen = np.full(n, -1, np.int64)
     by = np.zeros(n, np.int64)
-    groups = 0
-    group[:] = -1
     for u in range(n):
-        size = start[u + 1] - split[u]
-        for a in range(split[u], start[u + 1]):
-            v = arcs[a, 0]
-            if seen[v] == u or start[v + 1] - split[v] != size:
-                return nothing
+        new = group[u] < 0
+        if new:
+            group[u] = count
+            size[count] = 1
+            count += 1
+        found = 1
+        one = -1
+        alike = True
+        for a in range(indptr[u], indptr[u + 1]):
+            v = heads[a]
+            if costs[a, index] == 0 or v == u:
+                continue
+            if new:
+                if group[v] >= 0:
+                    return 0, 0, 0
+                step = costs[a, index] if step == 0 else step
+                group[v] = group[u]
+                size[group[u]] += 1
+            if costs[a, index] != step or group[v] != group[u] or seen[v] == u:
+                return 0, 0, 0
             seen[v] = u
             by[v] = a
-        for a in range(split[u], start[u + 1]):
-            for b in range(split[arcs[a, 0]], start[arcs[a, 0] + 1]):
-                w = arcs[b, 0]
+            found += 1
+            if one >= 0:
+                for j in range(k):
+                    alike = alike and costs[a, j] == costs[one, j]
+            one = a
+        if found != size[group[u]]:
+            return 0, 0, 0
+        turns += found - 1
+        if alike:  # then two turns cost no less than one
+            continue
+        for a in range(indptr[u], indptr[u + 1]):
+            v = heads[a]
+            if costs[a, index] == 0 or v == u:
+                continue
+            for b in range(indptr[v], indptr[v + 1]):
+                w = heads[b]
+                if costs[b, index] == 0 or w == v:
+                    continue
                 if w == u:
                     continue
                 if seen[w] != u:
-                    return nothing
-                for j in range(1, k + 1):
-                    two = max(arcs[a, j], arcs[b, j]) if is_max[j - 1] else arcs[a, j] + arcs[b, j]
-                    if arcs[by[w], j] > two:
-                        return nothing
-        if size > 0 and group[u] < 0:
-            group[u] = groups
-            for a in range(split[u], start[u + 1]):
-                group[arcs[a, 0]] = groups
-            groups += 1
-    dearest = np.zeros((groups, k), np.int64)
-    for u in range(n):
-        for a in range(split[u], start[u + 1]):
-            for j in range(k):
-                dearest[group[u], j] = max(dearest[group[u], j], arcs[a, j + 1])
-    return dearest
+                    return 0, 0, 0
+                for j in range(k):
+                    two = max(costs[a, j], costs[b, j]) if worst[j] else costs[a, j] + costs[b, j]
+                    if costs[by[w], j] > two:
+                        return 0, 0, 0
+    return count, step, turns
 
 
 @kernel
-def most_successors(start: IntArray, split: IntArray, arcs: NDArray[Any]) -> int:
-    """Count the labels that one expansion can make at most."""
-    most = 0
-    for u in range(len(split)):
-        count = split[u] - start[u]
-        for a in range(split[u], start[u + 1]):
-            w = arcs[a, 0]
-            count += 1 + split[w] - start[w]
-        most = max(most, count)
-    return most
+def part_arcs(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    nodes: IntArray,
+    place: IntArray,
+    rows: IntArray,
+    start: IntArray,
+    plain: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    dearest: IntArray,
+    alike: NDArray[np.bool_],
+) -> int:
+    """Fill in the plain arcs, no loops among them, the dearest turns, and whether all are alike; returns m."""
+    k = costs.shape[1]
+    m = 0
+    for g in range(len(rows)):
+        one = -1
+        for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
+            start[p] = m
+            u = nodes[p]
+            for a in range(indptr[u], indptr[u + 1]):
+                if heads[a] == u:
+                    continue
+                if column < 0 or costs[a, column] == 0:
+                    plain[m] = place[heads[a]]
+                    origin[m] = a
+                    m += 1
+                else:
+                    one = a if one < 0 else one
+                    for j in range(k):
+                        dearest[g, j] = max(dearest[g, j], costs[a, j])
+                        alike[j] = alike[j] and costs[a, j] == costs[one, j]
+    start[len(nodes)] = m
+    return m
+
+
+@kernel
+def tell_turns(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    nodes: IntArray,
+    place: IntArray,
+    rows: IntArray,
+    turns: IntArray,
+) -> None:
+    """Fill in the costs of turns (t, k)."""
+    for g in range(len(rows)):
+        offset, size = rows[g, OFFSET], rows[g, SIZE]
+        for p in range(offset, offset + size):
+            u = nodes[p]
+            for a in range(indptr[u], indptr[u + 1]):
+                if costs[a, column] > 0 and heads[a] != u:
+                    turns[rows[g, TURNS] + (p - offset) * size + place[heads[a]] - offset] = costs[a]

@@ -1,0 +1,88 @@
+"""A queue of labels by their first cost: chunks of entries a bucket; the lowest bucket is a heap by the rest.
+
+Nearly all labels wait long before they are looked at, and most of those that leave in succession tie in the first
+cost. So what waits is only appended to its bucket, 16 bytes an entry, and a bucket is put in order when it opens:
+that heap is small and stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the
+first cost in NWMOA*, 2023). Entries leave in lexicographic order, as from one heap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.planners.search.kernels import kernel
+
+CHUNK = 32  # entries
+# State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.
+OPEN, IN_HEAP, FREE, N_FREE, USED, QUEUE = range(6)
+Waiting = tuple[NDArray[np.int32], NDArray[np.int32], IntArray]
+Heap = tuple[IntArray, IntArray]
+
+
+@kernel
+def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
+    """Move the entries of the next bucket that has any into the empty heap.
+
+    waiting  top chunk of each bucket, -1 for none, and entries in it (b, 2); chunk (c,) below each; entries (e, 2)
+
+    Returns their number, 0 if there are none; if the heap has too little room, minus their number, and moves none.
+    """
+    tops, below, entries = waiting
+    heap_keys, heap_values = heap
+    bucket = queue[OPEN]
+    while bucket < len(tops) and tops[bucket, 0] < 0:
+        bucket += 1
+    if bucket == len(tops):
+        return 0
+    queue[OPEN] = bucket
+    count = np.int64(tops[bucket, 1])
+    chunk = below[tops[bucket, 0]]
+    while chunk >= 0:
+        count += CHUNK
+        chunk = below[chunk]
+    if count > len(heap_keys):
+        return int(-count)
+    size = 0
+    chunk = tops[bucket, 0]
+    filled = np.int64(tops[bucket, 1])
+    while chunk >= 0:
+        begin = np.int64(chunk) * CHUNK
+        for i in range(begin, begin + filled):
+            heap_keys[size] = entries[i, 0]
+            heap_values[size] = entries[i, 1]
+            size += 1
+        after = below[chunk]
+        below[chunk] = queue[FREE]
+        queue[FREE] = chunk
+        queue[N_FREE] += 1
+        chunk = after
+        filled = np.int64(CHUNK)
+    tops[bucket, 0] = -1
+    for i in range((size - 2) // 4, -1, -1):
+        sift_down(heap_keys, heap_values, i, size)
+    return size
+
+
+@kernel
+def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
+    """Let entry i of a 4-ary heap sink to its place."""
+    key, value = keys[i], values[i]
+    while True:
+        child = 4 * i + 1
+        if child >= size:
+            break
+        least = keys[child]
+        best = child
+        for j in range(child + 1, min(child + 4, size)):
+            if keys[j] < least:
+                least = keys[j]
+                best = j
+        if least >= key:
+            break
+        keys[i] = least
+        values[i] = values[best]
+        i = best
+    keys[i] = key
+    values[i] = value

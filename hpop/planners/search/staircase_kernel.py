@@ -1,0 +1,399 @@
+"""The inner loop of the staircase search: labels out of the queue, dominance by look-up, macro moves into the queue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.planners.search.bounds import UNREACHABLE
+from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next
+from hpop.planners.search.kernels import kernel
+from hpop.planners.search.slices import (
+    BUCKETS,
+    CHUNKS,
+    CLOSED,
+    DONE,
+    FRONT,
+    HEAP,
+    KEYS,
+    N_CLOSED,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_OPEN,
+    N_ROWS,
+    ROWS,
+    SLICE,
+    WIDTH,
+)
+from hpop.planners.search.turns import OFFSET, SIZE, TURNS
+
+BELOW = 0x7FFFFFFF  # an index masked with this is not negative: numba then leaves out wrapping
+HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
+# Columns of the table of nodes: lower bounds, group, where its staircases begin (-1: nowhere yet), their number, the
+# node's own, and the dearest turn of the group.
+H_FIRST, H_INDEX, H_REST, GROUP, ROW, SLOTS, SLOT, DEAREST, NODE_COLUMNS = range(9)
+
+
+@kernel
+def fill_tables(
+    costs: IntArray,
+    order: IntArray,
+    h: IntArray,
+    groups: Any,
+    table: NDArray[Any],
+    start: IntArray,
+    arcs: NDArray[Any],
+    arc_heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+) -> int:
+    """Fill the tables of nodes (n, 8), and of the plain arcs (m, 4) that lead somewhere; returns m.
+
+    start (n + 1,) receives where the arcs of a node begin, arc_heads (m,) where they lead, origin (m,) which they are.
+    """
+    nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
+    m = 0
+    for g in range(len(rows)):
+        for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
+            for j in range(3):
+                known = order[j] >= 0 and h[order[j], nodes[p]] < UNREACHABLE
+                table[p, j] = h[order[j], nodes[p]] if known else 0
+            table[p, GROUP] = g
+            table[p, ROW] = -1
+            table[p, SLOTS] = rows[g, SIZE]
+            table[p, SLOT] = p - rows[g, OFFSET]
+            table[p, DEAREST] = dearest[g, order[2]] if order[2] >= 0 else 0
+            start[p] = m
+            for a in range(plain_start[p], plain_start[p + 1]):
+                v = plain_heads[a]
+                if h[order[0], nodes[v]] >= UNREACHABLE:
+                    continue
+                arcs[m, HEAD] = v
+                arc_heads[m] = v
+                origin[m] = plain_origin[a]
+                for j in range(3):
+                    arcs[m, j + 1] = costs[plain_origin[a], order[j]] if order[j] >= 0 else 0
+                m += 1
+    start[len(nodes)] = m
+    return m
+
+
+@kernel
+def advance(
+    counters: IntArray,
+    work: int,
+    fan: int,
+    rise: IntArray,
+    packing: IntArray,
+    graph: Any,
+    turn: tuple[int, bool, bool, bool, bool],
+    stairs: NDArray[Any],
+    share: NDArray[Any],
+    goal: NDArray[Any],
+    width: int,
+    layers: NDArray[Any],
+    queue: IntArray,
+    waiting: Any,
+    heap: tuple[IntArray, IntArray],
+    closed: IntArray,
+    front: IntArray,
+    solutions: IntArray,
+    fresh: IntArray,
+) -> int:
+    """Expand labels until the work is done or an array is full; return why."""
+    nodes, start, arcs, arc_heads, groups, dearest, turns, is_target, source, first, rest = graph
+    step, shared, alike, max_first, max_rest = turn
+    tops, below, entries = waiting
+    keys, values = heap
+    shift, bits, top, origin, limit = packing
+    last = width - 1
+    end = len(goal) - 1
+    m_arcs = len(arc_heads)
+    n_layers = layers.shape[1]
+    low = (np.int64(1) << shift) - 1
+    most_index = (np.int64(1) << (top - bits)) - 1
+    most_rest = (np.int64(1) << bits) - 1
+    opened = queue[OPEN]
+    size = queue[IN_HEAP]
+    count = counters[N_OPEN]
+    done = counters[N_CLOSED]
+    code = SLICE
+    while work > 0:
+        if size == 0:
+            size = open_next(queue, waiting, heap)
+            opened = queue[OPEN]
+            if size <= 0:
+                code = HEAP if size < 0 else DONE
+                size = 0
+                break
+        key = keys[0]
+        f0 = ((opened + origin) << shift) | (key >> top)
+        f1 = (key >> bits) & most_index
+        f2 = key & most_rest
+        # Room for whatever this label may need, before anything changes.
+        if size + fan > len(values):
+            code = HEAP
+        elif queue[USED] + fan > len(below) + queue[N_FREE]:
+            code = CHUNKS
+        elif ((f0 + rise[0]) >> shift) - origin >= len(tops):
+            code = BUCKETS
+        elif f1 + rise[1] > most_index or f2 + rise[2] > limit:
+            code = KEYS
+        elif f1 >= width:
+            code = WIDTH
+        elif done == len(closed):
+            code = CLOSED
+        elif counters[N_FRONT] == len(solutions):
+            code = FRONT
+        elif counters[N_ROWS] + width * fan > len(stairs):
+            code = ROWS
+        if code != SLICE:
+            break
+        work -= 1
+        count -= 1
+        value = values[0]
+        # The last entry takes the place of the first and sinks. (Not in a function: numba would count references to
+        # the arrays at every call.)
+        size -= 1
+        sinking, its = keys[size], values[size]
+        i = 0
+        while True:
+            child = 4 * i + 1
+            if child >= size:
+                break
+            least = keys[child]
+            best = child
+            for j in range(child + 1, min(child + 4, size)):
+                if keys[j] < least:
+                    least = keys[j]
+                    best = j
+            if least >= sinking:
+                break
+            keys[i] = least
+            values[i] = values[best]
+            i = best
+        keys[i] = sinking
+        values[i] = its
+
+        if goal[(f1 if f1 < end else end) & BELOW] <= f2:
+            continue
+        arc = (value & 0xFFFFFFFF) - 1
+        if arc < 0:
+            v = np.int64(source)
+        elif arc >= m_arcs:
+            v = arc - m_arcs
+        else:
+            v = np.int64(arc_heads[arc]) & BELOW
+        n = (f1 - nodes[v, H_INDEX]) & BELOW
+        d = f2 if max_rest else f2 - nodes[v, H_REST]
+        final = is_target[v]
+        base = np.int64(nodes[v, ROW])
+        group = np.int64(nodes[v, GROUP]) & BELOW
+        slots = np.int64(nodes[v, SLOTS]) & BELOW
+        slot = np.int64(nodes[v, SLOT]) & BELOW
+        crowded = False
+        if base >= 0:
+            crowded = share[group, n] <= d
+            if shared and n >= step and not final:
+                e = np.int64(share[group, (n - step) & BELOW])
+                most = np.int64(nodes[v, DEAREST])
+                if (max(e, most) if max_rest else e + most) <= d:
+                    continue
+            if stairs[(base + n * slots + slot) & BELOW] <= d:
+                continue
+        if n_layers > 0 and not final:
+            alive = False
+            for m in range(n_layers):
+                alive |= goal[n + m] > layers[v, m] + d
+            if not alive:
+                continue
+        counters[N_EXPANDED] += 1
+        if final:
+            for i in range(n, len(goal)):
+                if goal[i] <= d:
+                    break
+                goal[i] = d
+            at = counters[N_FRONT]
+            front[at, 0] = f0
+            front[at, 1] = f1
+            front[at, 2] = f2
+            solutions[at] = value
+            counters[N_FRONT] = at + 1
+            continue
+        if base < 0:
+            base = counters[N_ROWS]
+            counters[N_ROWS] = base + width * slots
+            for u in range(v - slot, v - slot + slots):
+                nodes[u, ROW] = base
+        at = (base + n * slots + slot) & BELOW
+        for _ in range(n, width):
+            if stairs[at] <= d:
+                break
+            stairs[at] = d
+            at += slots
+        for i in range(n, width):
+            if share[group, i] <= d:
+                break
+            share[group, i] = d
+        closed[done] = value
+        done += 1
+
+        made = 0
+        g0 = f0 if max_first else f0 - nodes[v, H_FIRST]
+        above = base + min(n + step, last) * slots
+        begin, over = v - slot, v - slot + slots
+        if crowded and shared and alike:  # others of the group have made the turns
+            begin, over = v, v + 1
+        for u in range(begin, over):
+            u0, un, ud = g0, n, d
+            if u != v:
+                un = n + step
+                turn_first = dearest[group, first]
+                turn_rest = np.int64(nodes[v, DEAREST])
+                if not alike:
+                    price = groups[group, TURNS] + slot * slots + slot + u - v
+                    turn_first = turns[price, first]
+                    turn_rest = turns[price, rest] if rest >= 0 else np.int64(0)
+                u0 = max(g0, turn_first, nodes[u, H_FIRST]) if max_first else g0 + turn_first
+                ud = max(d, turn_rest, nodes[u, H_REST]) if max_rest else d + turn_rest
+                if stairs[(above + slot + u - v) & BELOW] <= ud:
+                    continue
+                if is_target[u]:
+                    f1 = un + nodes[u, H_INDEX]
+                    f2 = ud if max_rest else ud + nodes[u, H_REST]
+                    if goal[f1 if f1 < end else end] > f2:
+                        fresh[made, 0] = u0 if max_first else u0 + nodes[u, H_FIRST]
+                        fresh[made, 1] = (f1 << bits) | f2
+                        fresh[made, 2] = m_arcs + u
+                        made += 1
+                    continue
+            for a in range(start[u], start[u + 1]):
+                work -= 1
+                x = np.int64(arcs[a, HEAD]) & BELOW
+                xn = un + arcs[a, INDEX]
+                xd = max(ud, arcs[a, REST], nodes[x, H_REST]) if max_rest else ud + arcs[a, REST]
+                f1 = xn + nodes[x, H_INDEX]
+                f2 = xd if max_rest else xd + nodes[x, H_REST]
+                if goal[(f1 if f1 < end else end) & BELOW] <= f2:
+                    continue
+                bx = np.int64(nodes[x, ROW])
+                if bx >= 0:
+                    if shared and xn >= step and not is_target[x]:
+                        e = np.int64(share[np.int64(nodes[x, GROUP]) & BELOW, min(xn - step, last) & BELOW])
+                        most = np.int64(nodes[x, DEAREST])
+                        if (max(e, most) if max_rest else e + most) <= xd:
+                            continue
+                    elif stairs[bx + min(xn, last) * nodes[x, SLOTS] + nodes[x, SLOT]] <= xd:
+                        continue
+                h0 = np.int64(nodes[x, H_FIRST])
+                fresh[made, 0] = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0
+                fresh[made, 1] = (f1 << bits) | f2
+                fresh[made, 2] = a
+                made += 1
+        counters[N_GENERATED] += made
+        count += made
+        for i in range(made):
+            f0 = fresh[i, 0]
+            key = ((f0 & low) << top) | fresh[i, 1]
+            value = (done << 32) | (fresh[i, 2] + 1)
+            bucket = ((f0 >> shift) - origin) & BELOW
+            if bucket == opened:
+                at = size
+                size += 1
+                while at > 0:
+                    above = ((at - 1) >> 2) & BELOW
+                    if keys[above] <= key:
+                        break
+                    keys[at] = keys[above]
+                    values[at] = values[above]
+                    at = above
+                keys[at] = key
+                values[at] = value
+                continue
+            chunk = np.int64(tops[bucket, 0])
+            filled = np.int64(tops[bucket, 1]) & BELOW
+            if chunk < 0 or filled == CHUNK:
+                new = queue[FREE]
+                if new >= 0:
+                    queue[FREE] = below[new]
+                    queue[N_FREE] -= 1
+                else:
+                    new = queue[USED]
+                    queue[USED] = new + 1
+                below[new] = chunk
+                tops[bucket, 0] = new
+                chunk, filled = new, np.int64(0)
+            at = (chunk * CHUNK + filled) & BELOW
+            entries[at, 0] = key
+            entries[at, 1] = value
+            tops[bucket, 1] = filled + 1
+    queue[IN_HEAP] = size
+    counters[N_CLOSED] = done
+    counters[N_OPEN] = count
+    return code
+
+
+@kernel
+def widen(old: NDArray[Any], new: NDArray[Any], nodes: NDArray[Any], groups: IntArray, width: int) -> int:
+    """Copy the staircases to twice their width; beyond it one goes on as it ends. Returns how much is used."""
+    used = 0
+    for g in range(len(groups)):
+        first, slots = groups[g, OFFSET], groups[g, SIZE]
+        row = np.int64(nodes[first, ROW])
+        if row < 0:
+            continue
+        for i in range(2 * width):
+            for j in range(slots):
+                new[used + i * slots + j] = old[row + min(i, width - 1) * slots + j]
+        for u in range(first, first + slots):
+            nodes[u, ROW] = used
+        used += 2 * width * slots
+    return used
+
+
+@kernel
+def trace(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    start: IntArray,
+    arc_heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    nodes: IntArray,
+    closed: IntArray,
+    source: int,
+    labels: IntArray,
+) -> tuple[IntArray, IntArray]:
+    """Follow labels back to the source; where the arcs do not join, the turn between them is put in.
+
+    Returns where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on.
+    """
+    ends = np.empty(len(labels), np.int64)
+    steps = np.empty(1024, np.int64)
+    size = 0
+    for i in range(len(labels)):
+        label = labels[i]
+        while label != 0:
+            if size + 2 > len(steps):
+                steps = np.concatenate((steps, np.empty_like(steps)))
+            a = (label & 0xFFFFFFFF) - 1
+            if a >= len(arc_heads):
+                tail = a - len(arc_heads)
+            else:
+                steps[size] = origin[a]
+                size += 1
+                tail = np.searchsorted(start, a, side="right") - 1
+            label = closed[(label >> 32) - 1]
+            at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
+            if at != tail:
+                u, v = nodes[at], nodes[tail]
+                for b in range(indptr[u], indptr[u + 1]):
+                    if heads[b] == v and costs[b, index] > 0:
+                        steps[size] = b
+                size += 1
+        ends[i] = size
+    return ends, steps[:size]

@@ -1,0 +1,54 @@
+"""Claim: the bounds by turns are the least rest with at most so many turns, told by relaxing until nothing changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.planners.search import Graph
+from hpop.planners.search.bounds import lower_bounds
+from hpop.planners.search.slices import Clock
+from hpop.planners.search.staircase import Staircase
+from hpop.planners.search.turn_bounds import LAYERS
+from hpop.planners.search.turns import Groups
+from hpop.status import Budget
+
+
+def least_rest(graph: Graph, target: int, most: int) -> np.ndarray:
+    """Least sum of cost 0 (n, most + 1) with at most m of cost 1: relax all arcs of all layers to the end."""
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    rest = np.full((graph.nodes, most + 1), np.inf)
+    rest[target] = 0.0
+    changed = True
+    while changed:
+        before = rest.copy()
+        for tail, head, (cost, turn, _) in zip(tails.tolist(), graph.heads.tolist(), graph.costs.tolist(), strict=True):
+            if turn <= most:
+                rest[tail, turn:] = np.minimum(rest[tail, turn:], cost + rest[head, : most + 1 - turn])
+        rest = np.minimum.accumulate(rest, axis=1)
+        changed = not np.array_equal(before, rest)
+    return rest
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_by_turns_are_exact(lattice, seed, uneven):
+    graph = lattice(seed, 5)
+    if uneven:  # turns of different costs, none dearer than two
+        costs = graph.costs.copy()
+        turn = costs[:, 1] > 0
+        costs[turn, 0] = np.random.default_rng(seed).integers(3, 6, turn.sum())
+        graph = Graph.from_csr(graph.indptr, graph.heads, costs)
+    clock, target = Clock(Budget(), None), np.array([graph.nodes - 1])
+    groups = Groups.of(graph, 1, clock)
+    assert groups is not None
+    h, _, _ = lower_bounds(graph, 0, target, clock, groups)
+    search = Staircase(graph, 0, target, h, (2, 1, 0), groups, clock)
+    search._look_ahead(clock)
+    assert search.layers.shape == (graph.nodes, LAYERS)
+    told = search.layers[groups.place].astype(float)
+    told[told == np.iinfo(search.dtype).max] = np.inf
+    expected = least_rest(graph, int(target[0]), LAYERS - 2)
+    reached = h[0] < 2**62
+    np.testing.assert_array_equal(told[reached, :-1], expected[reached])
+    np.testing.assert_array_equal(told[reached, -1], h[0, reached])
