@@ -22,7 +22,7 @@ from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.planners.hinges import unhinged
 from hpop.planners.interrupts import interrupts_held
-from hpop.planners.nlp import Rounded, SparseWorld, moments
+from hpop.planners.nlp import Rounded, SparseWorld, moments, mx, reaches
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
 from hpop.world import World
@@ -157,11 +157,7 @@ class PolylineProgram:
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
         """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
-        world, reach = self.problem.world, dict[int, tuple[tuple[float, float], float]]()
-        for part in self.problem.model.parts:
-            key, z = id(world.free_space((part.z_min, part.z_max))), (part.z_min, part.z_max)
-            reach[key] = max(reach.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
-        return tuple(reach.values())
+        return reaches(self.problem)
 
     def _motions(self, x: Any, y: Any, ends: Any) -> tuple[Motions, Motions | None]:
         """The pieces as moves, and the turns, on symbols."""
@@ -208,12 +204,12 @@ class PolylineProgram:
         rows, tops = [], dict[int, Any]()
         for j, criterion in enumerate(self.criteria):
             if criterion.aggregate == "max":
-                samples = [_mx(_cost(criterion, m), len(m)) for batch in batches for m in moments(batch)]
+                samples = [mx(_cost(criterion, m), len(m)) for batch in batches for m in moments(batch)]
                 costs[j] = slack[worst.index(j)]
                 tops[j] = casadi.mmax(casadi.vertcat(*samples))
                 rows.append((casadi.vertcat(*map(unhinged, samples)) - costs[j]) / scale[j])
             else:
-                costs[j] = sum(casadi.sum1(_mx(_cost(criterion, batch), len(batch))) for batch in batches)
+                costs[j] = sum(casadi.sum1(mx(_cost(criterion, batch), len(batch))) for batch in batches)
         every = casadi.vertcat(*costs)
         squares = casadi.sumsqr(x[1:] - x[:-1]) + casadi.sumsqr(y[1:] - y[:-1])
         scaled = every / scale
@@ -221,7 +217,7 @@ class PolylineProgram:
         clearances = []
         for z, _ in self.spaces:
             at = [lift(casadi.DM(_sparse(self.sampled)) @ c, len(self.sampled)) for c in (x, y)]
-            clearances.append(_mx(self._world.clearance_field(z=z)(*at), len(self.sampled)))
+            clearances.append(mx(self._world.clearance_field(z=z)(*at), len(self.sampled)))
         above = casadi.vertcat(*rows)
         gone = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
         variables, parameters = casadi.vertcat(free, slack), casadi.vertcat(ends, scale, weight, casadi.vec(ahead))
@@ -382,15 +378,6 @@ def _cost(criterion: Criterion, motions: Motions) -> Column:
         return criterion.cost(motions)
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
-
-
-def _mx(column: Column, size: int) -> Any:
-    """A column of symbols or numbers as a CasADi vector (size,)."""
-    import casadi
-
-    if isinstance(column, int | float | np.ndarray | np.generic):
-        return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
-    return casadi.vec(casadi.MX(column))
 
 
 def _sparse(matrix: FloatArray) -> Any:
