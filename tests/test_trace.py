@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.models.driven import driven
 from hpop.trace import in_pieces
 
 NAMES = ["obstruction", "exposure", "turns", "length", "duration", "rotation", "clearance"]
@@ -63,3 +64,17 @@ def test_standing_still_has_an_empty_trace(problem):
     trace = problem.trace(hpop.Trajectory.from_poses(problem.model, [(1, 1, 0)]))
     assert trace.running.shape == trace.rate.shape == (0, len(NAMES))
     assert trace.cost.tolist() == [0.0] * len(NAMES)
+
+
+def test_curves_are_traced_in_pieces_that_add_up_and_turns_where_they_end(problem):
+    around = [(0, 1, 1), (0, -1, 1)]
+    back = [(0, -1, 1), (0, 1, 1)]
+    goes = driven(problem.model, (1, 1, 0.3), [(1, 0, 0.7), *around, (0, 0, 1), *around, *back, (-0.7, 0, 1)])
+    trace = problem.trace(goes)
+    assert trace.trajectory.kinds == ("drive",) * len(trace.trajectory.kinds)
+    assert trace.trajectory.durations.max() <= 0.1 + 1e-12
+    costs = problem.evaluate(goes)
+    for name, last in zip(trace.names, trace.running[-1], strict=True):
+        assert last == pytest.approx(costs[name], rel=2e-3)
+    steps = np.diff(trace.running[:, NAMES.index("turns")], prepend=0.0)
+    assert trace.times[1:][steps > 0] == pytest.approx([2.7, 5.7, 7.7])  # ends of the stretches of one sign

@@ -12,6 +12,7 @@ import shapely
 import hpop
 from hpop import registry
 from hpop.criteria.base import criterion, trajectory_costs
+from hpop.models.driven import driven
 from hpop.motions import Motions
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -173,3 +174,51 @@ def test_criteria_with_memory_are_verified_too(monkeypatch: pytest.MonkeyPatch) 
 def test_the_order_of_a_sum_is_no_fault(break_it: Callable[[float], float]) -> None:
     asked = problem(criteria=["length"])
     assert verify(asked, front_of(asked, path(START, GOAL), off=break_it(4.0) - 4.0)) == []
+
+
+# Curves
+
+RAMP, BRAKE = (1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)
+
+
+def swerving() -> Trajectory:
+    """Through the passage and on, a little to the left, to the right and back, at 0.9 m/s."""
+    bends = [(0.0, sign * 0.2, 0.5) for sign in (1, -1, -1, 1, -1, 1, 1, -1)]
+    return driven(ROBOT, START, [(0.9, 0.0, 1.0), *bends, (-0.9, 0.0, 1.0)])
+
+
+def driven_problem(goes: Trajectory, **changes: object) -> Problem:
+    """The problem whose goal is where a trajectory ends."""
+    return problem(goal=(float(goes.states.x[-1]), float(goes.states.y[-1]), None), **changes)
+
+
+def test_a_curve_that_a_robot_can_drive_has_no_faults():
+    goes = swerving()
+    assert verify(driven_problem(goes), front_of(driven_problem(goes), goes)) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"speed": 0.5}, "drives faster than its wheels can turn in motion 0"),
+        ({"acceleration": 0.5, "turn_acceleration": 1.0}, "speeds up or turns harder than its wheels can in motion 0"),
+    ],
+)
+def test_wheels_beyond_the_limits_are_found(changes, fault):
+    goes = swerving()
+    slow = replace(ROBOT, **changes)
+    asked = driven_problem(goes, model=slow)
+    found = verify(asked, front_of(asked, replace(goes, model=slow)))
+    assert any(fault in one for one in found), found
+
+
+def test_a_curve_that_goes_back_is_found():
+    goes = driven(ROBOT, START, [(-0.5, 0.2, 1.0), (0.5, -0.2, 1.0)])
+    asked = driven_problem(goes)
+    assert any("does not go ahead in motion 0, a drive" in fault for fault in verify(asked, front_of(asked, goes)))
+
+
+def test_a_curve_through_a_wall_is_found():
+    goes = driven(ROBOT, START, [RAMP, (0.0, 2.0, 0.4), (0.0, -2.0, 0.4), (0.0, 0.0, 1.0), BRAKE])
+    assert not collision_free(problem(), [goes])[0]
+    assert collision_free(problem(), [swerving()])[0]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hpop.models import DifferentialDrive
 
 CORNER = 0.35  # m: a turn begins and ends so far from its vertex, at most
-MARGIN = 0.02  # m: kept beside the robot's reach, for what lies between two samples
+MARGIN = 0.04  # m: kept beside the robot's reach, for what lies between two samples
 SLACK = 1e-3  # m: by which the polyline itself keeps its bounds
 ALONG = 0.1  # m: distance of the places at which the clearance of a polyline is read
 SHARE = 0.4  # of a segment that each turn takes at most

@@ -13,6 +13,7 @@ from matplotlib.patches import PathPatch
 import hpop
 from hpop.errors import OptionError
 from hpop.frontier import UnknownColumnError
+from hpop.models.driven import driven
 from hpop.models.laws import Move
 from hpop.motions import States
 from hpop.view import draw_map
@@ -285,3 +286,13 @@ def test_a_motion_that_moves_and_turns_is_drawn_as_a_curve():
     np.testing.assert_allclose(points[[0, -2, -1]], [[0, 0], [1, 1], [1, 3]], atol=1e-12)
     np.testing.assert_allclose(np.hypot(points[:-1, 0], points[:-1, 1] - 1), 1.0)
     assert len(points) > 8
+
+
+def test_a_driven_trajectory_is_drawn_along_its_curves():
+    circle = [(0.0, 1.0, 1.0), *[(0.0, 0.0, 1.5)] * 3]  # then 1 m/s at 1 rad/s: a circle of 1 m
+    goes = driven(hpop.DifferentialDrive(), (0, 0, 0), circle, speed=1.0)
+    s, points = goes.states, path_points(goes)
+    centre = s.x[1] - np.sin(s.yaw[1]), s.y[1] + np.cos(s.yaw[1])
+    there = points[np.argmin(np.hypot(points[:, 0] - s.x[1], points[:, 1] - s.y[1])) :]
+    np.testing.assert_allclose(np.hypot(there[:, 0] - centre[0], there[:, 1] - centre[1]), 1.0, atol=1e-6)
+    assert np.hypot(*np.diff(points, axis=0).T).max() < 0.2
