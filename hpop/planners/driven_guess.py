@@ -38,11 +38,11 @@ def structure_of(polyline: Polyline, intervals: int) -> Structure:
     return Structure(int(turns.sum()), not turns[0], not turns[-1], intervals)
 
 
-def legs(polyline: Polyline, corner: float = CORNER) -> tuple[FloatArray, FloatArray]:
+def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
     """Begin, middle and end (P, 3, 2), m, of each phase, and how far it turns (P,), rad."""
     corners, turned = polyline.vertices, rotations(polyline)
     along = np.diff(corners, axis=0) / polyline.lengths[:, None]
-    cuts = np.minimum(corner, SHARE * polyline.lengths)[:, None] * along
+    cuts = np.minimum(CORNER, SHARE * polyline.lengths)[:, None] * along
     leave, reach = corners[:-1] + cuts, corners[1:] - cuts  # (n, 2) where each segment is straight
     if abs(turned[0]) <= STRAIGHT:
         leave[0] = corners[0]
@@ -60,9 +60,9 @@ def legs(polyline: Polyline, corner: float = CORNER) -> tuple[FloatArray, FloatA
     return np.array(places), np.array(angles)
 
 
-def first_guess(polyline: Polyline, structure: Structure, model: DifferentialDrive, *, corner: float = CORNER) -> Guess:
+def first_guess(polyline: Polyline, structure: Structure, model: DifferentialDrive) -> Guess:
     """Places, headings and speeds along a polyline whose corners are cut by parabolas."""
-    places, angles = legs(polyline, corner)
+    places, angles = legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []
     for (begin, middle, end), angle, count in zip(places, angles, structure.counts, strict=True):
         way = np.hypot(*(middle - begin)) + np.hypot(*(end - middle))

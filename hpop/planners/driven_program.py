@@ -177,7 +177,7 @@ class DrivenProgram:
 
     def build(self) -> DrivenProgram:
         """Build the program now; solving does it when it is first needed."""
-        _ = self._built
+        _ = self._newton
         return self
 
     @property
@@ -190,7 +190,7 @@ class DrivenProgram:
 
     @cached_property
     def _built(self) -> tuple[Any, Any, tuple[int, ...]]:
-        """The solver, the function from variables to costs, and how many constraints there are of each sort."""
+        """What makes a solver, the function from variables to costs, and the numbers of constraints of each sort."""
         import casadi
 
         n, phases, k = len(self.structure.phase), len(self.structure.counts), len(self.criteria)
@@ -266,9 +266,22 @@ class DrivenProgram:
         slopes = casadi.vertcat(*(casadi.jacobian(group, variables) for group in groups))
         jacobian = casadi.Function("jac_g", [variables, parameters], [limits, slopes], ["x", "p"], ["g", "jac_g_x"])
         program = {"x": variables, "p": parameters, "f": objective, "g": limits}
-        solver = casadi.nlpsol("driven", "ipopt", program, {**_OPTIONS, "jac_g": jacobian})
         values = casadi.Function("values", [variables, parameters], [honest])
+
+        def solver(**options: Any) -> Any:
+            return casadi.nlpsol("driven", "ipopt", program, {**_OPTIONS, "jac_g": jacobian, **options})
+
         return solver, values, tuple(int(group.numel()) for group in groups)
+
+    @cached_property
+    def _newton(self) -> Any:
+        """The solver with exact second derivatives."""
+        return self._built[0]()
+
+    @cached_property
+    def _quasi_newton(self) -> Any:
+        """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
+        return self._built[0](**_QUASI_NEWTON)
 
     def solve(
         self,
@@ -278,6 +291,7 @@ class DrivenProgram:
         epsilon: FloatArray,
         scale: FloatArray,
         clearances: Sequence[FloatArray],
+        exact: bool = True,
     ) -> Driven:
         """The local optimum near a guess.
 
@@ -288,8 +302,10 @@ class DrivenProgram:
         epsilon : (k,) upper bounds of the costs; inf bounds nothing
         scale : (k,) positive: differences of costs that matter alike
         clearances : least field values (S,) at the samples, one array a height range
+        exact : whether second derivatives are the exact ones
         """
-        solver, values, sizes = self._built
+        _, values, sizes = self._built
+        solver = self._newton if exact else self._quasi_newton
         model, n = self.problem.model, len(self.structure.phase)
         lowest, highest = self._node_bounds(guess)
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
@@ -400,7 +416,17 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_init": 0.01,
-    "ipopt.max_iter": 200,
+    "ipopt.max_iter": 150,
     "ipopt.tol": 1e-4,
     "ipopt.constr_viol_tol": 1e-7,
+}
+
+_QUASI_NEWTON: dict[str, Any] = {
+    "ipopt.hessian_approximation": "limited-memory",
+    "ipopt.max_iter": 300,
+    "ipopt.tol": 1e-3,
+    "ipopt.acceptable_tol": 1e-2,
+    "ipopt.acceptable_iter": 5,
+    "ipopt.acceptable_constr_viol_tol": 1e-6,
+    "ipopt.acceptable_obj_change_tol": 1e-3,
 }

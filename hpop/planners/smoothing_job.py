@@ -14,7 +14,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.driven import driven
-from hpop.planners.driven_guess import CORNER, clearances, first_guess, structure_of
+from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram, Structure
 from hpop.planners.homotopy import homotopic
 from hpop.planners.trust import judge
@@ -142,12 +142,15 @@ class SmoothingJob:
             weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
         bounds, aim = clearances(polyline, program), epsilon[smooth]
         scale = np.where(aim > 1e-3, aim, 1.0)
-        for corner in (CORNER, 0.3 * CORNER):
-            guess = first_guess(polyline, program.structure, model, corner=corner)
-            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
+        guess = first_guess(polyline, program.structure, model)
+        exact = True
+        solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
+        counts["programs"] += 1
+        if solution.trajectory is None:
+            exact = False
+            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
             counts["programs"] += 1
-            if solution.trajectory is not None:
-                break
+            counts["saved by quasi-Newton"] += solution.trajectory is not None
         collided = ""
         while solution.trajectory is not None:
             if self._free(solution.trajectory):
@@ -159,7 +162,7 @@ class SmoothingJob:
             counts["programs"] += 1
             bounds = program.raised(bounds, solution.trajectory)
             guess = program.again(guess, solution.trajectory)
-            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
+            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
         return f"{collided}not converged ({solution.status})"
 
     def _free(self, trajectory: Trajectory) -> bool:

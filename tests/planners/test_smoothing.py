@@ -252,6 +252,23 @@ def test_what_never_converges_is_counted_with_its_status(monkeypatch):
     assert f"{count} polylines without a candidate: not converged (Restoration_Failed)" in candidates.notes
 
 
+def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(monkeypatch):
+    solve = DrivenProgram.solve
+
+    def stubborn(program, *args, exact=True, **options):
+        solution = solve(program, *args, exact=exact, **options)
+        return dataclasses.replace(solution, trajectory=None) if exact else solution
+
+    monkeypatch.setattr(DrivenProgram, "solve", stubborn)
+    corner = polyline((0, 0, 0), (4, 0, 0), (4, 4, math.pi / 2))
+    outcome = job(OPEN, "duration", goal=(4, 4, math.pi / 2)).solve(corner)
+    assert outcome.reason == ""
+    assert outcome.counts["saved by quasi-Newton"] == 1
+    monkeypatch.undo()
+    exact = job(OPEN, "duration", goal=(4, 4, math.pi / 2)).solve(corner)
+    assert outcome.found.planned == pytest.approx(exact.found.planned, rel=0.02)
+
+
 def test_solutions_that_keep_colliding_are_dropped(monkeypatch):
     monkeypatch.setattr(SmoothingJob, "_free", lambda job, trajectory: False)
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
