@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock, Search
 
 METHODS = ("auto", "staircase", "general")
-SMALL = 1024  # an index cost is small if good paths stay below it
+SMALL = 1024  # an index cost is small if some good path stays below it (others may dawdle where turns are free)
 UNLIMITED = Budget()
 
 
@@ -182,7 +182,7 @@ class _Run:
     def _index(self, samples: IntArray) -> int:
         """Column of the smallest small-integer cost, -1 if there is none."""
         graph = self.graph
-        reach = samples.max(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
+        reach = samples.min(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
         fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
         fit = [j for j in fit if graph.costs[:, j].max(initial=0) < SMALL]
         if self.method == "staircase":

@@ -306,3 +306,14 @@ def test_staircase_refuses_costs_that_are_not_small():
 def test_bad_queries_say_what_was_expected(source, target, message):
     with pytest.raises(QueryError, match=message):
         pareto_paths(hard(2), source, target)
+
+
+def test_a_way_that_dawdles_through_free_turns_does_not_keep_the_staircase_away():
+    """The best way in a cost may take any number of turns that cost nothing in it (found on a lattice of 300 x 300)."""
+    n = 1200
+    chain = np.arange(n - 1)
+    tails, heads = np.append(chain, 0), np.append(chain + 1, n - 1)
+    costs = np.vstack([np.tile([0, 1, 1], (n - 1, 1)), [[7, 1, 5]]])
+    paths = pareto_paths(Graph.from_arcs(n, tails, heads, costs), 0, n - 1)
+    assert paths.stats.method == "staircase"
+    assert front(paths) == [(0, n - 1, n - 1), (7, 1, 5)]
