@@ -19,7 +19,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
@@ -65,6 +64,8 @@ class VariablePath:
         return cvxpy.sum(cvxpy.norm(self.vertices[1:] - self.vertices[:-1], 2, axis=1))
 
     def shortfall(self, enough: float, space: FreeSpace, body: str) -> Any:
+        from scipy.sparse import csr_array
+
         cvxpy = _cvxpy()
         # A body off the axis may be nearer than the axis by its lever. The bound of a piece is worst at its ends; a
         # piece keeps its share of a segment, so its ends are linear in the vertices.
@@ -145,6 +146,8 @@ class CorridorProgram:
     @cached_property
     def costs(self) -> tuple[ConvexCost, ...]:
         """The convex form of each criterion, k of them; raises CriterionError for one that is not convex."""
+        from scipy.sparse import csr_array
+
         cvxpy = _cvxpy()
         vertices = cvxpy.Constant(self.base)
         if not self.corridor.is_fixed:
@@ -166,6 +169,8 @@ class CorridorProgram:
     @cached_property
     def problem(self) -> Any:
         """The cvxpy problem; its only parameters are the weights (k,)."""
+        from scipy.sparse import csr_array
+
         cvxpy = _cvxpy()
         rows, limits = [], []
         for i, overlap in enumerate(self.corridor.overlaps, start=1):

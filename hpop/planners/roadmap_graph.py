@@ -13,8 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
@@ -170,6 +168,9 @@ class StateRoadmap(StateGraph):
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """How many components the roadmap has, and which hold the start and the goal, in words."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import connected_components
+
         tails, heads, _ = self.arrows
         count = len(self.positions)
         links = csr_array((np.ones(tails.size), (tails, heads)), shape=(count, count))

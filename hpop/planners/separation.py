@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.planners.grid import STEPS_8, steps_from
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from hpop.planners.lattice_graph import StateLattice
 
 NEGLIGIBLE = 1e-9  # length of a wide link against that of a narrow one
@@ -26,6 +26,9 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     spanning tree of the room has the widest passage; where it is narrow, a path shows that is no longer narrow than it
     need be.
     """
+    from scipy.sparse import csr_array  # on first use: most problems have a path, and the import takes its time
+    from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
+
     count, columns = lattice.headings.count, lattice.shape[1]
     cells = lattice.cells[0] * columns + lattice.cells[1]
     begin, *ends = cells[np.array([start, *goals]) // count].tolist()

@@ -32,7 +32,7 @@ class EdgeGrid:
     @classmethod
     def build(cls, edges: FloatArray) -> EdgeGrid:
         """File edges (E, 4), m, at about two a bucket."""
-        from scipy.ndimage import distance_transform_cdt
+        from hpop.world._nearest import rings_empty
 
         corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
         size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
@@ -40,8 +40,8 @@ class EdgeGrid:
         columns, rows = np.floor(size / side).astype(np.int64) + 1
         bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
         start = np.searchsorted(bucket, np.arange(rows * columns + 1))
-        empty = (np.diff(start) == 0).reshape(rows, columns)
-        rings = distance_transform_cdt(empty, metric="chessboard").astype(np.int64)
+        rings = (np.diff(start) == 0).reshape(rows, columns).astype(np.int64)
+        rings_empty(rings)
         return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, rings)
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -51,3 +51,14 @@ def test_points_on_bucket_borders_and_corners_find_their_edge():
     x, y = (c.ravel() for c in np.meshgrid(lines, lines))
     assert EdgeGrid.build(edges).distance(x, y).tolist() == [0.0] * 121
     assert EdgeGrid.build(edges).distance(x + 0.5, y + 0.25)[0] == 0.25
+
+
+def test_rings_count_the_empty_buckets_around():
+    """Chessboard distance to the nearest bucket with edges, against all pairs."""
+    points = np.random.default_rng(0).uniform(-1, 1, (60, 2)) + np.repeat([[0, 0], [50, 80]], 30, axis=0)
+    grid = EdgeGrid.build(np.repeat(points, 2, axis=0).reshape(-1, 4))
+    count = np.diff(grid.start).reshape(grid.rings.shape)
+    full = np.argwhere(count)
+    for cell in np.ndindex(*count.shape):
+        assert grid.rings[cell] == np.abs(full - cell).max(axis=1).min()
+    assert grid.rings.max() >= 3
