@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +17,7 @@ from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import check_detour, exact_mean, mean_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
+from hpop.planners.search.approximation import Precision
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
 from hpop.status import Budget, Progress, ProgressCallback
 
@@ -34,6 +36,8 @@ class Lattice:
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
     max_detour      longest duration over the least of any path; a time-mean is then optimised itself
+    eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
+    tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
     time_limit      s      of the search; what is found until then is returned and called incomplete
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search
@@ -45,6 +49,10 @@ class Lattice:
     the goal is the nearest free position within step / sqrt(2) from which the robot could go straight to where the
     goal was asked for.
 
+    With ``eps`` or ``tolerance`` a cost vector p that is optimal is covered by a returned one of at most
+    (1 + eps) p + tolerance, which need not be optimal itself: far fewer points, and less work. A search that was
+    stopped says how much better the points that it misses may be.
+
     With ``max_detour`` one time-mean is a cost itself, beside at most four others, and the front is exact among all
     walks, loops allowed, that keep the cap (:func:`hpop.planners.search.capped_mean_paths`); it cannot be joined with
     fronts in which the integral stands in. The cost grows steeply with the cap.
@@ -54,6 +62,8 @@ class Lattice:
     headings: int = 8
     corner_cutting: bool = False
     max_detour: float | None = None
+    eps: float = 0.0
+    tolerance: Mapping[str, float] | None = None
     time_limit: float | None = None
     max_labels: int | None = None
     max_memory: int | None = None
@@ -64,6 +74,13 @@ class Lattice:
         Headings(self.headings)
         if self.max_detour is not None:
             check_detour(self.max_detour)
+        Precision(self.eps)
+        if self.tolerance is not None and not isinstance(self.tolerance, Mapping):
+            raise OptionError(
+                f"tolerance gives amounts by the name of a cost, such as {{'length': 0.1}}, got {self.tolerance!r}"
+            )
+        if self.max_detour is not None and (self.eps or self.tolerance):
+            raise OptionError("max_detour is searched exactly: leave out eps and tolerance, or leave out max_detour")
         self._budget()
 
     def _budget(self) -> Budget:
@@ -80,7 +97,7 @@ class Lattice:
             query = self.query(problem, mean_objectives(problem.criteria, "lattice"), progress)
             return exact_mean(query, problem.criteria, self.max_detour, "lattice", self._budget(), progress)
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        return query.exact("lattice", self._budget(), progress)
+        return query.exact("lattice", self._budget(), progress, eps=self.eps, tolerance=self.tolerance)
 
     def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> GraphQuery:
         """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""

@@ -6,6 +6,7 @@ place, and that an edge is a motion, so criteria cost it as they cost trajectori
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -176,25 +177,65 @@ class GraphQuery:
         """What one count of each cost is, (k,), in the criteria's units."""
         return np.array([criterion.quantum for criterion in self.objectives.optimised])
 
-    def exact(self, name: str, budget: Budget, progress: ProgressCallback | None = None) -> Candidates:
-        """All non-dominated paths, by exact search, as the candidates of the planner ``name``."""
-        paths = self.with_fewest_turns(
-            lambda graph: pareto_paths(graph, self.start, self.goals, budget=budget, progress=progress)
-        )
+    def exact(
+        self,
+        name: str,
+        budget: Budget,
+        progress: ProgressCallback | None = None,
+        *,
+        eps: float = 0.0,
+        tolerance: Mapping[str, float] | None = None,
+    ) -> Candidates:
+        """All non-dominated paths as the candidates of the planner ``name``, or some within ``eps`` of them all.
+
+        Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
+        in the units of the costs that it names.
+        """
+        counts = self._counts(tolerance or {})
+
+        def search(graph: Graph) -> ParetoPaths:
+            slack = counts.copy()
+            if graph is self.tie_broken:
+                slack[_summed(graph)[0]] *= TIE_TURNS
+            return pareto_paths(
+                graph, self.start, self.goals, budget=budget, progress=progress, eps=eps, tolerance=slack.tolist()
+            )
+
+        paths = self.with_fewest_turns(search)
         where = f"{self.space.words} for ({self.names})"
-        if paths.status.is_final:
-            claim = f"exact on {where}, edge costs rounded to their quanta"
-        else:
+        within = _within(eps, tolerance or {})
+        if not paths.status.is_final:
             optimal = "every point is optimal"
             each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
-            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing"
+            each = f"points are within {within} of optimal" if within else each
+            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{_missing(paths.gap)}"
+        elif within:
+            claim = (
+                f"every optimal cost vector on {where} is covered within {within}, edge costs rounded to their quanta; "
+                "points need not be optimal themselves"
+            )
+        else:
+            claim = f"exact on {where}, edge costs rounded to their quanta"
         found = {
             "method": paths.stats.method,
             "labels_generated": paths.stats.labels_generated,
             "labels_expanded": paths.stats.labels_expanded,
             "peak_memory": paths.stats.peak_memory,
+            "gap": paths.gap if math.isfinite(paths.gap) else None,
         }
         return self.candidates(name, paths, claim, stats=found)
+
+    def _counts(self, tolerance: Mapping[str, float]) -> IntArray:
+        """Tolerances (k,) in quanta, rounded down; raises OptionError for a name that is no cost, or no length."""
+        optimised = self.objectives.optimised
+        names = [criterion.name for criterion in optimised]
+        for name, value in tolerance.items():
+            if name not in names:
+                raise OptionError(f"tolerance names {name!r}, but the costs that are searched for are {self.names}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+                raise OptionError(f"the tolerance in {name} must be a number of at least 0, got {value!r}")
+        slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in optimised]
+        return np.array([math.floor(value + 1e-9) for value in slack], dtype=np.int64)
 
     @cached_property
     def tie_broken(self) -> Graph | None:
@@ -284,6 +325,20 @@ class GraphQuery:
             for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
             if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
         ]
+
+
+def _within(eps: float, tolerance: Mapping[str, float]) -> str:
+    """In words, how far a point may be from what it covers; nothing if it may not."""
+    parts = [f"a factor {1 + eps:g}"] if eps else []
+    parts += [f"{value:g} in {name}" for name, value in tolerance.items() if value]
+    return " and ".join(parts)
+
+
+def _missing(gap: float) -> str:
+    """In words, how much better than the points at hand a missing one may be."""
+    if not math.isfinite(gap):
+        return "; how much better they may be is not known"
+    return f"; for each of them, a point here is at most {100 * gap:.2g} % worse in every cost"
 
 
 def _summed(graph: Graph) -> list[int]:

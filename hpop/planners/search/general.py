@@ -23,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.planners.search.approximation import EXACT, Precision
 from hpop.planners.search.bounds import UNREACHABLE
+from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import drop_first, kernel, push
@@ -115,6 +117,8 @@ def advance(
     closed: IntArray,
     front: IntArray,
     solutions: IntArray,
+    eps: float,
+    tolerance: IntArray,
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
     word, shift, limit, words = plan
@@ -122,6 +126,7 @@ def advance(
     key = np.zeros(words, np.int64)
     f = np.zeros(k, np.int64)
     g = np.zeros(k, np.int64)
+    reach = np.zeros(k, np.int64)
     size = counters[N_OPEN]
     done = counters[N_CLOSED]
     goal = len(blocks) - 1
@@ -164,13 +169,16 @@ def advance(
         drop_first(keys, values, size, words)
         size -= 1
         counters[N_EXPANDED] += 1
-        counters[N_ROWS] = enter(blocks, vectors, b, f, counters[N_ROWS])
         if is_target[v]:
+            for j in range(k):
+                reach[j] = least_covered(f[j], eps, tolerance[j])
+            counters[N_ROWS] = enter(blocks, vectors, goal, reach, counters[N_ROWS])
             at = counters[N_FRONT]
             front[at] = f
             solutions[at] = value
             counters[N_FRONT] = at + 1
             continue
+        counters[N_ROWS] = enter(blocks, vectors, v, f, counters[N_ROWS])
         closed[done] = value
         done += 1
         for a in range(start[v], start[v + 1]):
@@ -207,9 +215,16 @@ class General(HeapSearch):
     """The search on one graph for one query, costs taken in the given order."""
 
     def __init__(
-        self, graph: Graph, source: int, targets: IntArray, h: IntArray, order: tuple[int, ...], clock: Clock
+        self,
+        graph: Graph,
+        source: int,
+        targets: IntArray,
+        h: IntArray,
+        order: tuple[int, ...],
+        clock: Clock,
+        precision: Precision = EXACT,
     ) -> None:
-        self.source = source
+        self.source, self.order, self.precision = source, order, precision
         reached = h[0] < UNREACHABLE
         k, n, m = graph.criteria, graph.nodes, graph.arcs
         columns = np.array(order, np.int64)
@@ -252,6 +267,8 @@ class General(HeapSearch):
             self.closed,
             self.front,
             self.solutions,
+            float(self.precision.eps),
+            self.precision.of(self.order),
         )
         return int(code)
 

@@ -40,6 +40,12 @@ class HeapSearch(Search):
             return self.keys.nbytes, self._widen_keys
         raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
 
+    def estimates(self) -> IntArray:
+        """Estimates (m, k) of the labels still open."""
+        word, shift, limit, words = self.plan
+        keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
+        return (keys[:, word] >> shift) & limit
+
     def _grow_heap(self) -> None:
         self.keys.resize(2 * len(self.keys), refcheck=False)
         self.values.resize(2 * len(self.values), refcheck=False)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.errors import OptionError, QueryError
+from hpop.planners.search.approximation import Precision, proven_gap
 from hpop.planners.search.graph import Graph
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -50,8 +52,9 @@ class ParetoPaths:
     """A front and its paths.
 
     costs   (n, k)  int64  in the caller's columns, rows in lexicographic order
-    status  COMPLETE, NO_PATH, or what stopped the search: then costs is a subset of the exact front
+    status  COMPLETE, NO_PATH, or what stopped the search
     stats   what the search did
+    gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
     """
 
     costs: IntArray
@@ -60,6 +63,7 @@ class ParetoPaths:
     _graph: Graph
     _source: int
     _paths: tuple[IntArray, ...]
+    gap: float = field(default=0.0, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.costs)
@@ -86,6 +90,8 @@ def pareto_paths(
     budget: Budget = UNLIMITED,
     progress: ProgressCallback | None = None,
     method: str = "auto",
+    eps: float = 0.0,
+    tolerance: Sequence[int] = (),
 ) -> ParetoPaths:
     """Find every non-dominated cost vector of the paths from source to target, each with one path.
 
@@ -94,8 +100,10 @@ def pareto_paths(
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: exact in integers. If a limit of `budget` or Ctrl-C stops it, what is returned are vectors of
-    the exact front, the first ones in the order of the search.
+    Guarantees: exact in integers. With `eps` or `tolerance` (counts, one a cost) every non-dominated vector p is
+    covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a limit of
+    `budget` or Ctrl-C stops it, what is returned are the first ones in the order of the search, and `gap` says how
+    much better others may be.
 
     Cost: `method` "staircase" (:mod:`.staircase`) needs one summed cost that is a small integer, and two or
     three costs; "general" (:mod:`.general`) takes all. "auto" chooses, and so does the order of costs.
@@ -111,8 +119,9 @@ def pareto_paths(
     targets = _targets(graph, target)
     from hpop.planners.search.slices import Clock  # numba: on first use
 
+    precision = _precision(graph, eps, tolerance)
     clock = Clock(budget, progress)
-    run = _Run(graph, source, targets, method)
+    run = _Run(graph, source, targets, method, precision)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
@@ -123,8 +132,9 @@ def pareto_paths(
 class _Run:
     """One query: bounds, choice of the method and of the order, search."""
 
-    def __init__(self, graph: Graph, source: int, targets: IntArray, method: str) -> None:
+    def __init__(self, graph: Graph, source: int, targets: IntArray, method: str, precision: Precision) -> None:
         self.graph, self.source, self.targets, self.method = graph, source, targets, method
+        self.precision = precision
         self.search: Search | None = None
         self.order: tuple[int, ...] = ()
         self.after_bounds = 0.0
@@ -171,13 +181,13 @@ class _Run:
             if groups is None or groups.column != index:
                 groups = Groups.none(self.graph, clock)
             try:
-                return Staircase(self.graph, self.source, self.targets, h, three, groups, clock)
+                return Staircase(self.graph, self.source, self.targets, h, three, groups, clock, self.precision)
             except TooWide:
                 self.method = "general"
         from hpop.planners.search.general import General
 
         self.order = tuple(by_spread)
-        return General(self.graph, self.source, self.targets, h, self.order, clock)
+        return General(self.graph, self.source, self.targets, h, self.order, clock, self.precision)
 
     def _index(self, samples: IntArray) -> int:
         """Column of the smallest small-integer cost, -1 if there is none."""
@@ -212,6 +222,11 @@ class _Run:
             paths = tuple(self.search.paths(labels[rows], clock))
             counts = {"labels_generated": generated, "labels_expanded": expanded}
         costs.setflags(write=False)
+        gap = self.precision.eps
+        if not status.is_final:
+            gap = (
+                math.inf if self.search is None else max(gap, proven_gap(found[:, :k], self.search.estimates()[:, :k]))
+            )
         stats = SearchStats(
             self.method,
             self.order,
@@ -221,7 +236,13 @@ class _Run:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        return ParetoPaths(costs, status, stats, self.graph, self.source, paths)
+        return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap)
+
+
+def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
+    if len(tolerance) not in (0, graph.criteria):
+        raise OptionError(f"a tolerance is one count for each of {graph.criteria} costs, got {tolerance!r}")
+    return Precision(eps, tuple(tolerance))
 
 
 def _least_raised(graph: Graph) -> int:

@@ -148,5 +148,9 @@ class Search(ABC):
         return self.front[:n], self.solutions[:n], generated, expanded
 
     @abstractmethod
+    def estimates(self) -> IntArray:
+        """Estimates (m, k) of the labels still open, costs in the order of the search."""
+
+    @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.planners.search.approximation import EXACT, Precision
 from hpop.planners.search.bounds import UNREACHABLE
-from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, QUEUE
+from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, OPEN, QUEUE
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.slices import (
     BUCKETS,
@@ -67,8 +68,10 @@ class Staircase(Search):
         order: tuple[int, int, int],
         groups: Groups,
         clock: Clock,
+        precision: Precision = EXACT,
         width: int = 16,
     ) -> None:
+        self.precision, self.tolerance = precision, precision.of(order)
         self.graph, self.order, self.groups = graph, order, groups
         reached = h[0] < UNREACHABLE
         most = [int(graph.costs[:, j].max(initial=0)) if j >= 0 else 0 for j in order]
@@ -164,6 +167,8 @@ class Staircase(Search):
             self.front,
             self.solutions,
             self.fresh,
+            float(self.precision.eps),
+            self.tolerance,
         )
         return int(code)
 
@@ -240,6 +245,21 @@ class Staircase(Search):
         self.share = np.concatenate([self.share, np.repeat(self.share[:, -1:], self.width, axis=1)], axis=1)
         self.width *= 2
         self._lengthen_goal()
+
+    def estimates(self) -> IntArray:
+        """Estimates (m, 3) of the labels still open."""
+        shift, bits, top, origin, _ = self.packing.tolist()
+        keys = [self.keys[: self.queue[IN_HEAP]]]
+        buckets = [np.full(len(keys[0]), self.queue[OPEN])]
+        for bucket in np.flatnonzero(self.tops[:, 0] >= 0).tolist():
+            chunk, filled = self.tops[bucket].tolist()
+            while chunk >= 0:
+                keys.append(self.entries[chunk * CHUNK : chunk * CHUNK + filled, 0])
+                buckets.append(np.full(filled, bucket))
+                chunk, filled = int(self.below[chunk]), CHUNK
+        key = np.concatenate(keys)
+        first = ((np.concatenate(buckets) + origin) << shift) | (key >> top)
+        return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hpop.arrays import IntArray
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next
+from hpop.planners.search.covered import least_covered
 from hpop.planners.search.kernels import kernel
 from hpop.planners.search.slices import (
     BUCKETS,
@@ -102,6 +103,8 @@ def advance(
     front: IntArray,
     solutions: IntArray,
     fresh: IntArray,
+    eps: float,
+    tolerance: IntArray,
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
     nodes, start, arcs, arc_heads, groups, dearest, turns, is_target, source, first, rest = graph
@@ -212,10 +215,11 @@ def advance(
                 continue
         counters[N_EXPANDED] += 1
         if final:
-            for i in range(n, len(goal)):
-                if goal[i] <= d:
+            covered = least_covered(f2, eps, tolerance[2])
+            for i in range(least_covered(f1, eps, tolerance[1]), len(goal)):
+                if goal[i] <= covered:
                     break
-                goal[i] = d
+                goal[i] = covered
             at = counters[N_FRONT]
             front[at, 0] = f0
             front[at, 1] = f1
