@@ -16,6 +16,7 @@ from hpop.planners.search.graph import Graph
 from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
+    from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
     from hpop.planners.search.slices import Clock, Search
 
 METHODS = ("auto", "staircase", "general")
@@ -92,6 +93,7 @@ def pareto_paths(
     method: str = "auto",
     eps: float = 0.0,
     tolerance: Sequence[int] = (),
+    checkpoint: CheckpointSpec | None = None,
 ) -> ParetoPaths:
     """Find every non-dominated cost vector of the paths from source to target, each with one path.
 
@@ -108,6 +110,11 @@ def pareto_paths(
     Cost: `method` "staircase" (:mod:`.staircase`) needs one summed cost that is a small integer, and two or
     three costs; "general" (:mod:`.general`) takes all. "auto" chooses, and so does the order of costs.
 
+    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search keeps its state. The same question with the
+    same file goes on from there, after a limit, Ctrl-C or kill -9, and ends as if it had never stopped; a limit of time
+    counts anew, one of labels does not. A search that is complete leaves the file as it is: remove it when the front
+    is safe. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
+
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)
     >>> paths.costs.tolist(), paths.nodes(0).tolist(), paths.arcs(1).tolist()
@@ -117,11 +124,14 @@ def pareto_paths(
         raise OptionError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
     source = _node(graph, source, "source")
     targets = _targets(graph, target)
+    from hpop.planners.search.checkpoint import Keeper
     from hpop.planners.search.slices import Clock  # numba: on first use
 
     precision = _precision(graph, eps, tolerance)
+    near = (float(precision.eps), precision.of(range(graph.criteria)))
+    keeper = Keeper.of(checkpoint, graph, source, targets, method, *near)
     clock = Clock(budget, progress)
-    run = _Run(graph, source, targets, method, precision)
+    run = _Run(graph, source, targets, method, precision, keeper)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
@@ -132,9 +142,18 @@ def pareto_paths(
 class _Run:
     """One query: bounds, choice of the method and of the order, search."""
 
-    def __init__(self, graph: Graph, source: int, targets: IntArray, method: str, precision: Precision) -> None:
-        self.graph, self.source, self.targets, self.method = graph, source, targets, method
-        self.precision = precision
+    def __init__(
+        self,
+        graph: Graph,
+        source: int,
+        targets: IntArray,
+        method: str,
+        precision: Precision,
+        keeper: Keeper | None,
+    ) -> None:
+        self.graph, self.source, self.targets, self.precision = graph, source, targets, precision
+        self.keeper = keeper
+        self.method = method if keeper is None else keeper.method or method
         self.search: Search | None = None
         self.order: tuple[int, ...] = ()
         self.after_bounds = 0.0
@@ -148,7 +167,7 @@ class _Run:
 
         self.search = prepared
         try:
-            return prepared.run(clock)
+            return prepared.run(clock) if self.keeper is None else self.keeper.run(prepared, self.method, clock)
         except TooWide:
             self.method = "general"
             return self.go(clock)

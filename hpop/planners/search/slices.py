@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from hpop.arrays import IntArray
+from hpop.planners.interrupts import interrupts_held
 from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -96,12 +98,17 @@ class Search(ABC):
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
         """Say how many bytes the structure of the subclass needs for more room, and how to get it."""
 
-    def run(self, clock: Clock) -> Status:
-        """Search to the end, or to a limit; Ctrl-C leaves the front found so far."""
+    def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
+        """Search to the end, or to a limit; Ctrl-C leaves the front found so far.
+
+        ``keep`` is called between slices. With it, Ctrl-C waits for the end of one: the arrays then fit each other.
+        """
+        whole = nullcontext if keep is None else interrupts_held
         memory = self.memory()
         status = clock.exceeded(0, memory)
         while status is None:
-            code = self.advance(clock, self.slice_work(clock))
+            with whole():
+                code = self.advance(clock, self.slice_work(clock))
             if code == DONE:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
             if code != SLICE:
@@ -110,10 +117,13 @@ class Search(ABC):
                 status = clock.exceeded(0, memory + extra)
                 if status is Status.MEMORY_LIMIT:
                     break
-                grow()
+                with whole():
+                    grow()
                 memory = self.memory()
             else:
                 clock.report("search", self.counters, memory)
+            if keep is not None:
+                keep()
             status = clock.exceeded(int(self.counters[N_GENERATED]), memory)
         return status
 

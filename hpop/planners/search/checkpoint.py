@@ -1,0 +1,297 @@
+"""Checkpoints: the state of a search in a file, from which it goes on as if it had never stopped.
+
+Saved is every array and number that a search keeps. What follows from the question alone (groups of turns, the graph
+itself) is built again, and a fingerprint tells which question the file belongs to: the graph, its ends, the options.
+A search runs in slices of equal work, and is saved between two of them; so the one that goes on makes the same
+expansions in the same order, and ends with the same front, paths and counts of labels.
+
+The file: MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
+and shape of each array), the arrays one after the other, a checksum of all this. It is written as FILE.part beside it,
+flushed to the disk and moved into its place, so that whoever is killed leaves the last whole one. Nothing in it is
+run, and nothing larger than the file is allocated; the checksum tells accidents, it is no signature.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop import __version__
+from hpop.errors import OptionError, OutputError
+from hpop.planners.interrupts import interrupts_held
+from hpop.status import Status
+
+if TYPE_CHECKING:
+    from hpop.planners.search.graph import Graph
+    from hpop.planners.search.slices import Clock, Search
+
+MAGIC = b"hpop checkpoint\n"
+FORMAT = 1  # raise it when the file, or what a search means by one of its arrays, changes
+LENGTH = 8  # bytes of the header's length
+CHECKSUM = 32  # bytes
+MAX_HEADER = 2**20  # bytes
+TYPES = {np.dtype(t).str for t in (np.bool_, np.uint8, np.int32, np.int64, np.float64)}
+SHARE = 30  # the pause between two checkpoints is so many times what writing the last one took: three in a hundred
+
+Arrays = dict[str, NDArray[Any]]
+
+
+class CheckpointError(OutputError):
+    """A checkpoint cannot be read or written, or belongs to another search."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The file in which a search keeps its state; one run at a time may use it.
+
+    path   of the file; if it is there, the search goes on from it
+    every  s  between two checkpoints, or more where writing takes long; one more is written when the search is stopped
+    """
+
+    path: str | os.PathLike[str]
+    every: float = 30.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, str | os.PathLike) or not os.fspath(self.path):
+            raise OptionError(f"checkpoint must be the path of a file, got {self.path!r}")
+        number = isinstance(self.every, int | float) and not isinstance(self.every, bool)
+        if not (number and 0 <= self.every < math.inf):
+            raise OptionError(f"every must be the seconds between two checkpoints, at least 0, got {self.every!r}")
+
+
+CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
+
+
+class Keeper:
+    """The checkpoint of one question: what the file holds, and when to write the next."""
+
+    def __init__(self, checkpoint: Checkpoint, question: str) -> None:
+        """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
+        self.question, self.every = question, checkpoint.every
+        try:
+            self.path = Path(os.path.realpath(checkpoint.path))
+            self.part = self.path.with_name(self.path.name + ".part")
+            self.part.open("wb").close()  # one that a killed run left goes as well
+            self.part.unlink()
+        except (OSError, ValueError) as error:
+            raise CheckpointError(
+                f"cannot write a checkpoint to {checkpoint.path}: {getattr(error, 'strerror', None) or error}; choose "
+                "another file"
+            ) from None
+        self.saved = _Saved.read(self.path) if self.path.exists() else None
+        if self.saved is not None and self.saved.question != question:
+            raise CheckpointError(
+                f"the checkpoint {self.path} is of another problem: its graph, start, goal or options differ from what "
+                "is asked. Give another file, or remove this one if its search is no longer wanted"
+            )
+
+    @classmethod
+    def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
+        """The keeper for a question about a graph; None where no checkpoint is wanted."""
+        if checkpoint is None:
+            return None
+        made = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
+        return cls(made, fingerprint(graph, *question))
+
+    @property
+    def method(self) -> str | None:
+        """The method of the search that the file holds."""
+        return None if self.saved is None else self.saved.method
+
+    def run(self, search: Search, method: str, clock: Clock) -> Status:
+        """Let a new search go on from the file, if there is one, and save it now and then, and when it is stopped."""
+        if self.saved is not None and self.saved.method == method:
+            with interrupts_held():
+                restore(search, self.saved.arrays, self.path)
+        self.saved = None  # a search by another method, which takes over, begins anew
+        due = perf_counter() + self.every
+
+        def keep() -> None:
+            nonlocal due
+            began = perf_counter()
+            if began >= due:
+                self.save(search, method)
+                due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
+
+        try:
+            status = search.run(clock, keep)
+        except KeyboardInterrupt:
+            self.save(search, method)
+            raise
+        if not status.is_final:
+            self.save(search, method)
+        return status
+
+    def save(self, search: Search, method: str) -> None:
+        """Write the state of a search; if that fails, warn: what was saved before stays, and the search goes on."""
+        arrays = state(search)
+        header = {
+            "format": FORMAT,
+            "hpop": __version__,
+            "method": method,
+            "question": self.question,
+            "arrays": [[name, array.dtype.str, array.shape] for name, array in arrays.items()],
+        }
+        text = json.dumps(header).encode()
+        begin = MAGIC + len(text).to_bytes(LENGTH, "little") + text
+        checksum = hashlib.blake2b(digest_size=CHECKSUM)
+        try:
+            with self.part.open("wb") as file:
+                for piece in (memoryview(begin), *map(_bytes, arrays.values())):
+                    file.write(piece)
+                    checksum.update(piece)
+                file.write(checksum.digest())
+                file.flush()
+                os.fsync(file.fileno())
+            self.part.replace(self.path)
+        except OSError as error:
+            self.part.unlink(missing_ok=True)
+            reason = error.strerror or error
+            warnings.warn(
+                f"cannot write the checkpoint {self.path} ({reason}); the last one stays", RuntimeWarning, stacklevel=2
+            )
+        except KeyboardInterrupt:
+            self.part.unlink(missing_ok=True)
+            raise
+
+
+@dataclass(frozen=True)
+class _Saved:
+    """What a checkpoint holds."""
+
+    method: str
+    question: str
+    arrays: Arrays
+
+    @classmethod
+    def read(cls, path: Path) -> _Saved:
+        """Read a checkpoint; raises CheckpointError where it is none, a damaged one, or of another version."""
+        if not path.is_file():
+            what = "a folder" if path.is_dir() else "no ordinary file"
+            raise CheckpointError(f"the checkpoint {path} is {what}; give the path of a file")
+        try:
+            with path.open("rb") as file:
+                return cls._of(file, path)
+        except OSError as error:
+            if isinstance(error, CheckpointError):
+                raise
+            raise CheckpointError(
+                f"cannot read the checkpoint {path}: {error.strerror or error}; choose another file"
+            ) from None
+
+    @classmethod
+    def _of(cls, file: BufferedReader, path: Path) -> _Saved:
+        size = os.fstat(file.fileno()).st_size
+        damaged = CheckpointError(
+            f"the checkpoint {path} is truncated or damaged; remove it, the search then begins anew"
+        )
+        begin = file.read(len(MAGIC) + LENGTH)
+        if begin[: len(MAGIC)] != MAGIC:
+            raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
+        length = int.from_bytes(begin[len(MAGIC) :], "little")
+        if length > min(MAX_HEADER, size - len(begin)):
+            raise damaged
+        text = file.read(length)
+        try:
+            header = json.loads(text)
+            version, form = header["hpop"], header["format"]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            raise damaged from None
+        if (form, version) != (FORMAT, __version__):
+            raise CheckpointError(
+                f"the checkpoint {path} is of hpop {version}, format {form}; this is hpop {__version__}, format "
+                f"{FORMAT}. Go on with that version, or remove the file to begin anew"
+            )
+        try:
+            tables = [_table(*entry) for entry in header["arrays"]]
+            method, question = str(header["method"]), str(header["question"])
+        except (ValueError, TypeError, KeyError):
+            raise damaged from None
+        room = size - len(begin) - length - CHECKSUM
+        if sum(math.prod(shape) * dtype.itemsize for _, dtype, shape in tables) != room:
+            raise damaged
+        checksum = hashlib.blake2b(begin + text, digest_size=CHECKSUM)
+        arrays: Arrays = {}
+        for name, dtype, shape in tables:
+            arrays[name] = np.empty(shape, dtype)
+            file.readinto(_bytes(arrays[name]))
+            checksum.update(_bytes(arrays[name]))
+        if file.read() != checksum.digest():
+            raise damaged
+        return cls(method, question, arrays)
+
+
+def _table(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
+    """Name, type and shape of an array as the header gives them; raises ValueError or TypeError for nonsense."""
+    if dtype not in TYPES or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
+        raise ValueError
+    return str(name), np.dtype(dtype), tuple(shape)
+
+
+def fingerprint(graph: Graph, *question: Any) -> str:
+    """A hash of a graph and of what is asked about it: numbers, words and arrays."""
+    tables = (graph.indptr, graph.heads, graph.costs)
+    checksum = hashlib.blake2b(digest_size=CHECKSUM)
+    for part in (graph.aggregates, *tables, *question):
+        array = isinstance(part, np.ndarray)
+        checksum.update(repr((part.dtype.str, part.shape) if array else part).encode() + b"\n")
+        if array:
+            checksum.update(_bytes(part))
+    return checksum.hexdigest()
+
+
+def state(search: Search) -> Arrays:
+    """Everything that a search keeps, by name; values that cannot change, such as the graph, are left out."""
+    return {name: array for key, value in vars(search).items() for name, array in _flat(key, value)}
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    if isinstance(value, np.ndarray):
+        yield name, value
+    elif isinstance(value, bool | int | float | np.generic):
+        yield name, np.asarray(value)
+    elif isinstance(value, tuple):
+        for i, one in enumerate(value):
+            yield from _flat(f"{name}.{i}", one)
+    elif isinstance(value, type):  # of the numbers in an array
+        yield name, np.zeros(0, value)
+    elif not getattr(getattr(value, "__dataclass_params__", None), "frozen", False):
+        raise AssertionError(f"a search keeps {name} as {type(value)}, which no checkpoint holds, please report")
+
+
+def restore(search: Search, arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
+    """Set a new search to a state of its question; raises CheckpointError where they do not fit."""
+    new = {name: (array.dtype.kind, array.ndim) for name, array in state(search).items()}
+    if new != {name: (array.dtype.kind, array.ndim) for name, array in arrays.items()}:
+        raise CheckpointError(
+            f"the checkpoint {path} does not hold what this search keeps; remove it, the search then begins anew"
+        )
+    for name, value in list(vars(search).items()):
+        setattr(search, name, _restored(name, value, arrays))
+
+
+def _restored(name: str, value: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
+    if isinstance(value, np.ndarray):
+        return arrays[name]
+    if isinstance(value, bool | int | float | np.generic):
+        return type(value)(arrays[name].item())
+    if isinstance(value, tuple):
+        return tuple(_restored(f"{name}.{i}", one, arrays) for i, one in enumerate(value))
+    return arrays[name].dtype.type if isinstance(value, type) else value
+
+
+def _bytes(array: NDArray[Any]) -> memoryview:
+    """The bytes of an array, not copied."""
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
