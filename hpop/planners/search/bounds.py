@@ -10,6 +10,9 @@ Source: Mandow and Perez de la Cruz, "Multiobjective A* search with consistent h
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -192,21 +195,26 @@ def lower_bounds(
     begin, tails, weights = clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs)
     same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
-    parent = np.empty(n, np.int32)
-    samples = []
-    memory = begin.nbytes + tails.nbytes + weights.nbytes + h.nbytes + parent.nbytes + group.nbytes
+    parents = np.empty((k, n), np.int32)
+    memory = begin.nbytes + tails.nbytes + weights.nbytes + h.nbytes + parents.nbytes + group.nbytes
     ends = groups.place[targets]
-    for j in range(k):
-        clock.report("bounds")
-        status = clock.exceeded(0, memory)
-        if status is not None:
-            return h, np.zeros((0, k), np.int64), status
+    status = clock.exceeded(0, memory)
+    if status is not None:
+        return h, np.zeros((0, k), np.int64), status
+
+    def arguments(j: int) -> tuple[Any, ...]:
         how = (j, bool(is_max[j]), group, groups.rows, groups.dearest, bool(groups.alike[j]), groups.turns)
-        clock.call(cost_to_go, begin, tails, weights[j], *how, ends, h[j], parent)
-        onward = parent
+        return (begin, tails, weights[j], *how, ends, h[j], parents[j])
+
+    clock.call(cost_to_go, *arguments(0))  # compiles, if need be; the others run side by side
+    with ThreadPoolExecutor() as threads:
+        list(threads.map(lambda j: cost_to_go(*arguments(j)), range(1, k)))
+    samples = []
+    for j in range(k):
+        onward = parents[j]
         if not same:
             h[j] = h[j][groups.place]
-            onward = np.where(parent < 0, -1, groups.nodes[parent]).astype(np.int32)[groups.place]
+            onward = np.where(onward < 0, -1, groups.nodes[onward]).astype(np.int32)[groups.place]
         if h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, is_max)
             samples.append(clock.call(cost_along, *arrays, j, h[j], onward, source))
