@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,7 +17,7 @@ from hpop.front import Front
 from hpop.frontier.front import JOINT
 from hpop.models import DifferentialDrive
 from hpop.motions import missing
-from hpop.planners.base import Candidates, Planner, make_planner, sweeps
+from hpop.planners.base import Candidates, Planner, joined, make_planner, staged, sweeps
 from hpop.registry import GROUPS, make_model
 from hpop.status import Progress, ProgressCallback, Status
 from hpop.trace import Trace, trace
@@ -26,6 +26,7 @@ from hpop.world import World
 
 CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any]]
 PlannerSpec = str | Planner
+StageCallback = Callable[[Front], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,35 +107,57 @@ class Problem:
         *,
         progress: ProgressCallback | None = None,
         executor: Executor | None = None,
+        stage: StageCallback | None = None,
         **options: Any,
     ) -> Iterator[Front]:
         """The front after each planner in turn: all found so far, so that nothing is lost if a later one fails.
 
         After an interruption (Ctrl-C) the planners that remain are not run.
+
+        Parameters
+        ----------
+        stage : called with the front so far after each stage of a planner but its last
+            (:class:`hpop.planners.base.StagedPlanner`); the front that follows has nothing worse
         """
         front: Front | None = None
         for planner in planners:
             chosen = make_planner(planner, options)
+            candidates: Candidates | None = None
             try:
-                if executor is not None and sweeps(chosen):
-                    candidates = chosen.solve(self, progress, executor=executor)
-                else:
-                    candidates = chosen.solve(self, progress)
+                for now in self._candidates(chosen, progress, executor):
+                    candidates = joined(candidates, now)
+                    if stage is not None and now.status is Status.UNFINISHED:
+                        stage(_union(front, self.front(candidates)))
             except KeyboardInterrupt:
-                if front is None:
+                if candidates is not None:
+                    candidates = replace(candidates, status=Status.INTERRUPTED)
+                elif front is not None:
+                    yield replace(front, status=f"{front.status}{JOINT}{Status.INTERRUPTED}")
+                    return
+                else:
                     raise
-                yield replace(front, status=f"{front.status}{JOINT}{Status.INTERRUPTED}")
-                return
+            assert candidates is not None  # a planner has at least one stage
             if progress:
                 progress(Progress("evaluation"))
             try:
                 found = self.front(candidates)
             except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
                 found = self.front(replace(candidates, status=Status.INTERRUPTED))
-            front = found if front is None else front | found
+            front = _union(front, found)
             yield front
             if Status.INTERRUPTED in front.status:
                 return
+
+    def _candidates(
+        self, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
+    ) -> Iterator[Candidates]:
+        """What a planner finds, in stages if it has any."""
+        if staged(planner):
+            yield from planner.stages(self, progress)
+        elif executor is not None and sweeps(planner):
+            yield planner.solve(self, progress, executor=executor)
+        else:
+            yield planner.solve(self, progress)
 
     def front(self, candidates: Candidates) -> Front:
         """Re-evaluate candidates by the criteria and keep the non-dominated ones.
@@ -209,6 +232,11 @@ class Problem:
             raise
         except (TypeError, ValueError, AttributeError) as error:
             raise QueryError(f"not the description of a problem: {error}") from None
+
+
+def _union(front: Front | None, found: Front) -> Front:
+    """The front of what was found before and now."""
+    return found if front is None else front | found
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:

@@ -10,7 +10,10 @@ from hpop.errors import OptionError
 
 
 class Status(StrEnum):
-    """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing."""
+    """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing.
+
+    UNFINISHED is what is found while the search still goes on: the stages of a planner before its last.
+    """
 
     COMPLETE = "complete"
     NO_PATH = "no path"
@@ -18,6 +21,7 @@ class Status(StrEnum):
     LABEL_LIMIT = "label limit"
     MEMORY_LIMIT = "memory limit"
     INTERRUPTED = "interrupted"
+    UNFINISHED = "unfinished"
 
     @property
     def is_final(self) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
@@ -70,6 +70,35 @@ class SweepingPlanner(Planner, Protocol):
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates: ...
+
+
+class StagedPlanner(Planner, Protocol):
+    """A planner that has a first answer soon and better ones later.
+
+    ``stages`` gives the candidates of each stage in turn. Those before the last are UNFINISHED; the last are what
+    ``solve`` finds. After Ctrl-C in a stage its candidates are INTERRUPTED and no other stage follows.
+    """
+
+    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]: ...
+
+
+def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
+    """Whether a planner has stages."""
+    return callable(getattr(planner, "stages", None))
+
+
+def joined(before: Candidates | None, now: Candidates) -> Candidates:
+    """What is found once a stage is done: a final answer alone, else its candidates and those of the stages before."""
+    if before is None or now.status.is_final:
+        return now
+    return replace(
+        now,
+        trajectories=now.trajectories + before.trajectories,
+        planned=np.concatenate([now.planned, before.planned]),
+        tolerance=np.concatenate([now.tolerance, before.tolerance]),
+        provenance=now.provenance + before.provenance,
+        certificate=f"{now.certificate}; with the points of {before.certificate}",
+    )
 
 
 def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +17,7 @@ from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import check_detour, exact_mean, mean_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
+from hpop.planners.lattice_stages import stages
 from hpop.planners.search.approximation import Precision
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
 from hpop.status import Budget, Progress, ProgressCallback
@@ -99,13 +100,29 @@ class Lattice:
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
         return query.exact("lattice", self._budget(), progress, eps=self.eps, tolerance=self.tolerance)
 
-    def query(self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None = None) -> GraphQuery:
+    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
+        """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.
+
+        With ``max_detour`` there is only the exact one. Raises as :meth:`solve` does.
+        """
+        if self.max_detour is not None:
+            yield self.solve(problem, progress)
+        else:
+            yield from stages(self, problem, progress)
+
+    def query(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        progress: ProgressCallback | None = None,
+        lattice: StateLattice | None = None,
+    ) -> GraphQuery:
         """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
         refuse_unanswerable(problem, objectives, "lattice")
         began = time.perf_counter()
         if progress:
             progress(Progress("graph"))
-        lattice = self.lattice(problem)
+        lattice = lattice or self.lattice(problem)
         start, goals, snapped = self.ends(lattice, problem)
         graph = lattice.graph(objectives.optimised)
         return GraphQuery(

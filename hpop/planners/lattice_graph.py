@@ -31,12 +31,14 @@ class StateLattice(StateGraph):
     step            m between neighbouring positions
     headings        directions in which the robot stands and moves
     corner_cutting  whether a diagonal may pass between two blocked positions
+    kept            (rows, columns)  positions that belong to it; None for all. A path of a part is one of the whole
     """
 
     anchor: tuple[float, float]
     step: float
     headings: Headings
     corner_cutting: bool
+    kept: BoolArray | None = None
 
     def __post_init__(self) -> None:
         rows, columns = self.shape
@@ -57,7 +59,8 @@ class StateLattice(StateGraph):
     def words(self) -> str:
         """The same in words."""
         cutting = "" if self.corner_cutting else "no "
-        return f"the lattice of step {self.step:g} m, {self.headings.count} headings, {cutting}corner cutting"
+        part = "" if self.kept is None else f"the {self.cells[0].size:,} positions round a shortest way on "
+        return f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings, {cutting}corner cutting"
 
     @cached_property
     def first(self) -> tuple[int, int]:
@@ -85,15 +88,21 @@ class StateLattice(StateGraph):
     @cached_property
     def clear(self) -> BoolArray:
         """Positions (rows, columns) where the robot is free at every yaw, so that every turn is free too."""
-        rows, columns = np.indices(self.shape).reshape(2, -1)
-        return self.collision.clear(*self.position(rows, columns)).reshape(self.shape)
+        rows, columns = np.nonzero(self._kept)
+        clear = np.zeros(self.shape, dtype=bool)
+        clear[rows, columns] = self.collision.clear(*self.position(rows, columns))
+        return clear
+
+    @property
+    def _kept(self) -> BoolArray:
+        return np.ones(self.shape, dtype=bool) if self.kept is None else self.kept
 
     @cached_property
     def free(self) -> BoolArray:
         """States (rows, columns, H) in which the robot is free."""
         free = np.repeat(self.clear[:, :, None], self.headings.count, axis=2)
         if self.collision.yaw_matters:
-            rows, columns, heading = np.nonzero(~free)
+            rows, columns, heading = np.nonzero(~free & self._kept[:, :, None])
             x, y = self.position(rows, columns)
             free[rows, columns, heading] = self.collision.states_free(States(x=x, y=y, yaw=self.headings.yaw[heading]))
         return free

@@ -1,0 +1,93 @@
+"""The cells of a grid on the shortest ways: where a first answer is looked for if all of the grid takes too long.
+
+Plain arrays, no robots. Imported on first use only, because importing numba takes a quarter of a second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.planners.search.kernels import drop_first, kernel, push
+
+STRAIGHT, DIAGONAL = 5, 7  # 7/5 is near enough to sqrt(2) for choosing cells
+FAR = np.int64(2**30)  # farther than any way
+
+
+def nearby(
+    free: BoolArray, start: tuple[int, int], goal: tuple[int, int], most: int, *, corner_cutting: bool
+) -> BoolArray | None:
+    """Mark the free cells that lie on the shortest ways from start to goal; None if there is no way.
+
+    Cells are taken by the length of the shortest way through them, of equal ones those nearest to one shortest way,
+    which is marked as a whole.
+
+    Parameters
+    ----------
+    free : (rows, columns) bool
+    start, goal : (row, column) of free cells
+    most : cells to mark, if one shortest way has no more
+
+    >>> nearby(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
+    [5, 2, 0]
+    """
+    begin, end = (np.array([row * free.shape[1] + column]) for row, column in (start, goal))
+    there, before = spread(free, begin, corner_cutting)
+    if there[end[0]] >= FAR:
+        return None
+    way = [int(end[0])]
+    while way[-1] != begin[0]:
+        way.append(int(before[way[-1]]))
+    through = there + spread(free, end, corner_cutting)[0]
+    aside, _ = spread(free, np.array(way), corner_cutting)
+    count = min(max(most, len(way)), int((aside < FAR).sum()))
+    marked = np.zeros(free.size, dtype=bool)
+    marked[np.argpartition(through * FAR + aside, count - 1)[:count]] = True
+    return marked.reshape(free.shape)
+
+
+@kernel
+def spread(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
+    """Distance (rows * columns,) of each cell from the seeds, FAR if unreached, and the cell before it, or -1.
+
+    Dijkstra's algorithm over the eight neighbours of a cell; cells are numbered row * columns + column.
+    """
+    rows, columns = free.shape
+    distance = np.full(rows * columns, FAR)
+    before = np.full(rows * columns, np.int64(-1))
+    capacity = len(seeds) + 1024
+    keys = np.empty(capacity, np.int64)
+    cells = np.empty(capacity, np.int64)
+    key = np.zeros(1, np.int64)
+    size = 0
+    for seed in seeds:
+        distance[seed] = 0
+        push(keys, cells, size, 1, key, seed)
+        size += 1
+    while size > 0:
+        here, cell = keys[0], cells[0]
+        drop_first(keys, cells, size, 1)
+        size -= 1
+        if here > distance[cell]:
+            continue
+        if size + 8 > capacity:
+            keys = np.concatenate((keys, np.empty_like(keys)))
+            cells = np.concatenate((cells, np.empty_like(cells)))
+            capacity *= 2
+        row, column = cell // columns, cell % columns
+        for up in range(-1, 2):
+            for right in range(-1, 2):
+                i, j = row + up, column + right
+                if not (0 <= i < rows and 0 <= j < columns) or not free[i, j]:
+                    continue
+                diagonal = up != 0 and right != 0
+                if diagonal and not corner_cutting and not (free[row, j] and free[i, column]):
+                    continue
+                key[0] = here + (DIAGONAL if diagonal else STRAIGHT)
+                there = i * columns + j
+                if key[0] < distance[there]:
+                    distance[there] = key[0]
+                    before[there] = cell
+                    push(keys, cells, size, 1, key, there)
+                    size += 1
+    return distance, before
