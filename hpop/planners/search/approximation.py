@@ -52,6 +52,7 @@ class Precision:
 
 
 EXACT = Precision()
+ANYTHING = 2**60  # no cost of a path is larger
 
 
 def proven_gap(front: IntArray, estimates: IntArray) -> float:

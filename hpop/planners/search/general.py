@@ -16,14 +16,14 @@ targets, which is asked about every label, is one more block.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.approximation import EXACT, Precision
+from hpop.planners.search.approximation import ANYTHING, EXACT, Precision
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
@@ -119,6 +119,7 @@ def advance(
     solutions: IntArray,
     eps: float,
     tolerance: IntArray,
+    bound: int,
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
     word, shift, limit, words = plan
@@ -143,6 +144,9 @@ def advance(
             f[j] = (keys[word[j]] >> shift[j]) & limit[j]
             g[j] = f[j] if is_max[j] else f[j] - nodes[v, j]
             tight |= g[j] + rise[j] > limit[j]
+        if f[0] > bound:  # and so are all that follow
+            code = DONE
+            break
         at_goal, here = blocks[goal, SIZE], blocks[v, SIZE]
         work -= 1 + here
         if covering(vectors, blocks[goal, START], at_goal, f) >= 0 or covering(vectors, blocks[v, START], here, f) >= 0:
@@ -223,6 +227,7 @@ class General(HeapSearch):
         order: tuple[int, ...],
         clock: Clock,
         precision: Precision = EXACT,
+        at_most: Sequence[int] = (),
     ) -> None:
         self.source, self.order, self.precision = source, order, precision
         reached = h[0] < UNREACHABLE
@@ -232,7 +237,8 @@ class General(HeapSearch):
         far = h.max(axis=1, where=reached, initial=0)[columns]
         rise = (most + far).tolist()
         f = h[columns, source].tolist()
-        self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
+        small = 4 * (max(f) + max(rise)) < INT32_LIMIT and not any(INT32_LIMIT < b < ANYTHING for b in at_most)
+        self.dtype: type[Any] = np.int32 if small else np.int64
         self.is_max = np.array([graph.aggregates[j] == "max" for j in order])
         self.table = np.empty((m, 1 + k), self.dtype)
         self.nodes = np.empty((n, k), self.dtype)
@@ -244,6 +250,14 @@ class General(HeapSearch):
         self.blocks = np.zeros((n + 1, 3), np.int64)
         self.vectors = np.zeros((1024, max(1, k - 1)), self.dtype)
         super().__init__(f, rise, int(np.diff(self.start).max()))
+        self.most = at_most[order[0]] if at_most else ANYTHING
+        for j in range(1, k):  # as if a solution were known that only exceeds the bound
+            if not at_most or at_most[order[j]] == ANYTHING:
+                continue
+            beyond = np.zeros(k, np.int64)
+            beyond[j] = at_most[order[j]] + 1
+            room = (self.blocks, self.vectors, n, beyond, int(self.counters[N_ROWS]))
+            self.counters[N_ROWS] = clock.call(enter, *room)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
@@ -269,6 +283,7 @@ class General(HeapSearch):
             self.solutions,
             float(self.precision.eps),
             self.precision.of(self.order),
+            self.most,
         )
         return int(code)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.errors import OptionError, QueryError
-from hpop.planners.search.approximation import Precision, proven_gap
+from hpop.planners.search.approximation import ANYTHING, Precision, proven_gap
 from hpop.planners.search.graph import Graph
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -93,6 +93,7 @@ def pareto_paths(
     method: str = "auto",
     eps: float = 0.0,
     tolerance: Sequence[int] = (),
+    at_most: Sequence[int | None] = (),
     checkpoint: CheckpointSpec | None = None,
 ) -> ParetoPaths:
     """Find every non-dominated cost vector of the paths from source to target, each with one path.
@@ -105,7 +106,7 @@ def pareto_paths(
     Guarantees: exact in integers. With `eps` or `tolerance` (counts, one a cost) every non-dominated vector p is
     covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a limit of
     `budget` or Ctrl-C stops it, what is returned are the first ones in the order of the search, and `gap` says how
-    much better others may be.
+    much better others may be. With `at_most` (one bound a cost, None for none) all this holds for the paths within it.
 
     Cost: `method` "staircase" (:mod:`.staircase`) needs one summed cost that is a small integer, and two or
     three costs; "general" (:mod:`.general`) takes all. "auto" chooses, and so does the order of costs.
@@ -128,10 +129,11 @@ def pareto_paths(
     from hpop.planners.search.slices import Clock  # numba: on first use
 
     precision = _precision(graph, eps, tolerance)
-    near = (float(precision.eps), precision.of(range(graph.criteria)))
-    keeper = Keeper.of(checkpoint, graph, source, targets, method, *near)
+    bounds = _bounds(graph, at_most)
+    asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
+    keeper = Keeper.of(checkpoint, graph, source, targets, method, *asked)
     clock = Clock(budget, progress)
-    run = _Run(graph, source, targets, method, precision, keeper)
+    run = _Run(graph, source, targets, method, precision, bounds, keeper)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
@@ -149,9 +151,11 @@ class _Run:
         targets: IntArray,
         method: str,
         precision: Precision,
+        at_most: tuple[int, ...],
         keeper: Keeper | None,
     ) -> None:
         self.graph, self.source, self.targets, self.precision = graph, source, targets, precision
+        self.at_most = at_most
         self.keeper = keeper
         self.method = method if keeper is None else keeper.method or method
         self.search: Search | None = None
@@ -200,13 +204,15 @@ class _Run:
             if groups is None or groups.column != index:
                 groups = Groups.none(self.graph, clock)
             try:
-                return Staircase(self.graph, self.source, self.targets, h, three, groups, clock, self.precision)
+                return Staircase(
+                    self.graph, self.source, self.targets, h, three, groups, clock, self.precision, self.at_most
+                )
             except TooWide:
                 self.method = "general"
         from hpop.planners.search.general import General
 
         self.order = tuple(by_spread)
-        return General(self.graph, self.source, self.targets, h, self.order, clock, self.precision)
+        return General(self.graph, self.source, self.targets, h, self.order, clock, self.precision, self.at_most)
 
     def _index(self, samples: IntArray) -> int:
         """Column of the smallest small-integer cost, -1 if there is none."""
@@ -225,6 +231,15 @@ class _Run:
                     f"(below {SMALL} along good paths), this graph has none; use 'general'"
                 )
         return min(fit, key=lambda j: int(reach[j])) if fit else -1
+
+    def _gap(self, found: IntArray) -> float:
+        """How much better what is missing may be, costs (n, k) in the order of the search."""
+        if self.search is None:
+            return math.inf
+        open_ = self.search.estimates()[:, : self.graph.criteria]
+        if self.at_most:
+            open_ = open_[(open_ <= np.array([self.at_most[j] for j in self.order])).all(axis=1)]
+        return proven_gap(found, open_)
 
     def result(self, clock: Clock, status: Status) -> ParetoPaths:
         k = self.graph.criteria
@@ -256,6 +271,17 @@ class _Run:
             **counts,
         )
         return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap)
+
+
+def _bounds(graph: Graph, at_most: Sequence[int | None]) -> tuple[int, ...]:
+    """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
+    wrong = [
+        b for b in at_most if b is not None and (isinstance(b, bool) or not isinstance(b, int | np.integer) or b < 0)
+    ]
+    if wrong or len(at_most) not in (0, graph.criteria):
+        raise OptionError(f"at_most is a whole number or None for each of {graph.criteria} costs, got {at_most!r}")
+    bounds = tuple(ANYTHING if b is None else min(int(b), ANYTHING) for b in at_most)
+    return bounds if any(b < ANYTHING for b in bounds) else ()
 
 
 def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:

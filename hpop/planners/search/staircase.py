@@ -19,14 +19,14 @@ long, bounds that know how many turns are left prune more (:mod:`.turn_bounds`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.approximation import EXACT, Precision
+from hpop.planners.search.approximation import ANYTHING, EXACT, Precision
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, OPEN, QUEUE
 from hpop.planners.search.graph import Graph
@@ -69,6 +69,7 @@ class Staircase(Search):
         groups: Groups,
         clock: Clock,
         precision: Precision = EXACT,
+        at_most: Sequence[int] = (),
         width: int = 16,
     ) -> None:
         self.precision, self.tolerance = precision, precision.of(order)
@@ -96,17 +97,26 @@ class Staircase(Search):
         self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
         self.is_target = np.zeros(graph.nodes, np.uint8)
         self.is_target[self.groups.place[targets]] = 1
-        self.width = width
-        self.share = np.full((len(self.groups.rows), width), self._empty(1)[0])
+        self._bound(at_most, width)
+        self.share = np.full((len(self.groups.rows), self.width), self._empty(1)[0])
         self.stairs = self._empty(1 << 14)
         self.layers = np.zeros((1, 0), self.dtype)
         self.looked_ahead = False
-        self.goal = self._empty(width)
         sizes = self.groups.rows[:, SIZE]
         degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
         super().__init__(3, int((degrees + sizes).max()))
         self.fresh = np.zeros((self.fan, 3), np.int64)
         self._queue(f)
+
+    def _bound(self, at_most: Sequence[int], width: int) -> None:
+        """Begin the front with what no solution may exceed, as if something better were known."""
+        first, index, rest = (at_most[j] if at_most and j >= 0 else ANYTHING for j in self.order)
+        self.most, self.width = first, width
+        while index < 1 << INDEX_BITS and self.width < index + 2:
+            self.width *= 2
+        self.goal = self._empty(self.width)
+        self.goal[:] = min(rest + 1, int(self.goal[0]))
+        self.goal[index + 1 :] = 0
 
     def _queue(self, f: list[int]) -> None:
         """The queue with one label of estimate f (3,)."""
@@ -169,6 +179,7 @@ class Staircase(Search):
             self.fresh,
             float(self.precision.eps),
             self.tolerance,
+            self.most,
         )
         return int(code)
 

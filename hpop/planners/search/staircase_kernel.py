@@ -105,6 +105,7 @@ def advance(
     fresh: IntArray,
     eps: float,
     tolerance: IntArray,
+    bound: int,
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
     nodes, start, arcs, arc_heads, groups, dearest, turns, is_target, source, first, rest = graph
@@ -136,6 +137,9 @@ def advance(
         f0 = ((opened + origin) << shift) | (key >> top)
         f1 = (key >> bits) & most_index
         f2 = key & most_rest
+        if f0 > bound:  # and so are all that follow
+            code = DONE
+            break
         # Room for whatever this label may need, before anything changes.
         if size + fan > len(values):
             code = HEAP
