@@ -37,6 +37,7 @@ class Lattice:
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
     max_detour      longest duration over the least of any path; a time-mean is then optimised itself
+    max_turns       count  paths with more turns are left out; needs the criterion turns
     eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
     tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
     time_limit      s      of the search; what is found until then is returned and called incomplete
@@ -63,6 +64,7 @@ class Lattice:
     headings: int = 8
     corner_cutting: bool = False
     max_detour: float | None = None
+    max_turns: int | None = None
     eps: float = 0.0
     tolerance: Mapping[str, float] | None = None
     time_limit: float | None = None
@@ -80,8 +82,13 @@ class Lattice:
             raise OptionError(
                 f"tolerance gives amounts by the name of a cost, such as {{'length': 0.1}}, got {self.tolerance!r}"
             )
-        if self.max_detour is not None and (self.eps or self.tolerance):
-            raise OptionError("max_detour is searched exactly: leave out eps and tolerance, or leave out max_detour")
+        turns = self.max_turns
+        if turns is not None and (isinstance(turns, bool) or not isinstance(turns, int) or turns < 0):
+            raise OptionError(f"max_turns must be a whole number of at least 0, got {turns!r}")
+        if self.max_detour is not None and (self.eps or self.tolerance or turns is not None):
+            raise OptionError(
+                "max_detour takes no eps, tolerance or max_turns: leave them out, or leave out max_detour"
+            )
         self._budget()
 
     def _budget(self) -> Budget:
@@ -134,6 +141,7 @@ class Lattice:
             build_seconds=time.perf_counter() - began,
             notes=snapped.notes,
             origin={"goal_offset": snapped.distance},
+            max_turns=self.max_turns,
         )
 
     def lattice(self, problem: Problem) -> StateLattice:

@@ -36,6 +36,7 @@ BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for ar
 MAX_COSTS = 6
 TIE_TURNS = 2**18  # more turns than any path makes
 COARSE = 0.01
+TURNS = "turns"  # the criterion that ``max_turns`` bounds
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +156,7 @@ class GraphQuery:
     start, goals   state ids
     build_seconds  s
     notes          what the user should know of the ends
+    max_turns      paths with more turns do not count
     origin         what the provenance of every candidate says beside the options of the space
     """
 
@@ -166,6 +168,7 @@ class GraphQuery:
     build_seconds: float
     notes: tuple[str, ...] = ()
     origin: Mapping[str, Any] = field(default_factory=dict)
+    max_turns: int | None = None
 
     @property
     def names(self) -> str:
@@ -198,11 +201,20 @@ class GraphQuery:
             if graph is self.tie_broken:
                 slack[_summed(graph)[0]] *= TIE_TURNS
             return pareto_paths(
-                graph, self.start, self.goals, budget=budget, progress=progress, eps=eps, tolerance=slack.tolist()
+                graph,
+                self.start,
+                self.goals,
+                budget=budget,
+                progress=progress,
+                eps=eps,
+                tolerance=slack.tolist(),
+                at_most=self._at_most(),
             )
 
         paths = self.with_fewest_turns(search)
         where = f"{self.space.words} for ({self.names})"
+        if self.max_turns is not None:
+            where += f" and at most {self.max_turns} turns"
         within = _within(eps, tolerance or {})
         if not paths.status.is_final:
             optimal = "every point is optimal"
@@ -237,6 +249,21 @@ class GraphQuery:
         slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in optimised]
         return np.array([math.floor(value + 1e-9) for value in slack], dtype=np.int64)
 
+    def _at_most(self) -> list[int | None]:
+        """Bounds (k,) on the costs, none where none is asked for.
+
+        Raises OptionError where turns are bounded, but none of the costs.
+        """
+        names = [criterion.name for criterion in self.objectives.optimised]
+        if self.max_turns is None:
+            return []
+        if TURNS not in names:
+            raise OptionError(
+                f"max_turns bounds the cost {TURNS!r}, but the costs that are searched for are {self.names}; list it "
+                "among the criteria, or leave max_turns out"
+            )
+        return [self.max_turns if name == TURNS else None for name in names]
+
     @cached_property
     def tie_broken(self) -> Graph | None:
         """The graph with turns as a last tie-break, where no cost charges for every turn; None where one does.
@@ -262,7 +289,7 @@ class GraphQuery:
         stopped may keep a point that ties with a better one in the first summed cost.
         """
         if self.tie_broken is None:
-            return search(self.graph)
+            return self._within(search(self.graph))
         paths, first = search(self.tie_broken), _summed(self.graph)[0]
         found = paths.costs.copy()
         spun = found[:, first] % TIE_TURNS
@@ -287,7 +314,7 @@ class GraphQuery:
         # A sum is rounded once an edge, a worst edge once.
         summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
-        blocked = (space.what_separates(self.start, self.goals),) if paths.status is Status.NO_PATH else ()
+        blocked = (self._what_blocks(),) if paths.status is Status.NO_PATH else ()
         origins = provenance or [{} for _ in nodes]
         return Candidates(
             objectives=objectives.optimised,
@@ -312,6 +339,22 @@ class GraphQuery:
                 "search_seconds": paths.stats.seconds_search,
             },
         )
+
+    def _within(self, paths: ParetoPaths) -> ParetoPaths:
+        """The paths that keep the bound on the turns; a search that knows nothing of it may have found others."""
+        bounds = [math.inf if bound is None else bound for bound in self._at_most()]
+        kept = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
+        return paths if kept.size == len(paths) else paths.select(paths.costs, kept)
+
+    def _what_blocks(self) -> str:
+        """Why there is no path, in words: too many turns, or what separates start and goal."""
+        for j, bound in enumerate(self._at_most()):
+            if bound is not None:
+                turns = replace(self.graph, costs=self.graph.costs[:, [j]], aggregates=("sum",))
+                least = pareto_paths(turns, self.start, self.goals).costs
+                if len(least):
+                    return f"no path has at most {bound} turns; the least is {least[0, 0]}. Raise max_turns"
+        return self.space.what_separates(self.start, self.goals)
 
     def _coarse(self, paths: ParetoPaths, rounds: IntArray) -> list[str]:
         """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""

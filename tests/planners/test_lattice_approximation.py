@@ -84,7 +84,7 @@ def test_an_interrupted_search_proves_its_gap_too():
         ({"tolerance": 0.1}, "tolerance gives amounts by the name of a cost"),
         ({"tolerance": {"lenght": 0.1}}, "tolerance names 'lenght', but the costs that are searched for are"),
         ({"tolerance": {"length": -1}}, "the tolerance in length must be a number of at least 0"),
-        ({"eps": 0.1, "max_detour": 1.2}, "max_detour is searched exactly"),
+        ({"eps": 0.1, "max_detour": 1.2}, "max_detour takes no eps"),
     ],
 )
 def test_what_is_no_precision_is_refused(options, message):
