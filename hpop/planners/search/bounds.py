@@ -190,7 +190,7 @@ def lower_bounds(
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
     is_max = np.array([a == "max" for a in graph.aggregates], np.int64)
-    groups = groups or Groups.none(graph, clock)
+    groups = groups or Groups.of(graph, clock)
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
     begin, tails, weights = clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs)
     same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered

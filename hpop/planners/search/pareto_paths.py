@@ -181,8 +181,7 @@ class _Run:
         from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
         from hpop.planners.search.turns import Groups
 
-        column = _least_raised(self.graph)
-        groups = None if column < 0 else Groups.of(self.graph, column, clock)
+        groups = Groups.of(self.graph, clock)
         h, samples, status = lower_bounds(self.graph, self.source, self.targets, clock, groups)
         self.after_bounds = clock.seconds()
         if status is not None:
@@ -201,7 +200,7 @@ class _Run:
             others.sort(key=lambda j: bool(self.graph.costs[:, j].max(where=turns, initial=0)))  # free first
             self.order = (others[0], index, *others[1:])
             three = (others[0], index, others[1] if len(others) > 1 else -1)
-            if groups is None or groups.column != index:
+            if groups.column != index:
                 groups = Groups.none(self.graph, clock)
             try:
                 return Staircase(
@@ -288,13 +287,6 @@ def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
     if len(tolerance) not in (0, graph.criteria):
         raise OptionError(f"a tolerance is one count for each of {graph.criteria} costs, got {tolerance!r}")
     return Precision(eps, tuple(tolerance))
-
-
-def _least_raised(graph: Graph) -> int:
-    """Column of the sum that single arcs raise least, the one in which turns may be counted; -1 if there is none."""
-    most = graph.costs.max(axis=0, initial=0)
-    sums = [j for j, how in enumerate(graph.aggregates) if how == "sum" and 0 < most[j] < SMALL]
-    return min(sums, key=lambda j: int(most[j]), default=-1)
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:

@@ -30,6 +30,7 @@ from hpop.planners.search.kernels import kernel
 from hpop.planners.search.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
+MOST = 1024  # a turn raises its cost by less
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,15 @@ class Groups:
     origin: NDArray[np.int32]
 
     @classmethod
-    def of(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
+    def of(cls, graph: Graph, clock: Clock) -> Self:
+        """The groups that turns make, counted in the sum that single arcs raise least; none where they make none."""
+        most = graph.costs.max(axis=0, initial=0)
+        sums = [j for j, how in enumerate(graph.aggregates) if how == "sum" and 0 < most[j] < MOST]
+        column = min(sums, key=lambda j: int(most[j]), default=-1)
+        return (cls.of_column(graph, column, clock) if column >= 0 else None) or cls.none(graph, clock)
+
+    @classmethod
+    def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """The groups that the turns of a column make; None where they make none."""
         group = np.empty(graph.nodes, np.int64)
         worst = np.array([how == "max" for how in graph.aggregates])

@@ -40,7 +40,7 @@ def test_bounds_by_turns_are_exact(lattice, seed, uneven):
         costs[turn, 0] = np.random.default_rng(seed).integers(3, 6, turn.sum())
         graph = Graph.from_csr(graph.indptr, graph.heads, costs)
     clock, target = Clock(Budget(), None), np.array([graph.nodes - 1])
-    groups = Groups.of(graph, 1, clock)
+    groups = Groups.of_column(graph, 1, clock)
     assert groups is not None
     h, _, _ = lower_bounds(graph, 0, target, clock, groups)
     search = Staircase(graph, 0, target, h, (2, 1, 0), groups, clock)

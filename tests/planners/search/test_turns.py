@@ -12,7 +12,7 @@ from hpop.status import Budget
 
 
 def groups_of(graph: Graph) -> Groups | None:
-    return Groups.of(graph, 1, Clock(Budget(), None))
+    return Groups.of_column(graph, 1, Clock(Budget(), None))
 
 
 def shuffled(graph: Graph, seed: int) -> tuple[Graph, np.ndarray]:
