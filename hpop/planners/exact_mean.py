@@ -17,6 +17,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
+from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.planners.state_graph import MAX_COSTS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -71,6 +72,7 @@ def exact_mean(
     name: str,
     budget: Budget,
     progress: ProgressCallback | None = None,
+    checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All paths that are non-dominated in the mean itself and the other costs, as the candidates of planner ``name``.
 
@@ -92,6 +94,7 @@ def exact_mean(
         cap=int(max_detour * least),
         budget=budget,
         progress=progress,
+        checkpoint=checkpoint,
     )
     optimised = tuple(c for c in criteria if c.aggregate != "trajectory")
     where = f"{query.space.words} for ({', '.join(c.name for c in optimised)})"

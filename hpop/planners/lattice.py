@@ -19,6 +19,7 @@ from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
 from hpop.planners.search.approximation import Precision
+from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
 from hpop.status import Budget, Progress, ProgressCallback
 
@@ -43,6 +44,7 @@ class Lattice:
     time_limit      s      of the search; what is found until then is returned and called incomplete
     max_labels      count  partial paths kept by the search
     max_memory      bytes  allocated by the search
+    checkpoint      file in which the search keeps its state, and from which it goes on if it is there
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
@@ -54,6 +56,10 @@ class Lattice:
     With ``eps`` or ``tolerance`` a cost vector p that is optimal is covered by a returned one of at most
     (1 + eps) p + tolerance, which need not be optimal itself: far fewer points, and less work. A search that was
     stopped says how much better the points that it misses may be.
+
+    A ``checkpoint`` is written now and then, and when the search is stopped: the same question with the same file goes
+    on from there, after Ctrl-C, a limit or kill -9, to the same front (:func:`hpop.planners.search.pareto_paths`).
+    Remove the file when the front is safe.
 
     With ``max_detour`` one time-mean is a cost itself, beside at most four others, and the front is exact among all
     walks, loops allowed, that keep the cap (:func:`hpop.planners.search.capped_mean_paths`); it cannot be joined with
@@ -70,6 +76,7 @@ class Lattice:
     time_limit: float | None = None
     max_labels: int | None = None
     max_memory: int | None = None
+    checkpoint: CheckpointSpec | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.step, int | float) and 0 < self.step < math.inf):
@@ -89,6 +96,8 @@ class Lattice:
             raise OptionError(
                 "max_detour takes no eps, tolerance or max_turns: leave them out, or leave out max_detour"
             )
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint)
         self._budget()
 
     def _budget(self) -> Budget:
@@ -99,13 +108,22 @@ class Lattice:
 
         Raises QueryError when start or goal is blocked, off the map or off the headings, or when people move,
         UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
-        finite, OptionError for a ``max_detour`` without a time-mean.
+        finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint that is of
+        another question.
         """
         if self.max_detour is not None:
             query = self.query(problem, mean_objectives(problem.criteria, "lattice"), progress)
-            return exact_mean(query, problem.criteria, self.max_detour, "lattice", self._budget(), progress)
+            ways = ("lattice", self._budget(), progress, self.checkpoint)
+            return exact_mean(query, problem.criteria, self.max_detour, *ways)
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        return query.exact("lattice", self._budget(), progress, eps=self.eps, tolerance=self.tolerance)
+        return query.exact(
+            "lattice",
+            self._budget(),
+            progress,
+            eps=self.eps,
+            tolerance=self.tolerance,
+            checkpoint=self.checkpoint,
+        )
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.

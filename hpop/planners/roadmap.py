@@ -15,6 +15,7 @@ from hpop.models.collision import PlanarCollision, why_blocked
 from hpop.motions import States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.roadmap_graph import StateRoadmap
+from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
 from hpop.planners.trust import Judgement, judge
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -37,6 +38,8 @@ class Roadmap:
     time_limit  s      of the search; what is found until then is returned and called incomplete
     max_labels  count  partial paths kept by the search
     max_memory  bytes  allocated by the search
+    checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
+                front is safe
 
     Links are straight moves, free on the exact geometry; the robot turns in place between any two of them, where it has
     the room and they differ by a degree, the least that counts as a turn. Start and goal are exact, whatever their
@@ -57,6 +60,7 @@ class Roadmap:
     time_limit: float | None = None
     max_labels: int | None = None
     max_memory: int | None = None
+    checkpoint: CheckpointSpec | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("samples", 1), ("neighbours", 1), ("seed", 0)):
@@ -64,6 +68,8 @@ class Roadmap:
             whole = isinstance(value, int) and not isinstance(value, bool) and value >= least
             if not whole and not (name == "neighbours" and value is None):
                 raise OptionError(f"{name} of a roadmap must be a whole number of at least {least}, got {value!r}")
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint)
         self._budget()
 
     def _budget(self) -> Budget:
@@ -73,7 +79,8 @@ class Roadmap:
         """Plan on the roadmap.
 
         Raises QueryError when start or goal is blocked, or when people move, UnsupportedCriterion when no criterion
-        adds up along edges, CriterionError for a cost that is negative or not finite.
+        adds up along edges, CriterionError for a cost that is negative or not finite, CheckpointError for a checkpoint
+        of another question.
         """
         objectives = edge_objectives(problem.criteria, "roadmap")
         refuse_unanswerable(problem, objectives, "roadmap")
@@ -82,7 +89,8 @@ class Roadmap:
         drawn = roadmap.options["samples"]
         few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
         notes = (few,) if drawn < self.samples else ()
-        return on_roadmap("roadmap", problem, objectives, roadmap, self._budget(), progress, began, notes)
+        how = (roadmap, self._budget(), progress, began, notes, self.checkpoint)
+        return on_roadmap("roadmap", problem, objectives, *how)
 
     def roadmap(self, problem: Problem) -> StateRoadmap:
         """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked."""
@@ -161,6 +169,7 @@ def on_roadmap(
     progress: ProgressCallback | None,
     began: float,
     notes: tuple[str, ...],
+    checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
     if progress:
@@ -168,7 +177,7 @@ def on_roadmap(
     graph = roadmap.graph(objectives.optimised)
     seconds = time.perf_counter() - began
     query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, seconds, notes)
-    found = query.exact(name, budget, progress)
+    found = query.exact(name, budget, progress, checkpoint=checkpoint)
     try:
         judgement = _judged(problem, found)
     except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed

@@ -24,6 +24,7 @@ from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, quantised
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.trajectory import Trajectory
 
@@ -188,11 +189,12 @@ class GraphQuery:
         *,
         eps: float = 0.0,
         tolerance: Mapping[str, float] | None = None,
+        checkpoint: CheckpointSpec | None = None,
     ) -> Candidates:
         """All non-dominated paths as the candidates of the planner ``name``, or some within ``eps`` of them all.
 
         Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
-        in the units of the costs that it names.
+        in the units of the costs that it names. ``checkpoint``: as in :func:`pareto_paths`.
         """
         counts = self._counts(tolerance or {})
 
@@ -209,6 +211,7 @@ class GraphQuery:
                 eps=eps,
                 tolerance=slack.tolist(),
                 at_most=self._at_most(),
+                checkpoint=checkpoint,
             )
 
         paths = self.with_fewest_turns(search)

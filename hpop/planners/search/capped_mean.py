@@ -16,9 +16,11 @@ from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, _node, _ta
 from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
+    from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
     from hpop.planners.search.mean_kernel import CappedMean
     from hpop.planners.search.slices import Clock
 
+METHOD = "capped mean"
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
 
 
@@ -62,6 +64,7 @@ def capped_mean_paths(
     cap: int,
     budget: Budget = UNLIMITED,
     progress: ProgressCallback | None = None,
+    checkpoint: CheckpointSpec | None = None,
 ) -> MeanPaths:
     """Find every non-dominated vector (S/T, other costs) of the walks from source to target with T <= cap.
 
@@ -79,6 +82,8 @@ def capped_mean_paths(
     Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, what is
     returned are walks under the cap, perhaps dominated by ones not found.
 
+    `checkpoint`: as in :func:`pareto_paths`, for the search under the cap; the one before it is done anew.
+
     Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
     additive search, growing steeply with the cap.
 
@@ -92,12 +97,14 @@ def capped_mean_paths(
     targets = _targets(graph, target)
     columns = _columns(graph, integral, duration)
     _check_cap(graph, columns, cap)
+    from hpop.planners.search.checkpoint import Keeper
     from hpop.planners.search.slices import Clock  # numba: on first use
 
+    keeper = Keeper.of(checkpoint, graph, source, targets, METHOD, *columns, int(cap))
     clock = Clock(budget, progress)
     first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress)
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
-    run = _Run(graph, first, columns, int(cap))
+    run = _Run(graph, first, columns, int(cap), keeper)
     try:
         status = run.go(source, targets, clock)
     except KeyboardInterrupt:
@@ -108,14 +115,16 @@ def capped_mean_paths(
 class _Run:
     """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
 
-    def __init__(self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], cap: int) -> None:
+    def __init__(
+        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], cap: int, keeper: Keeper | None
+    ) -> None:
         totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
         costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]
         under = np.flatnonzero(costs[:, 0] <= cap)
         self.rows = under[np.argsort(costs[under, 0], kind="stable")]  # of equal vectors the shortest comes first
         self.walks = costs[self.rows]
         self.least = int(costs[:, 0].min(initial=MAX_PRODUCT))
-        self.graph, self.first, self.columns, self.cap = graph, first, columns, cap
+        self.graph, self.first, self.columns, self.cap, self.keeper = graph, first, columns, cap, keeper
         self.front = np.zeros((max(64, 2 * len(first)), len(columns)), np.int64)
         self.solutions = np.zeros(len(self.front), np.int64)
         self.size = 0
@@ -141,7 +150,7 @@ class _Run:
         known = (self.front, self.solutions, self.size)
         self.search = CappedMean(self.graph, source, targets, h, self.columns, self.cap, known)
         self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # the limit is one for both
-        return self.search.run(clock)
+        return self.search.run(clock) if self.keeper is None else self.keeper.run(self.search, METHOD, clock)
 
     def result(self, source: int, clock: Clock, status: Status) -> MeanPaths:
         """What was found, in the order of the mean."""
@@ -155,7 +164,7 @@ class _Run:
         costs.setflags(write=False)
         stats = replace(
             first,
-            method="capped mean",
+            method=METHOD,
             order=self.columns,
             peak_memory=clock.peak,
             seconds_bounds=self.seconds_bounds,

@@ -70,6 +70,28 @@ class Checkpoint:
         if not (number and 0 <= self.every < math.inf):
             raise OptionError(f"every must be the seconds between two checkpoints, at least 0, got {self.every!r}")
 
+    @classmethod
+    def of(cls, spec: CheckpointSpec) -> Checkpoint:
+        """A checkpoint from a path, or itself."""
+        return spec if isinstance(spec, Checkpoint) else cls(spec)
+
+    def place(self) -> Path:
+        """Where the file is, links followed; raises CheckpointError where it cannot be written."""
+        try:
+            path = Path(os.path.realpath(self.path))
+            part = _part(path)
+            part.open("wb").close()  # one that a killed run left goes as well
+            part.unlink()
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise CheckpointError(f"cannot write a checkpoint to {self.path}: {reason}; choose another file") from None
+        return path
+
+
+def _part(path: Path) -> Path:
+    """What is written until it is whole."""
+    return path.with_name(path.name + ".part")
+
 
 CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
 
@@ -80,16 +102,8 @@ class Keeper:
     def __init__(self, checkpoint: Checkpoint, question: str) -> None:
         """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
         self.question, self.every = question, checkpoint.every
-        try:
-            self.path = Path(os.path.realpath(checkpoint.path))
-            self.part = self.path.with_name(self.path.name + ".part")
-            self.part.open("wb").close()  # one that a killed run left goes as well
-            self.part.unlink()
-        except (OSError, ValueError) as error:
-            raise CheckpointError(
-                f"cannot write a checkpoint to {checkpoint.path}: {getattr(error, 'strerror', None) or error}; choose "
-                "another file"
-            ) from None
+        self.path = checkpoint.place()
+        self.part = _part(self.path)
         self.saved = _Saved.read(self.path) if self.path.exists() else None
         if self.saved is not None and self.saved.question != question:
             raise CheckpointError(
@@ -100,10 +114,7 @@ class Keeper:
     @classmethod
     def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
         """The keeper for a question about a graph; None where no checkpoint is wanted."""
-        if checkpoint is None:
-            return None
-        made = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
-        return cls(made, fingerprint(graph, *question))
+        return None if checkpoint is None else cls(Checkpoint.of(checkpoint), fingerprint(graph, *question))
 
     @property
     def method(self) -> str | None:
