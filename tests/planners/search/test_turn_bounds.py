@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.planners.search import Graph
+from hpop.planners.search import Graph, pareto_paths, slices, staircase
 from hpop.planners.search.bounds import lower_bounds
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.staircase import Staircase
@@ -52,3 +52,19 @@ def test_bounds_by_turns_are_exact(lattice, seed, uneven):
     reached = h[0] < 2**62
     np.testing.assert_array_equal(told[reached, :-1], expected[reached])
     np.testing.assert_array_equal(told[reached, -1], h[0, reached])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_search_that_looks_ahead_finds_the_same_front(lattice, seed, monkeypatch):
+    """On small graphs no search is long: let it look ahead at once, and return to Python often."""
+    monkeypatch.setattr(staircase, "LONG", 0)
+    monkeypatch.setattr(slices, "WORK", 200)
+    looked = []
+    look_ahead = Staircase._look_ahead
+    monkeypatch.setattr(
+        Staircase, "_look_ahead", lambda self, clock: (look_ahead(self, clock), looked.append(self.layers.size))
+    )
+    graph = lattice(seed, 10)
+    paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
+    assert paths.costs.tolist() == pareto_paths(graph, 0, graph.nodes - 1, method="general").costs.tolist()
+    assert any(looked) or len(paths) == 0
