@@ -9,7 +9,8 @@ import shapely
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.planners.driven_program import DrivenProgram, Guess, Structure
+from hpop.planners.driven_program import DrivenProgram
+from hpop.planners.driven_structure import Guess, Structure
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import STRAIGHT
 

@@ -21,6 +21,8 @@ from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.models.driven import Drive, gauss
 from hpop.motions import Motions, States
+from hpop.planners.driven_structure import Guess, Structure
+from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import SparseWorld, moments, mx, reaches
 from hpop.symbols import lift
 from hpop.trajectory import Trajectory
@@ -33,7 +35,6 @@ STRAIGHT = 0.1  # s: straight driving that tells two turns of one sign apart
 SHORT = 0.01  # s: any other phase
 LONGEST = 600.0  # s: of a phase
 STILL = 1e-6  # rad/s: a smaller yaw rate is none
-LEAST_IN = {True: 4, False: 3}  # intervals of a turn, and of straight driving
 SAMPLES = 240  # places at which the clearance is bounded, at least
 DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
 SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
@@ -42,64 +43,6 @@ HASTE = 0.2  # weight of the duration
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 CONTROLS = ("left", "right")
 NODES = ("x", "y", "yaw", "speed", "turn_rate")
-
-
-@dataclass(frozen=True)
-class Structure:
-    """What the program cannot change: phases of straight driving and of turning, one after the other.
-
-    turns      count
-    leading    whether it drives straight before the first turn
-    trailing   whether it drives straight after the last turn
-    intervals  count, at least: more where the phases need them
-    """
-
-    turns: int
-    leading: bool
-    trailing: bool
-    intervals: int
-
-    @cached_property
-    def turning(self) -> tuple[bool, ...]:
-        """Whether each phase turns."""
-        between = [False, True] * self.turns
-        phases = between[0 if self.leading else 1 :] + [False] * self.trailing
-        return tuple(phases) if self.turns else (False,)
-
-    @cached_property
-    def counts(self) -> tuple[int, ...]:
-        """Intervals of each phase: the least that they need, and what is left evenly among them."""
-        counts = [LEAST_IN[turns] for turns in self.turning]
-        left = max(0, self.intervals - sum(counts))
-        more, some = divmod(left, len(counts))
-        return tuple(count + more + (i < some) for i, count in enumerate(counts))
-
-    @cached_property
-    def phase(self) -> IntArray:
-        """Phase of each interval (n,)."""
-        return np.repeat(np.arange(len(self.counts)), self.counts)
-
-    @cached_property
-    def straight_nodes(self) -> IntArray:
-        """Nodes of (n+1,) at which the yaw rate is zero: those of straight driving, and both ends."""
-        straight = np.flatnonzero(~np.array(self.turning)[self.phase])
-        return np.unique(np.concatenate([straight, straight + 1, [0, len(self.phase)]]))
-
-
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """Where the program begins: values at the nodes, and what it has to keep.
-
-    nodes     (5, n+1)  x, y, yaw, speed, turn rate
-    lasts     (P,)      s, of each phase
-    signs     (P,)      1 or -1 for turns to the left or right, 0 for straight driving
-    goal_yaw  whether the last yaw is asked for
-    """
-
-    nodes: FloatArray
-    lasts: FloatArray
-    signs: FloatArray
-    goal_yaw: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,14 +269,15 @@ class DrivenProgram:
             np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
             for side in (lows, highs)
         )
-        found = solver(
-            x0=x0,
-            p=parameters,
-            lbx=np.concatenate([lowest.ravel(), np.full(2 * n, -wheel), (least / counts)[phase], below]),
-            ubx=np.concatenate([highest.ravel(), np.full(2 * n, wheel), (LONGEST / counts)[phase], more]),
-            lbg=lbg,
-            ubg=ubg,
-        )
+        with interrupts_held():
+            found = solver(
+                x0=x0,
+                p=parameters,
+                lbx=np.concatenate([lowest.ravel(), np.full(2 * n, -wheel), (least / counts)[phase], below]),
+                ubx=np.concatenate([highest.ravel(), np.full(2 * n, wheel), (LONGEST / counts)[phase], more]),
+                lbg=lbg,
+                ubg=ubg,
+            )
         stats = solver.stats()
         point = np.array(found["x"]).ravel()
         costs = np.array(values(point, parameters)).ravel()

@@ -1,4 +1,4 @@
-"""Whether two ways between the same ends pass all obstacles on the same sides."""
+"""Whether two ways between the same ends pass all obstacles on the same sides, in the same order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 
 from hpop.arrays import FloatArray
-from hpop.math import wrap
 
 if TYPE_CHECKING:
     from hpop.world.planar import FreeSpace
@@ -17,10 +16,11 @@ if TYPE_CHECKING:
 def homotopic(one: FloatArray, other: FloatArray, space: FreeSpace) -> bool:
     """Whether a way (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
 
-    Together, there and back, the two are a loop. It winds round some of the faces into which the two cut the plane; if
-    all of these are free, the loop can be drawn together through them. So yes is always right. No is right wherever
-    the loop winds about an obstacle at all, which is everywhere but for loops that undo their own windings in another
-    order.
+    Both lie in the free space. Together, there and back, they are a loop. From a point in each hole of the free space a
+    ray goes up; which rays the loop crosses, and from which side, is a word, in which a crossing and the next back over
+    the same ray cancel. The loop can be drawn together if and only if nothing is left of it: the plane without some
+    points has a free group of loops, one generator a point. Winding numbers tell less: a loop round two obstacles, then
+    back round each of them, winds about neither and yet is caught.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))
@@ -28,18 +28,37 @@ def homotopic(one: FloatArray, other: FloatArray, space: FreeSpace) -> bool:
     >>> [homotopic(ways[0], way, room.free_space((0.0, 1.0))) for way in ways]
     [True, True, False]
     """
-    faces = between(one, other)
-    return bool(space.shapes_free(faces, 0.0).all()) if faces.size else True
-
-
-def between(one: FloatArray, other: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """Faces, as polygons, about which the loop along one way and back along the other winds."""
-    lines = shapely.union_all([shapely.LineString(one), shapely.LineString(other)])
-    faces = shapely.get_parts(
-        shapely.polygonize([lines] if lines.geom_type == "LineString" else shapely.get_parts(lines))
-    )
     loop = np.concatenate([one, other[::-1], one[:1]])
-    inside = shapely.get_coordinates(shapely.point_on_surface(faces))
-    angles = np.arctan2(*(loop[None] - inside[:, None]).transpose(2, 0, 1)[::-1])  # (faces, points)
-    windings = wrap(np.diff(angles, axis=1)).sum(axis=1)
-    return np.asarray(faces[np.abs(windings) > np.pi])
+    return not word(loop, holes(loop, space))
+
+
+def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
+    """A point (H, 2), m, in each hole of a free space about which a loop may go: those in the loop's box."""
+    (x_min, y_min), (x_max, y_max) = loop.min(axis=0), loop.max(axis=0)
+    parts = shapely.get_parts(space.region)
+    inner = [shapely.get_interior_ring(part, i) for part in parts for i in range(shapely.get_num_interior_rings(part))]
+    rings = np.array(inner, dtype=object)
+    left, below, right, above = shapely.bounds(rings).reshape(-1, 4).T
+    inside = np.flatnonzero((left > x_min) & (right < x_max) & (below > y_min) & (above < y_max))
+    return shapely.get_coordinates(shapely.point_on_surface(shapely.polygons(rings[inside])))
+
+
+def word(loop: FloatArray, points: FloatArray) -> list[int]:
+    """Which rays, up from points (H, 2), a loop (L, 2) crosses, reduced: i + 1 to the right over ray i, -i - 1 back."""
+    (x, y), (px, py) = loop.T[:, :, None], points.T[:, None, :]
+    ahead = (x[:-1] <= px) & (px < x[1:])
+    aback = (x[1:] <= px) & (px < x[:-1])
+    segment, ray = np.nonzero(ahead | aback)
+    begin, end, at = x[segment, 0], x[segment + 1, 0], px[0, ray]
+    share = (at - begin) / (end - begin)
+    over = y[segment, 0] + share * (y[segment + 1, 0] - y[segment, 0]) > py[0, ray]
+    letter = np.where(ahead[segment, ray], ray + 1, -ray - 1)
+    # Of rays that stand in one line each is a little to the right of those before it.
+    order = np.lexsort((letter, share, segment))
+    left: list[int] = []
+    for one in letter[order[over[order]]].tolist():
+        if left and left[-1] == -one:
+            left.pop()
+        else:
+            left.append(one)
+    return left

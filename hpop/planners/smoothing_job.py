@@ -15,7 +15,8 @@ from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.driven import driven
 from hpop.planners.driven_guess import clearances, first_guess, structure_of
-from hpop.planners.driven_program import Driven, DrivenProgram, Structure
+from hpop.planners.driven_program import Driven, DrivenProgram
+from hpop.planners.driven_structure import Structure
 from hpop.planners.homotopy import homotopic
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
@@ -96,7 +97,8 @@ class SmoothingJob:
     def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:
         if not set(trajectory.kinds) <= {"move", "turn"}:
             return "no polyline"
-        polyline = Polyline.of(trajectory, self.problem).simplified(LEAST_TURN)
+        whole = Polyline.of(trajectory, self.problem)
+        polyline = whole.simplified(LEAST_TURN)
         if not len(polyline.lengths):
             return "goes nowhere"
         reference = polyline.trajectory(self.problem.model)
@@ -107,7 +109,7 @@ class SmoothingJob:
             return self._straight(reference, epsilon)
         program = self._program(structure, seconds)
         solved = self._solve(program, polyline, epsilon, counts)
-        return solved if isinstance(solved, str) else self._checked(*solved, polyline, epsilon, counts["repairs"])
+        return solved if isinstance(solved, str) else self._checked(*solved, structure, whole, epsilon, counts)
 
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Smoothed | str:
         """Without turns nothing is free but the speeds: as fast as they may be."""
@@ -169,14 +171,20 @@ class SmoothingJob:
         return judge(self.problem, self.criteria[:1], [trajectory]).reasons[0] != "collides"
 
     def _checked(
-        self, solution: Driven, goes: Trajectory, polyline: Polyline, epsilon: FloatArray, repairs: int
+        self,
+        solution: Driven,
+        goes: Trajectory,
+        structure: Structure,
+        polyline: Polyline,
+        epsilon: FloatArray,
+        counts: Counter[str],
     ) -> Smoothed | str:
         """A candidate that keeps its bounds, its turns and its way, or which of these it does not."""
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
         if judged.reasons[0]:
             return judged.reasons[0]
         turns = sum(int((np.abs(ended) > LEAST_TURN).sum()) for ended in goes.turns)
-        if turns < structure_of(polyline, 0).turns:
+        if turns < structure.turns:
             return "lowers the number of turns"
         way = path_points(goes)
         spaces = {id(s): s for s in map(self._space, self.problem.model.parts)}.values()
@@ -184,7 +192,7 @@ class SmoothingJob:
             return "leaves the homotopy class of its polyline"
         planned = judged.costs[0].copy()
         planned[self.smooth] = solution.costs
-        told = self._told(solution.status, solution.iterations, turns, repairs)
+        told = self._told(solution.status, solution.iterations, turns, counts["repairs"])
         return Smoothed(goes, planned, self._tolerance(planned, goes), told)
 
     def _space(self, part: Any) -> Any:

@@ -3,6 +3,9 @@
 import dataclasses
 import json
 import math
+import os
+import signal
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,7 +20,8 @@ from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead
 from hpop.motions import States
 from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job
-from hpop.planners.driven_program import DrivenProgram, Forward, Structure
+from hpop.planners.driven_program import DrivenProgram, Forward
+from hpop.planners.driven_structure import Structure
 from hpop.planners.smoothing import Smoothing
 from hpop.planners.smoothing_job import SmoothingJob
 from hpop.planners.vertices import Polyline
@@ -302,6 +306,24 @@ def test_a_bound_in_time_and_ctrl_c_keep_what_is_finished(monkeypatch):
     assert late.status is Status.TIME_LIMIT
     assert late.trajectories == ()
     assert any("polylines were not smoothed" in note for note in late.notes)
+
+
+def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
+    """CasADi by itself takes it for a failed evaluation, and goes on."""
+    problem = dataclasses.replace(ROUND, criteria=("turns", "length", "exposure"))
+    solve, calls = DrivenProgram.solve, []
+
+    def interrupted(program, *arguments, **options):
+        calls.append(program)
+        if len(calls) == 2:
+            threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return solve(program, *arguments, **options)
+
+    monkeypatch.setattr(DrivenProgram, "solve", interrupted)
+    candidates = Smoothing(step=1.0).solve(problem)
+    assert candidates.status is Status.INTERRUPTED
+    assert len(calls) == 2
+    assert len(candidates.trajectories) == 1
 
 
 def test_an_executor_gives_the_same():
