@@ -324,11 +324,12 @@ class PolylineProgram:
         least = [*[SHORTEST] * fixed, *[x_min, y_min] * corners]
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
         tops = self.costs(warm)[worst]
+        floor = np.minimum(epsilon[worst], 0.0)  # no cost is negative: a slack below 0 would be paid for with others
         with interrupts_held():
             found = solver(
                 x0=np.concatenate([free, tops]),
                 p=parameters,
-                lbx=np.concatenate([np.maximum(least, free - REGION), np.full(len(worst), -np.inf)]),
+                lbx=np.concatenate([np.maximum(least, free - REGION), floor]),
                 ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
                 lbg=np.concatenate([np.full(len(summed) + above, -np.inf), KEEP * warm.lengths, bounded]),
                 ubg=np.concatenate(

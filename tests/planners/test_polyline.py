@@ -130,6 +130,20 @@ def test_the_shortest_way_round_a_disc_is_made_of_tangents(clearance, segments):
     assert shortfall == pytest.approx(2.0 - clearance, abs=0.05)  # half a field cell
 
 
+@pytest.mark.parametrize("minimise", [0, 1])
+def test_no_length_is_paid_for_clearance_that_costs_nothing(minimise):
+    line = polyline(GOAL_FREE, (-2, 2.2), (2, 2.2))
+    nearest = 2.0 - exact(GOAL_FREE, [Clearance(enough=2.0)], line)[0]
+    criteria = (Length(), Clearance(enough=nearest + 1e-4))
+    before = exact(GOAL_FREE, criteria, line)
+    program = PolylineProgram(GOAL_FREE, criteria, minimise, line.structure)
+    solution = program.solve(line, before + np.array([1.0, 1e-3]), scale=before)
+    assert solution.converged, solution.status
+    after = exact(GOAL_FREE, criteria, solution.polyline)
+    assert after[0] <= before[0] + 0.1
+    assert after[1] <= before[1] + 1e-3
+
+
 def test_the_programs_costs_are_the_exact_ones_within_its_quadrature():
     criteria = (Length(), Exposure(), Duration(), Rotation())
     line = polyline(GOAL_AHEAD, (-2, 2), (1, 2.5), (3, 1))
