@@ -237,9 +237,11 @@ class _Run:
         planned[:, self.convex] = np.array([found.costs[i] for _, found, i in each]).reshape(-1, len(self.convex))
         exact = [all(found.exact[j] for found in self.found.values()) for j in range(len(self.convex))]
         tolerance = np.tile([c.quantum for c in self.criteria], (len(each), 1))
-        for j, whole in zip(self.convex, exact, strict=True):
-            tolerance[:, j] += 0.0 if whole else planned[:, j]  # the cost lies between 0 and its upper bound
-        judged = judge(self.problem, self.criteria, trajectories, planned=planned, tolerance=tolerance)
+        above = np.full(planned.shape, np.inf)
+        for j in (j for j, whole in zip(self.convex, exact, strict=True) if not whole):
+            tolerance[:, j] += planned[:, j]  # the cost lies between 0 and its upper bound
+            above[:, j] = planned[:, j]
+        judged = judge(self.problem, self.criteria, trajectories, epsilon=above, planned=planned, tolerance=tolerance)
         return Candidates(
             objectives=self.criteria,
             trajectories=tuple(trajectories[i] for i in judged.kept),

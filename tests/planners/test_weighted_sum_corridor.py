@@ -295,6 +295,16 @@ def test_what_collides_is_dropped_and_counted(monkeypatch):
     assert any("candidates dropped" in note for note in found.notes)
 
 
+def test_what_costs_more_than_its_upper_bound_is_dropped_and_counted(monkeypatch):
+    bound = Clearance.convex
+    problem = dataclasses.replace(OVER, criteria=("length", {"clearance": {"enough": 3.0}}))
+    half = lambda criterion, path: ConvexCost(0.6 * bound(criterion, path).expression, exact=False)  # noqa: E731
+    monkeypatch.setattr(Clearance, "convex", half)
+    candidates = WeightedSumCorridor(step=STEP).solve(problem)
+    assert candidates.trajectories == ()
+    assert list(candidates.stats["dropped"]) == ["exceeds its bound in clearance"]
+
+
 def test_ctrl_c_keeps_what_is_finished(over):
     def progress(p):
         if p.stage == "corridors" and p.labels == 2:
