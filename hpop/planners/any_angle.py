@@ -89,9 +89,11 @@ class AnyAngle:
             found = on_roadmap("any-angle", problem, objectives, roadmap, budget, progress, began, notes)
         except KeyboardInterrupt:
             return _lattice_only(replace(first, status=Status.INTERRUPTED))
+        # An interruption ends the plan, whatever came before it.
+        own = first.status.is_final or found.status is Status.INTERRUPTED
         return replace(
             found,
-            status=found.status if first.status.is_final else first.status,
+            status=found.status if own else first.status,
             stats={**found.stats, "lattice_points": len(first.trajectories), "lattice_seconds": began - begun},
         )
 

@@ -1,5 +1,6 @@
 """The any-angle planner: straight where it can, taut where it must, nowhere worse than the lattice it starts from."""
 
+import dataclasses
 import math
 from collections import Counter
 
@@ -12,7 +13,7 @@ from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle
 from hpop.planners.lattice import Lattice
-from hpop.planners.trust import is_free
+from hpop.planners.trust import is_free, judge
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.verify import verify
@@ -253,6 +254,25 @@ def test_an_interruption_keeps_what_is_finished(search):
     assert len(found.trajectories) == expected
     assert "no roadmap was searched" in found.notes[-1]
     assert all(origin["planner"] == "lattice" for origin in found.provenance)
+
+
+def test_an_interruption_is_told_though_the_lattice_ran_out_of_time(monkeypatch):
+    """A plan of several planners goes on after a time limit, but not after Ctrl-C."""
+    asked = cluttered(3, (*ON_THE_LATTICE, None))
+    first = dataclasses.replace(Lattice(step=STEP).solve(asked), status=Status.TIME_LIMIT)
+    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: first)
+
+    checks = []
+
+    def interrupted_once(*arguments, **options):
+        checks.append(arguments)
+        if len(checks) == 1:
+            raise KeyboardInterrupt
+        return judge(*arguments, **options)
+
+    assert AnyAngle(step=STEP).solve(asked).status is Status.TIME_LIMIT
+    monkeypatch.setattr("hpop.planners.roadmap.judge", interrupted_once)
+    assert AnyAngle(step=STEP).solve(asked).status is Status.INTERRUPTED
 
 
 @pytest.mark.parametrize(
