@@ -30,7 +30,7 @@ def test_the_scenario_in_the_readme_is_the_one_of_the_demo(tmp_path):
     assert shown == yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 
 
-@pytest.mark.parametrize("name", ["Glare", "DoorDistance", "Boredom"])
+@pytest.mark.parametrize("name", ["Glare", "DoorDistance", "Boredom", "Effort"])
 def test_a_criterion_in_the_docs_passes_its_conformance_checks(name, tmp_path, monkeypatch):
     from hpop.testing import check_criterion
 
@@ -48,7 +48,71 @@ def test_the_search_in_the_docs_finds_what_it_says():
     assert names["paths"].nodes(0).tolist() == [0, 1, 3]
 
 
+def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
+    import shapely
+
+    import hpop
+
+    (block,) = (block for block in blocks("docs/planners.md") if "class Straight:" in block)
+    (tmp_path / "docs_straight.py").write_text(block.replace('planner("straight")', 'planner("docs_straight")'))
+    monkeypatch.syspath_prepend(tmp_path)
+    straight = importlib.import_module("docs_straight").Straight
+    world = hpop.World.from_polygons([shapely.box(4, 2, 6, 5)], extent=shapely.box(0, 0, 10, 7))
+    criteria = ["obstruction", "turns", "length", "clearance", "msdv"]
+    problem = hpop.Problem(world, hpop.DifferentialDrive(), (1, 3.5, 0), (9, 3.5, None), criteria)
+    assert len(problem.solve(planner=straight())) == 0  # the block is in the way
+    round_it = problem.solve(planner=straight(via=((5, 6),)))
+    assert "NOT VALID" not in round_it.certificate
+    assert round_it.best("length").costs["turns"] == 2
+    with pytest.raises(hpop.errors.OptionError, match="via"):
+        straight(via=(1,))
+
+
+def test_a_planner_in_the_docs_is_one_of_those_that_there_are():
+    from hpop.registry import planners
+
+    headings = re.findall(r"^## ([a-z][a-z-]*)$", (ROOT / "docs/planners.md").read_text(), re.MULTILINE)
+    at_home = {name for name, cls in planners.items() if cls.__module__.startswith("hpop.planners.")}
+    assert set(headings) == at_home
+    readme = (ROOT / "README.md").read_text()
+    assert all(f"`{name}`" in readme for name in at_home)
+
+
+def test_the_scenario_of_several_planners_is_the_one_in_the_docs():
+    import yaml
+
+    from hpop.scenario import load_scenario
+
+    path = ROOT / "examples/museum_planners.yaml"
+    (shown,) = (yaml.safe_load(block) for block in blocks("docs/planners.md", "yaml"))
+    assert shown["planner"] == yaml.safe_load(path.read_text())["planner"]
+    assert [planner.name for planner in load_scenario(path).planners] == [
+        name for part in shown["planner"] for name in part
+    ]
+
+
+def test_the_curve_in_the_docs_is_what_it_says():
+    (block,) = (block for block in blocks("docs/model.md") if "driven(" in block)
+    names: dict = {}
+    exec(compile(block, "docs/model.md", "exec"), names)
+    curve = names["curve"]
+    assert curve.kinds == ("drive",) * 5
+    assert curve.states.names == ("x", "y", "yaw", "speed", "turn_rate", "clock")
+    assert sum((abs(column) > 0.1).sum() for column in curve.turns) == 2
+
+
 @pytest.mark.parametrize("file", ["README.md", *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))])
 def test_links_between_documents_lead_somewhere(file):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / file).read_text()):
         assert ((ROOT / file).parent / target).exists(), f"{file} links to {target}"
+
+
+@pytest.mark.parametrize("file", [str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md")])
+def test_links_to_headings_lead_to_one(file):
+    path = ROOT / file
+    for target, anchor in re.findall(r"\]\((?!https?:)([^)#]*)#([^)]+)\)", path.read_text()):
+        text = (path.parent / target if target else path).read_text()
+        headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+        assert anchor in {re.sub(r"[^a-z0-9 -]", "", h.lower()).replace(" ", "-") for h in headings}, (
+            f"{file}: {anchor}"
+        )
