@@ -19,6 +19,7 @@ import click
 
 from hpop import __version__
 from hpop.errors import CriterionError, HpopError, OutputError
+from hpop.pictures import PicturesBeside
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -180,24 +181,38 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
 
 
 def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> list[Front]:
-    """The front of a scenario after each of its planners, the last one whole; each is saved as it comes."""
+    """The front of a scenario after each of its planners, the last one whole; each is saved as it comes.
+
+    So are the fronts of a planner's stages, and other processes draw them while the search goes on.
+    """
     from hpop import report
 
     fronts: list[Front] = []
-    try:
-        with report.progress_bar() as progress:
-            for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor):
+    say = report.StageLines()
+    with report.progress_bar() as progress, PicturesBeside(out) as pictures:
+
+        def keep(front: Front) -> None:
+            pictures.stop()
+            _save(front, out)
+            say(front)
+
+        def stage(front: Front) -> None:
+            keep(front)
+            pictures.start()
+
+        try:
+            for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor, stage=stage):
                 try:
-                    _save(front, out)
+                    keep(front)
                 except KeyboardInterrupt:  # a second Ctrl-C is obeyed
-                    _save(front, out)
+                    keep(front)
                     fronts.append(front)
                     raise
                 fronts.append(front)
-    except (Exception, KeyboardInterrupt):
-        if fronts:
-            click.echo(f"what was found before is saved in {out / SAVED}", err=True)
-        raise
+        except (Exception, KeyboardInterrupt):
+            if say.last is not None:
+                click.echo(f"what was found before is saved in {out / SAVED}", err=True)
+            raise
     return fronts
 
 

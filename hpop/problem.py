@@ -126,7 +126,7 @@ class Problem:
             try:
                 for now in self._candidates(chosen, progress, executor):
                     candidates = joined(candidates, now)
-                    if stage is not None and now.status is Status.UNFINISHED:
+                    if stage is not None and now.status is Status.UNFINISHED and candidates.trajectories:
                         stage(_union(front, self.front(candidates)))
             except KeyboardInterrupt:
                 if candidates is not None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -136,26 +138,54 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
         new = set(map(tuple, front.integers.tolist())) - known
         points.append(len(new & last))
         known |= new
-    volumes = [0.0, *_hypervolumes(fronts)]
+    volumes = [0.0, *_hypervolumes(fronts, fronts[-1])]
     return [
         Contribution(name, points[i], len(front), volumes[i], volumes[i + 1])
         for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
     ]
 
 
-def _hypervolumes(fronts: Sequence[Front]) -> list[float]:
-    """Hypervolume of each front; not a number where it would take minutes."""
-    final = fronts[-1]
-    if not len(final):
+def _hypervolumes(fronts: Sequence[Front], scale: Front) -> list[float]:
+    """Hypervolume of each front, costs scaled so that the ideal of ``scale`` is 0 and its nadir 1.
+
+    Not a number where it would take minutes.
+    """
+    if not len(scale):
         return [0.0] * len(fronts)
-    if len(final.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(final.names), 0):
+    if len(scale.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(scale.names), 0):
         return [math.nan] * len(fronts)
-    ideal, span = final.ideal(), final.nadir() - final.ideal()
+    ideal, span = scale.ideal(), scale.nadir() - scale.ideal()
     everything = np.concatenate([front.costs for front in fronts])
     span = np.where(span > 0, span, everything.max(axis=0) - ideal)
     span = np.where(span > 0, span, 1.0)
-    reference = np.full(len(final.names), 1.1)
+    reference = np.full(len(scale.names), 1.1)
     return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
+
+
+class StageLines:
+    """Prints a line for each front that a run arrives at, so that a user sees it grow; ``last`` is the latest.
+
+    Hypervolumes are of costs scaled so that the first front's ideal is 0 and its nadir 1, with 1.1 as the reference
+    point: what the first front covers is the unit, and a front that is no worse covers no less.
+    """
+
+    def __init__(self) -> None:
+        self.last: Front | None = None
+        self._first: Front | None = None
+        self._began = perf_counter()
+
+    def __call__(self, front: Front) -> None:
+        """Print what there is now."""
+        self.last = front
+        if self._first is None or not len(self._first):
+            self._first = front
+        (volume,) = _hypervolumes([front], self._first)
+        planner = front.runs[-1].get("planner", "planner")
+        measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
+        # Plain text: a live progress line on the terminal makes room for it.
+        sys.stdout.write(
+            f"{perf_counter() - self._began:.2f} s  {planner}: {len(front):,} trajectories{measured}, {front.status}\n"
+        )
 
 
 def print_contributions(planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None) -> None:

@@ -116,21 +116,19 @@ class Lattice:
             ways = ("lattice", self._budget(), progress, self.checkpoint)
             return exact_mean(query, problem.criteria, self.max_detour, *ways)
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        return query.exact(
-            "lattice",
-            self._budget(),
-            progress,
-            eps=self.eps,
-            tolerance=self.tolerance,
-            checkpoint=self.checkpoint,
-        )
+        return self.exact(query, self._budget(), progress)
+
+    def exact(self, query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:
+        """The search that is asked for, the last stage."""
+        eps, tolerance, kept = self.eps, self.tolerance, self.checkpoint
+        return query.exact("lattice", budget, progress, eps=eps, tolerance=tolerance, checkpoint=kept)
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.
 
-        With ``max_detour`` there is only the exact one. Raises as :meth:`solve` does.
+        With ``max_detour`` or ``max_turns`` there is only the exact one. Raises as :meth:`solve` does.
         """
-        if self.max_detour is not None:
+        if self.max_detour is not None or self.max_turns is not None:
             yield self.solve(problem, progress)
         else:
             yield from stages(self, problem, progress)

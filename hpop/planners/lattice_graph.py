@@ -59,7 +59,7 @@ class StateLattice(StateGraph):
     def words(self) -> str:
         """The same in words."""
         cutting = "" if self.corner_cutting else "no "
-        part = "" if self.kept is None else f"the {self.cells[0].size:,} positions round a shortest way on "
+        part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest ways on "
         return f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings, {cutting}corner cutting"
 
     @cached_property

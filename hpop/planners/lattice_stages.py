@@ -1,17 +1,18 @@
 """The stages of the lattice planner: a first answer within a second or two, the exact front in the end.
 
-Most of the time before an answer goes into costing millions of edges. So the first stage takes the positions round a
-shortest way alone, a bounded number of them: their edges are edges of the whole lattice, hence so are their paths, and
-the path that is shortest there is among them. On both it looks for supported points (:mod:`.search.weighted_sum`), the
+Most of the time before an answer goes into costing millions of edges. So on a large lattice the first stage takes a
+part alone: a bounded number of positions, on the shortest ways. Its edges are edges of the whole lattice, hence its
+paths are paths there. On the part, then on the whole, it looks for supported points (:mod:`.search.weighted_sum`), the
 best path in each cost first, for a fraction of a second or of the time that building took. Where a cost takes the worst
-edge, weighted sums say nothing, and the first points of an exact search stand in.
+edge, weighted sums say nothing, and the first points of an exact search stand in. On a large lattice a front within a
+tenth of the exact one follows, if it takes no longer than building did.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,31 +28,64 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 MOST = 8_000  # positions of the first stage: their edges are built in half a second
-QUICK = 0.3  # s, of a search before the exact one, at least
-SHARE = 0.2  # of the time that building took, if that is more
+QUICK = 0.2  # s, of a search before the exact one, at least
+SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
+COARSE = 0.1  # relative precision of the last stage before the exact one
 
 
 def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
-    """Candidates of each stage. A time limit is one of all searches together; first answers take no half of it."""
+    """Candidates of each stage; after Ctrl-C what was found, and no more."""
     objectives = edge_objectives(problem.criteria, "lattice")
-    lattice, left = planner.lattice(problem), planner.time_limit or math.inf
+    lattice, purse = planner.lattice(problem), _Purse(planner, planner.time_limit or math.inf)
     part = _part(planner, lattice, problem)
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
-        seconds = min(left / 4, max(QUICK, SHARE * query.build_seconds))
-        first = _first_answer(query, Budget(seconds, planner.max_labels, planner.max_memory), progress)
-        left = max(left - first.stats["bounds_seconds"] - first.stats["search_seconds"], left / 2)
-        if len(first.trajectories) or first.status is Status.INTERRUPTED:
-            yield first
+        first = _first_answer(query, purse.budget(max(QUICK, SHARE * query.build_seconds)), progress)
+        yield purse.paid(first)
         if first.status is Status.INTERRUPTED:
             return
-    limit = None if planner.time_limit is None else left
-    budget = Budget(limit, planner.max_labels, planner.max_memory)
-    yield query.exact("lattice", budget, progress, eps=planner.eps, tolerance=planner.tolerance)
+    if part is not None and planner.eps < COARSE:
+        coarse = query.exact("lattice", purse.budget(query.build_seconds), progress, eps=COARSE)
+        yield purse.paid(_unfinished(coarse))
+        if coarse.status is Status.INTERRUPTED:
+            return
+    yield query.exact(
+        "lattice",
+        purse.rest(),
+        progress,
+        eps=planner.eps,
+        tolerance=planner.tolerance,
+        checkpoint=planner.checkpoint,
+    )
+
+
+@dataclass
+class _Purse:
+    """What the searches of all stages together may spend.
+
+    left  s, of the planner's time limit
+    """
+
+    planner: Lattice
+    left: float
+
+    def budget(self, seconds: float) -> Budget:
+        """So many seconds for a stage before the last, but no more than a quarter of what is left."""
+        return Budget(min(seconds, self.left / 4), self.planner.max_labels, self.planner.max_memory)
+
+    def paid(self, found: Candidates) -> Candidates:
+        """What a stage found, its time taken off; half of what was left stays in any case."""
+        self.left = max(self.left - found.stats["bounds_seconds"] - found.stats["search_seconds"], self.left / 2)
+        return found
+
+    def rest(self) -> Budget:
+        """All that is left."""
+        limit = None if math.isinf(self.left) else self.left
+        return Budget(limit, self.planner.max_labels, self.planner.max_memory)
 
 
 def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLattice | None:
-    """The part of a large lattice round a shortest way; None for a small one, or where there is no way."""
+    """The part of a large lattice on the shortest ways; None for a small one, or where there is no way."""
     if lattice.cells[0].size <= MOST:
         return None
     from hpop.planners.nearby import nearby  # numba: on first use
@@ -72,12 +106,19 @@ def _first_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback 
 
     paths = query.with_fewest_turns(search)
     kind = "non-dominated" if "max" in query.graph.aggregates else "supported"
-    status = Status.INTERRUPTED if paths.status is Status.INTERRUPTED else Status.UNFINISHED
-    claim = f"first answer: {kind} points of {query.space.words} for ({query.names}), the exact search is not done"
-    return query.candidates(
+    found = query.candidates(
         "lattice",
-        replace(paths, status=status),
-        claim,
+        replace(paths, status=Status.UNFINISHED)
+        if paths.status is Status.NO_PATH
+        else paths,  # the last stage says why
+        f"{kind} points of {query.space.words} for ({query.names})",
         provenance=[{"stage": f"{kind} points"}] * len(paths),
         stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
     )
+    return _unfinished(found)
+
+
+def _unfinished(found: Candidates) -> Candidates:
+    """Say of a stage that the search goes on, unless it was interrupted."""
+    status = found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED
+    return replace(found, status=status, certificate=f"{found.certificate}; the exact search is not done")

@@ -282,6 +282,8 @@ def _title(front: Front, scale: Quantity | None) -> str:
             return "No path from start to goal"
         return f"No path found: the search ended with {front.status!r}"
     ended = "" if front.status == Status.COMPLETE else f" (search ended: {front.status})"
+    if Status.UNFINISHED in front.status:
+        ended = " (the search goes on)"
     count = f"{len(front)} trajectories{ended}, none better than another in all of"
     if len(front) == 1:
         count = f"1 trajectory{ended}, the best in"

@@ -1,0 +1,67 @@
+"""Pictures of a front while the search for a better one goes on: another process draws them.
+
+Drawing takes seconds of Python, which would stand in the search's way. The other process reads what is saved, a front
+with its problem, so it needs nothing else; ``python -m hpop.pictures FOLDER`` is all it runs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from subprocess import DEVNULL, Popen
+from types import TracebackType
+from typing import Any
+
+NICENESS = 10  # the search comes first
+
+
+class PicturesBeside:
+    """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._process: Popen[Any] | None = None
+
+    def __enter__(self) -> PicturesBeside:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        """Begin to draw; pictures are a help, so where no process can be had there are none."""
+        self.stop()
+        command = [sys.executable, "-m", "hpop.pictures", str(self.folder)]
+        with suppress(OSError):
+            # A session of its own: Ctrl-C on the terminal is not meant for it.
+            self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
+
+    def stop(self) -> None:
+        """Make sure that nothing is drawn any more: a new front is about to be saved. No half of a picture is left."""
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.wait()
+        self._process = None
+        for half in self.folder.glob(".*.png.*.tmp"):
+            half.unlink(missing_ok=True)
+
+
+def draw(folder: Path) -> None:
+    """Draw the front saved in a folder, when there is nothing better to do."""
+    from hpop.front import Front
+    from hpop.problem import Problem
+    from hpop.view import save_pictures
+
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    front = Front.load(folder / "front.json")
+    save_pictures(Problem.from_description(front.problem or {}), front, folder)
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))
