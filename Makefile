@@ -18,6 +18,9 @@ bench: $(READY)
 	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
 	$(BIN)/python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json
 	$(BIN)/python benchmarks/smoothing.py --out out/bench/smoothing.json
+	$(BIN)/python benchmarks/any_angle.py --out out/bench/any_angle.json
+	$(BIN)/python benchmarks/weighted_sum_corridor.py --out out/bench/weighted_sum_corridor.json
+	$(BIN)/python benchmarks/mean.py --out out/bench/mean.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py
