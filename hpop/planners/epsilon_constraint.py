@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.errors import OptionError
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, make_planner, planner, sweeps
+from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Grid, Known, Roles
 from hpop.planners.epsilon_job import Outcome, PolylineJob, Task
 from hpop.planners.nlp import require_ipopt
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
-from hpop.registry import planners
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+MOST = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
 COUNTED = ("tried", "skipped", "programs", "perturbed", "saved by perturbation", "repairs", "simplified", "recounted")
 
 
@@ -61,18 +61,20 @@ class EpsilonConstraint:
     divisions: int = 0
     rounds: int = 2
     epsilon: Mapping[str, float] | None = None
-    warm_start: str | Mapping[str, Mapping[str, Any]] = "lattice"
+    warm_start: WarmStart = "lattice"
     max_points: int | None = None
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        for name, least in (("divisions", 0), ("rounds", 1), ("max_points", 1)):
+        for name, least, most in (("divisions", 0, MOST), ("rounds", 1, MOST), ("max_points", 1, math.inf)):
             value = getattr(self, name)
-            if not (value is None and name == "max_points") and not (isinstance(value, int) and value >= least):
-                raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
+            whole = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+            if not whole and not (value is None and name == "max_points"):
+                limits = f"{least} to {most:,}" if math.isfinite(most) else f"at least {least}"
+                raise OptionError(f"{name} must be a whole number of {limits}, got {value!r}")
         if self.epsilon is not None:
             wrong = not isinstance(self.epsilon, Mapping) or any(
-                not isinstance(v, int | float) or math.isnan(v) for v in self.epsilon.values()
+                isinstance(v, bool) or not isinstance(v, int | float) or math.isnan(v) for v in self.epsilon.values()
             )
             if wrong:
                 raise OptionError(
@@ -95,11 +97,7 @@ class EpsilonConstraint:
         objectives = edge_objectives(problem.criteria, "epsilon-constraint")
         roles = Roles.of(objectives.optimised, self.minimise, problem)
         limits = roles.limits(self.epsilon or {})
-        known = self._warm_planner(self.time_limit)
-        if executor is not None and sweeps(known):
-            first = known.solve(problem, progress, executor=executor)
-        else:
-            first = known.solve(problem, progress)
+        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         warm, notes = _warm_starts(problem, roles, first)
         run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, warm, limits, self.divisions), began)
         status = first.status
@@ -113,17 +111,7 @@ class EpsilonConstraint:
 
     def _warm_planner(self, seconds: float | None) -> Planner:
         """The planner of the warm starts, with the options that it shares with this one."""
-        spec = self.warm_start
-        if isinstance(spec, Mapping):
-            if len(spec) != 1:
-                raise OptionError(f"warm_start is one planner with its options, got {spec!r}")
-            ((name, given),) = spec.items()
-            return make_planner(name, dict(given or {}))
-        if not isinstance(spec, str):
-            raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {spec!r}")
-        known = {option.name for option in dataclasses.fields(planners[spec])}
-        shared = {"step": self.step, "headings": self.headings, "time_limit": seconds}
-        return make_planner(spec, {name: value for name, value in shared.items() if name in known})
+        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 def _warm_starts(problem: Problem, roles: Roles, first: Candidates) -> tuple[list[Known], list[str]]:

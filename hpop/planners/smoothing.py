@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, make_planner, planner, sweeps
+from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.nlp import require_ipopt, settled
 from hpop.planners.smoothing_job import Outcome, SmoothingJob
 from hpop.planners.trust import judge
-from hpop.registry import planners
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 from hpop.trajectory import Trajectory
@@ -25,6 +24,7 @@ from hpop.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+MOST_INTERVALS = 2000  # of a program that a solver can still take
 RAMPS = (
     "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
     "constant v/a), which planned polylines leave out"
@@ -57,12 +57,13 @@ class Smoothing:
     headings: int = 8
     minimise: str | None = None
     intervals: int = 60
-    warm_start: str | Mapping[str, Mapping[str, Any]] = "lattice"
+    warm_start: WarmStart = "lattice"
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.intervals, bool) or not isinstance(self.intervals, int) or self.intervals < 1:
-            raise OptionError(f"intervals must be a whole number of at least 1, got {self.intervals!r}")
+        whole = isinstance(self.intervals, int) and not isinstance(self.intervals, bool)
+        if not whole or not 1 <= self.intervals <= MOST_INTERVALS:
+            raise OptionError(f"intervals must be a whole number of 1 to {MOST_INTERVALS:,}, got {self.intervals!r}")
         Budget(self.time_limit)
         self._warm_planner(None)
 
@@ -79,11 +80,7 @@ class Smoothing:
         began = time.perf_counter()
         objectives = edge_objectives(problem.criteria, "smoothing")
         job = SmoothingJob(problem, objectives.optimised, self._place(objectives, problem), self.intervals)
-        known = self._warm_planner(self.time_limit)
-        if executor is not None and sweeps(known):
-            first = known.solve(problem, progress, executor=executor)
-        else:
-            first = known.solve(problem, progress)
+        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         trajectories = problem.front(first).trajectories if first.trajectories else ()
         run = _Run(job, trajectories, began, self.time_limit)
         status = first.status
@@ -121,17 +118,7 @@ class Smoothing:
 
     def _warm_planner(self, seconds: float | None) -> Planner:
         """The planner of the polylines, with the options that it shares with this one."""
-        spec = self.warm_start
-        if isinstance(spec, Mapping):
-            if len(spec) != 1:
-                raise OptionError(f"warm_start is one planner with its options, got {spec!r}")
-            ((name, given),) = spec.items()
-            return make_planner(name, dict(given or {}))
-        if not isinstance(spec, str):
-            raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {spec!r}")
-        known = {option.name for option in dataclasses.fields(planners[spec])}
-        shared = {"step": self.step, "headings": self.headings, "time_limit": seconds}
-        return make_planner(spec, {name: value for name, value in shared.items() if name in known})
+        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 @dataclass(eq=False)

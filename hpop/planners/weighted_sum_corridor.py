@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,7 @@ import numpy as np
 
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, make_planner, planner
+from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
@@ -22,7 +21,7 @@ from hpop.planners.nlp import settled
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights, simplex_lattice
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
-from hpop.registry import planners
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 
@@ -66,7 +65,7 @@ class WeightedSumCorridor:
     divisions: int | None = None
     weights: tuple[tuple[float, ...], ...] | None = None
     solver: str = SOLVER
-    warm_start: str | Mapping[str, Mapping[str, Any]] = "lattice"
+    warm_start: WarmStart = "lattice"
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
@@ -98,7 +97,7 @@ class WeightedSumCorridor:
         objectives = edge_objectives(problem.criteria, NAME)
         run = _Run(problem, objectives, self, _convex(objectives, problem), began)
         shared = run.shared()
-        first = self._warm_planner(self.time_limit).solve(problem, progress)
+        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         run.learn(first)
         if not run.corridors or first.status is Status.INTERRUPTED:
             run.notes += [*(() if first.trajectories else (f"no warm start: {first.status}",)), *first.notes]
@@ -121,17 +120,7 @@ class WeightedSumCorridor:
 
     def _warm_planner(self, seconds: float | None) -> Planner:
         """The planner of the warm starts, with the options that it shares with this one."""
-        spec = self.warm_start
-        if isinstance(spec, Mapping):
-            if len(spec) != 1:
-                raise OptionError(f"warm_start is one planner with its options, got {spec!r}")
-            ((name, given),) = spec.items()
-            return make_planner(name, dict(given or {}))
-        if not isinstance(spec, str):
-            raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {spec!r}")
-        known = {option.name for option in dataclasses.fields(planners[spec])}
-        shared = {"step": self.step, "headings": self.headings, "time_limit": seconds}
-        return make_planner(spec, {name: value for name, value in shared.items() if name in known})
+        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:

@@ -224,7 +224,11 @@ def test_nothing_to_minimise():
     [
         ({"divisions": -1}, "divisions"),
         ({"divisions": 1.5}, "divisions"),
+        ({"divisions": True}, "divisions"),
+        ({"divisions": 10**9}, "divisions must be a whole number of 0 to 1,000"),
         ({"rounds": 0}, "rounds"),
+        ({"epsilon": {"length": True}}, "epsilon"),
+        ({"warm_start": {"lattice": 5}}, "options of 'lattice' by their names"),
         ({"max_points": 0}, "max_points"),
         ({"step": 0.0}, "step"),
         ({"headings": 5}, "headings"),

@@ -302,7 +302,9 @@ def test_a_bound_in_time_and_ctrl_c_keep_what_is_finished(monkeypatch):
     assert candidates.status is Status.INTERRUPTED
     assert len(candidates.trajectories) == 1
     monkeypatch.undo()
-    late = Smoothing(step=1.0, warm_start={"lattice": {"step": 1.0}}, time_limit=1e-6).solve(problem)
+    late = Smoothing(step=1.0, warm_start={"lattice": {"time_limit": 60.0, "step": 1.0}}, time_limit=1e-6).solve(
+        problem
+    )
     assert late.status is Status.TIME_LIMIT
     assert late.trajectories == ()
     assert any("polylines were not smoothed" in note for note in late.notes)
@@ -339,6 +341,7 @@ def test_an_executor_gives_the_same():
     ("options", "message"),
     [
         ({"intervals": 0}, "intervals must be a whole number"),
+        ({"intervals": 10**6}, "intervals must be a whole number of 1 to 2,000"),
         ({"time_limit": 0.0}, "time_limit"),
         ({"warm_start": 3}, "warm_start is the name of a planner"),
         ({"warm_start": {"lattice": {"stp": 1}}}, "no option 'stp'"),
