@@ -20,27 +20,33 @@ def nearby(
     """Mark the free cells that lie on the shortest ways from start to goal; None if there is no way.
 
     Cells are taken by the length of the shortest way through them, of equal ones those nearest to one shortest way,
-    which is marked as a whole.
+    which is marked as a whole; without corner cutting with the cells that its diagonals pass between.
 
     Parameters
     ----------
     free : (rows, columns) bool
     start, goal : (row, column) of free cells
-    most : cells to mark, if one shortest way has no more
+    most : cells to mark, if that way has no more
 
     >>> nearby(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
     [5, 2, 0]
     """
-    begin, end = (np.array([row * free.shape[1] + column]) for row, column in (start, goal))
+    columns = free.shape[1]
+    begin, end = (np.array([row * columns + column]) for row, column in (start, goal))
     there, before = spread(free, begin, corner_cutting)
     if there[end[0]] >= FAR:
         return None
-    way = [int(end[0])]
-    while way[-1] != begin[0]:
-        way.append(int(before[way[-1]]))
+    cells = [int(end[0])]
+    while cells[-1] != begin[0]:
+        cells.append(int(before[cells[-1]]))
+    way = np.array(cells)
+    if not corner_cutting:
+        row, column = np.divmod(way, columns)
+        way = np.unique(np.concatenate([way, row[:-1] * columns + column[1:], row[1:] * columns + column[:-1]]))
     through = there + spread(free, end, corner_cutting)[0]
-    aside, _ = spread(free, np.array(way), corner_cutting)
-    count = min(max(most, len(way)), int((aside < FAR).sum()))
+    aside, _ = spread(free, way, corner_cutting)
+    through[way] = 0
+    count = min(max(most, way.size), int((aside < FAR).sum()))
     marked = np.zeros(free.size, dtype=bool)
     marked[np.argpartition(through * FAR + aside, count - 1)[:count]] = True
     return marked.reshape(free.shape)
