@@ -24,6 +24,7 @@ QUADRATURE = 5e-3  # relative: a program's sums over pieces of 0.6 m against sum
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
 LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is left out, and with it the stop for the turn
+KEPT = 250  # programs that a process keeps, of some 4 MB each
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
 INFEASIBLE = "Infeasible_Problem_Detected"
 
@@ -196,6 +197,8 @@ class _Attempt:
         """The program of a structure, built when it is first needed in this process."""
         programs, roles = self.job.programs, self.job.roles
         if structure not in programs:
+            if len(programs) >= KEPT:  # the one built first goes
+                del programs[next(iter(programs))]
             began = time.perf_counter()
             smooth = tuple(roles.criteria[j] for j in roles.smooth)
             program = PolylineProgram(self.job.problem, smooth, roles.smooth.index(roles.minimise), structure)

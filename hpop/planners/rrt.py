@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 Keep = Literal["selected", "all"]
+MOST_RUNS = 100_000
 
 
 @planner("rrt")
@@ -60,6 +61,8 @@ class RRT:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise OptionError(f"{name} of rrt must be a whole number of at least {least}, got {value!r}")
+        if self.runs > MOST_RUNS:
+            raise OptionError(f"runs of rrt must be at most {MOST_RUNS:,}, got {self.runs!r}; the paper took 1000")
         if self.keep not in get_args(Keep):
             raise OptionError(f"keep of rrt is 'selected' or 'all', got {self.keep!r}")
         Budget(self.time_limit)

@@ -213,6 +213,13 @@ def test_a_cost_that_no_structure_settles_is_refused_by_name():
         EpsilonConstraint(step=0.5).solve(problem)
 
 
+def test_programs_that_are_not_kept_are_built_again_and_find_the_same(paper, monkeypatch):
+    monkeypatch.setattr("hpop.planners.epsilon_job.KEPT", 1)
+    again = EpsilonConstraint(step=0.5).solve(PAPER)
+    np.testing.assert_array_equal(again.planned, paper[0].planned)
+    assert again.stats["programs"] > paper[0].stats["programs"]
+
+
 def test_nothing_to_minimise():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["turns"])
     with pytest.raises(UnsupportedCriterion, match="smooth criterion to minimise"):
