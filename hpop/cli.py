@@ -8,8 +8,9 @@ usage, 6 no path, 13 nothing found within the limits, 130 interrupted (what was 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
@@ -18,13 +19,14 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 
 from hpop import __version__
-from hpop.errors import CriterionError, HpopError, OutputError
+from hpop.errors import CriterionError, HpopError, OptionError, OutputError
 from hpop.pictures import PicturesBeside
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from hpop.front import Front
+    from hpop.planners import Planner
     from hpop.problem import Problem
     from hpop.scenario import Scenario
 
@@ -67,8 +69,13 @@ def main() -> None:
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for the front and the pictures.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes for planners that sweep, such as weighted-sum.")
 @click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
+@click.option(
+    "--checkpoint",
+    metavar="FILE",
+    help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
+)
 @_user_errors
-def plan(scenario: Path, out: Path, workers: int | None, dask: str | None) -> None:
+def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     from hpop import report
     from hpop.scenario import load_scenario
@@ -78,6 +85,8 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None) -> No
         raise click.UsageError("give --workers or --dask, not both")
     loaded = load_scenario(scenario)
     _check_writable(out)
+    if checkpoint is not None:
+        loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
     with _executor(workers, dask) as executor:
         fronts = _solved(loaded, out, executor)
     front = fronts[-1]
@@ -85,6 +94,8 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None) -> No
     report.print_contributions([planner.name for planner in loaded.planners], fronts)
     pictures = _draw(loaded.problem, front, out)
     click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
+    if checkpoint is not None:
+        _tidy(checkpoint, front)
     if front.status == Status.NO_PATH:
         sys.exit(NO_PATH)
     if Status.INTERRUPTED in front.status:
@@ -214,6 +225,37 @@ def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> list[Fr
                 click.echo(f"what was found before is saved in {out / SAVED}", err=True)
             raise
     return fronts
+
+
+def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
+    """Planners, of which the one that searches exactly keeps its search in a file."""
+    from hpop.planners.search.checkpoint import Checkpoint
+    from hpop.registry import planners
+
+    able = [name for name, cls in planners.items() if "checkpoint" in {option.name for option in fields(cls)}]
+    keeping = [planner for planner in chosen if planner.name in able]
+    if len(keeping) != 1:
+        raise OptionError(
+            f"--checkpoint keeps the search of one planner that searches exactly ({', '.join(able)}), but the scenario "
+            f"plans with {', '.join(planner.name for planner in chosen)}; "
+            + ("plan with one of them at a time" if keeping else "leave it out, or take one of these")
+        )
+    Checkpoint(checkpoint).place()
+    kept: Any = replace(cast(Any, keeping[0]), checkpoint=checkpoint)
+    return tuple(kept if planner is keeping[0] else planner for planner in chosen)
+
+
+def _tidy(checkpoint: str, front: Front) -> None:
+    """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
+    from hpop.frontier.front import JOINT
+    from hpop.status import Status
+
+    file = Path(checkpoint).resolve()
+    if set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}:
+        with _output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
+            file.unlink(missing_ok=True)
+    elif file.exists():
+        click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {checkpoint} to go on")
 
 
 def _check_writable(out: Path) -> None:
