@@ -119,9 +119,15 @@ class Problem:
         stage : called with the front so far after each stage of a planner but its last
             (:class:`hpop.planners.base.StagedPlanner`); the front that follows has nothing worse
         """
+        made = [make_planner(planner, options) for planner in planners]
+        capped = [getattr(planner, "max_detour", None) is not None for planner in made]
+        if any(capped) and not all(capped):
+            raise OptionError(
+                "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
+                "joined. Give max_detour to all planners or to none, or plan them one at a time"
+            )
         front: Front | None = None
-        for planner in planners:
-            chosen = make_planner(planner, options)
+        for chosen in made:
             candidates: Candidates | None = None
             try:
                 for now in self._candidates(chosen, progress, executor):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 
 from hpop.errors import OptionError
 
@@ -45,8 +46,9 @@ class Budget:
     def __post_init__(self) -> None:
         for name in ("time_limit", "max_labels", "max_memory"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise OptionError(f"{name} must be positive, got {value!r}; leave it out for no bound")
+            number = isinstance(value, Real) and not isinstance(value, bool)
+            if value is not None and not (number and value > 0):
+                raise OptionError(f"{name} must be a positive number, got {value!r}; leave it out for no bound")
 
 
 @dataclass(frozen=True)

@@ -230,3 +230,23 @@ def test_no_candidates_are_an_empty_front() -> None:
     front = problem().solve(replace(Fixed(()), status=Status.NO_PATH))
     assert len(front) == 0
     assert front.status == Status.NO_PATH
+
+
+def test_a_mean_itself_and_its_integral_are_refused_before_anything_is_planned() -> None:
+    asked = problem(criteria=["obstruction", "duration"])
+    never = Fails(AssertionError("ran"))
+    with pytest.raises(OptionError, match="their fronts cannot be joined"):
+        asked.solve([never, hpop.planners.Lattice(step=0.5, max_detour=1.2)])
+
+
+@pytest.mark.parametrize("value", [True, "5", [5], -1, float("nan")])
+@pytest.mark.parametrize("name", ["time_limit", "max_labels", "max_memory"])
+def test_limits_that_are_no_positive_numbers_are_refused(name: str, value: object) -> None:
+    with pytest.raises(OptionError, match=f"{name} must be a positive number"):
+        problem().solve("lattice", step=0.5, **{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("headings", [5, "8", [8], True])
+def test_headings_that_are_none_are_refused(headings: object) -> None:
+    with pytest.raises(OptionError, match="headings must be one of"):
+        problem().solve("lattice", step=0.5, headings=headings)  # type: ignore[arg-type]

@@ -166,7 +166,7 @@ def test_a_fault_is_said_with_line_key_and_what_to_do(
         (("differential_drive:", "diferential_drive:"), UnknownName, 7, "Did you mean 'differential_drive'?"),
         (("0.5}", "0}"), OptionError, 12, "step"),
         (("step: 0.5", "headings: 7"), OptionError, 12, "[4, 8, 16]"),
-        (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be positive"),
+        (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be a positive number"),
         (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
         (("turns,", "{obstruction: {radius: -1}},"), CriterionError, 10, "radius"),
         (("turns,", "length,"), CriterionError, 10, "length more than once"),

@@ -33,7 +33,7 @@ class Headings:
     count: int
 
     def __post_init__(self) -> None:
-        if self.count not in STEPS:
+        if not isinstance(self.count, int | np.integer) or self.count not in STEPS:
             raise OptionError(f"headings must be one of {sorted(STEPS)}, got {self.count!r}")
 
     @property
