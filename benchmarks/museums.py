@@ -11,7 +11,7 @@ from hpop.arrays import BoolArray
 
 CELL = 0.25  # m
 DOOR = 6  # cells
-SIZES = {"m60": (60, 1), "m100": (100, 2), "m160": (160, 3)}  # cells a side, seed
+SIZES = {"m60": (60, 1), "m100": (100, 2), "m160": (160, 3), "m200": (200, 1), "m300": (300, 5)}  # cells a side, seed
 
 
 def museum(side: int, seed: int) -> BoolArray:
