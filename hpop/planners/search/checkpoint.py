@@ -173,7 +173,7 @@ class Keeper:
             warnings.warn(
                 f"cannot write the checkpoint {self.path} ({reason}); the last one stays", RuntimeWarning, stacklevel=2
             )
-        except KeyboardInterrupt:
+        except BaseException:
             self.part.unlink(missing_ok=True)
             raise
 
