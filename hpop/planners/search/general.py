@@ -8,10 +8,12 @@ Label setting in lexicographic order of f = g + h with consistent h (NAMOA*, Man
 for a maximum f = max(g, c, h), g the same). What was closed at a node before a label has no larger first
 cost, so the test compares the other k - 1 only (NAMOA*dr, Pulido et al. 2015), and is asked when a label is
 made and again when it leaves the heap (the lazy check of BOA*, Hernandez et al. 2023, and of LTMOA*,
-Hernandez et al. 2023). k = 1 is A*, and for k = 2 the set of a node is one number, as in BOA*. For k >= 3 it
-is a block of mutually non-dominated vectors, scanned newest first; one that dominates moves to the end, where
-the next scan begins. At one node f differs from g by a constant, so the sets hold f, and the set of the
-targets, which is asked about every label, is one more block.
+Hernandez et al. 2023). k = 1 is A*, and for k = 2 the set of a node is one number, as in BOA*; for k >= 3 see
+:mod:`.vector_sets`. At one node f differs from g by a constant, so the sets hold f, and the set of the targets, which
+is asked about every label, is one more of them.
+
+One heap with all open labels was measured against T-MDA's (one label a node in the heap, the others wait at the arcs
+they came by) and against buckets on the first cost: see docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
-from hpop.planners.search.kernels import drop_first, kernel, push
+from hpop.planners.search.kernels import drop_first, lean, push
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,
@@ -47,57 +49,12 @@ from hpop.planners.search.slices import (
     Clock,
 )
 from hpop.planners.search.tables import build, trace
+from hpop.planners.search.vector_sets import SET_COLUMNS, SIZE, enter, is_covered, needs
 
-START, SIZE, ROOM = range(3)  # columns of the table of blocks
-
-
-@kernel
-def covering(vectors: NDArray[Any], begin: int, size: int, f: IntArray) -> int:
-    """Find a vector of a block that is nowhere larger than f without its first cost; -1 if there is none."""
-    rest = len(f) - 1
-    for i in range(begin + size - 1, begin - 1, -1):
-        covers = True
-        for j in range(rest):
-            if vectors[i, j] > f[j + 1]:
-                covers = False
-                break
-        if covers:
-            return int(i)
-    return -1
+WORD = 8  # members of a set that are compared in one elementary step
 
 
-@kernel
-def enter(blocks: IntArray, vectors: NDArray[Any], b: int, f: IntArray, used: int) -> int:
-    """Add f without its first cost to block b and drop what it covers; return how many rows are in use."""
-    rest = len(f) - 1
-    begin = blocks[b, START]
-    kept = begin
-    for i in range(begin, begin + blocks[b, SIZE]):
-        covered = True
-        for j in range(rest):
-            if vectors[i, j] < f[j + 1]:
-                covered = False
-                break
-        if not covered:
-            for j in range(rest):
-                vectors[kept, j] = vectors[i, j]
-            kept += 1
-    size = kept - begin
-    if size == blocks[b, ROOM]:
-        for i in range(size):
-            for j in range(rest):
-                vectors[used + i, j] = vectors[begin + i, j]
-        begin = used
-        blocks[b, START] = begin
-        blocks[b, ROOM] = max(2 * size, 1)
-        used += blocks[b, ROOM]
-    for j in range(rest):
-        vectors[begin + size, j] = f[j + 1]
-    blocks[b, SIZE] = size + 1
-    return used
-
-
-@kernel
+@lean
 def advance(
     counters: IntArray,
     work: int,
@@ -108,8 +65,8 @@ def advance(
     nodes: NDArray[Any],
     is_target: NDArray[np.uint8],
     is_max: NDArray[np.bool_],
-    blocks: IntArray,
-    vectors: NDArray[Any],
+    sets: IntArray,
+    pool: NDArray[Any],
     source: int,
     plan: tuple[IntArray, IntArray, IntArray, int],
     keys: IntArray,
@@ -120,17 +77,15 @@ def advance(
     eps: float,
     tolerance: IntArray,
     bound: int,
+    scratch: tuple[IntArray, NDArray[Any], NDArray[Any], NDArray[Any]],
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
     word, shift, limit, words = plan
+    key, f, g, reach = scratch
     k = len(word)
-    key = np.zeros(words, np.int64)
-    f = np.zeros(k, np.int64)
-    g = np.zeros(k, np.int64)
-    reach = np.zeros(k, np.int64)
     size = counters[N_OPEN]
     done = counters[N_CLOSED]
-    goal = len(blocks) - 1
+    goal = len(sets) - 1
     code = SLICE
     while work > 0:
         if size == 0:
@@ -147,14 +102,12 @@ def advance(
         if f[0] > bound:  # and so are all that follow
             code = DONE
             break
-        at_goal, here = blocks[goal, SIZE], blocks[v, SIZE]
-        work -= 1 + here
-        if covering(vectors, blocks[goal, START], at_goal, f) >= 0 or covering(vectors, blocks[v, START], here, f) >= 0:
+        at_goal = sets[goal, SIZE]
+        work -= 1 + (at_goal + sets[v, SIZE]) // WORD
+        if is_covered(sets, pool, goal, f) or is_covered(sets, pool, v, f):
             drop_first(keys, values, size, words)
             size -= 1
-            work -= at_goal
             continue
-        b = goal if is_target[v] else v
         if size + fan > len(values):
             code = HEAP
             break
@@ -164,7 +117,7 @@ def advance(
         if counters[N_FRONT] == len(solutions):
             code = FRONT
             break
-        if counters[N_ROWS] + max(1, 2 * blocks[b, ROOM]) > len(vectors):
+        if counters[N_ROWS] + needs(sets, goal if is_target[v] else v, k) > len(pool):
             code = ROWS
             break
         if tight:
@@ -176,13 +129,14 @@ def advance(
         if is_target[v]:
             for j in range(k):
                 reach[j] = least_covered(f[j], eps, tolerance[j])
-            counters[N_ROWS] = enter(blocks, vectors, goal, reach, counters[N_ROWS])
+            counters[N_ROWS] = enter(sets, pool, goal, reach, counters[N_ROWS])
             at = counters[N_FRONT]
-            front[at] = f
+            for j in range(k):
+                front[at, j] = f[j]
             solutions[at] = value
             counters[N_FRONT] = at + 1
             continue
-        counters[N_ROWS] = enter(blocks, vectors, v, f, counters[N_ROWS])
+        counters[N_ROWS] = enter(sets, pool, v, f, counters[N_ROWS])
         closed[done] = value
         done += 1
         for a in range(start[v], start[v + 1]):
@@ -192,21 +146,16 @@ def advance(
                     f[j] = max(g[j], arcs[a, j + 1], nodes[x, j])
                 else:
                     f[j] = g[j] + arcs[a, j + 1] + nodes[x, j]
-            begin, here = blocks[x, START], blocks[x, SIZE]
-            work -= 1 + here
-            i = covering(vectors, begin, here, f)
-            if i < 0:
-                begin, here = blocks[goal, START], at_goal
-                work -= here
-                i = covering(vectors, begin, here, f)
-            if i >= 0:
-                last = begin + here - 1
-                for j in range(k - 1):
-                    vectors[i, j], vectors[last, j] = vectors[last, j], vectors[i, j]
+            work -= 1 + sets[x, SIZE] // WORD
+            if is_covered(sets, pool, x, f):
                 continue
-            key[:] = 0
+            work -= at_goal // WORD
+            if is_covered(sets, pool, goal, f):
+                continue
+            for w in range(words):
+                key[w] = 0
             for j in range(k):
-                key[word[j]] |= f[j] << shift[j]
+                key[word[j]] |= np.int64(f[j]) << shift[j]
             push(keys, values, size, words, key, (done << 32) | (a + 1))
             size += 1
             counters[N_GENERATED] += 1
@@ -243,24 +192,25 @@ class General(HeapSearch):
         self.table = np.empty((m, 1 + k), self.dtype)
         self.nodes = np.empty((n, k), self.dtype)
         self.origin = np.empty(m, np.int32)
-        tables = (columns, -1, h, self.table, self.nodes, self.origin)
-        self.start, self.split = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
+        tables = (columns, h, self.table, self.nodes, self.origin)
+        self.start = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
         self.is_target = np.zeros(n, np.uint8)
         self.is_target[targets] = 1
-        self.blocks = np.zeros((n + 1, 3), np.int64)
-        self.vectors = np.zeros((1024, max(1, k - 1)), self.dtype)
+        self.sets = np.zeros((n + 1, SET_COLUMNS), np.int64)
+        self.pool = np.zeros(1024, self.dtype)
         super().__init__(f, rise, int(np.diff(self.start).max()))
         self.most = at_most[order[0]] if at_most else ANYTHING
         for j in range(1, k):  # as if a solution were known that only exceeds the bound
             if not at_most or at_most[order[j]] == ANYTHING:
                 continue
-            beyond = np.zeros(k, np.int64)
+            beyond = np.zeros(k, self.dtype)
             beyond[j] = at_most[order[j]] + 1
-            room = (self.blocks, self.vectors, n, beyond, int(self.counters[N_ROWS]))
+            room = (self.sets, self.pool, n, beyond, int(self.counters[N_ROWS]))
             self.counters[N_ROWS] = clock.call(enter, *room)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
+        scratch = (np.zeros(self.plan[3], np.int64), *(np.zeros(len(self.order), self.dtype) for _ in range(3)))
         code = clock.call(
             advance,
             self.counters,
@@ -272,8 +222,8 @@ class General(HeapSearch):
             self.nodes,
             self.is_target,
             self.is_max,
-            self.blocks,
-            self.vectors,
+            self.sets,
+            self.pool,
             self.source,
             self.plan,
             self.keys,
@@ -284,29 +234,30 @@ class General(HeapSearch):
             float(self.precision.eps),
             self.precision.of(self.order),
             self.most,
+            scratch,
         )
         return int(code)
 
     def arrays(self) -> list[NDArray[Any]]:
         """List the tables of the graph, the sets and the heap."""
-        tables = [self.table, self.nodes, self.origin, self.start, self.split, self.is_target]
-        return [*tables, self.blocks, self.vectors, *super().arrays()]
+        tables = [self.table, self.nodes, self.origin, self.start, self.is_target]
+        return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the rows of the sets."""
-        return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
+        """Double the pool of the sets."""
+        return (self.pool.nbytes, self._grow_pool) if code == ROWS else super().growth(code)
 
-    def _grow_rows(self) -> None:
-        self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
+    def _grow_pool(self) -> None:
+        self.pool.resize(2 * len(self.pool), refcheck=False)
 
     def _widen_keys(self) -> None:
         super()._widen_keys()
         if self.dtype is np.int32 and self.plan[2].max() >= INT32_LIMIT:
             self.dtype = np.int64
-            for name in ("table", "nodes", "vectors"):
+            for name in ("table", "nodes", "pool"):
                 setattr(self, name, getattr(self, name).astype(np.int64))
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""
-        arrays = (self.start, self.split, self.table, self.origin, self.closed)
-        return [clock.call(trace, *arrays, self.source, int(label)) for label in labels]
+        ends, steps = clock.call(trace, self.origin, self.closed, labels)
+        return [part[::-1] for part in np.split(steps, ends[:-1])]

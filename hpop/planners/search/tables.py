@@ -1,4 +1,4 @@
-"""The tables of nodes and arcs that a search reads, in its own order of costs, and the way back from a label."""
+"""Tables of nodes and arcs that the general search reads, in its order of costs, and the way back from its labels."""
 
 from __future__ import annotations
 
@@ -18,67 +18,56 @@ def build(
     heads: NDArray[np.int32],
     costs: IntArray,
     order: IntArray,
-    index: int,
     h: IntArray,
     arcs: NDArray[Any],
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
-) -> tuple[IntArray, IntArray]:
+) -> IntArray:
     """Fill the tables of arcs and nodes in the order of the search; arcs that lead nowhere are left out.
 
-    order    (k,)         columns of the costs; -1 is a cost that is always 0
-    index                 column that makes an arc a turn, or -1: no turns
-    arcs     (m, 1 + k)   head and costs; at each node plain arcs first, then turns
-    nodes    (n, k ...)   lower bounds
+    order    (k,)         columns of the costs
+    arcs     (m, 1 + k)   head and costs
+    nodes    (n, k)       lower bounds
     origin   (m,)         where the arc is in the graph
 
-    Returns the offsets of the arcs (n + 1,), and where the turns of each node begin (n,).
+    Returns the offsets of the arcs (n + 1,).
     """
     n = len(indptr) - 1
     start = np.zeros(n + 1, np.int64)
-    split = np.zeros(n, np.int64)
     m = 0
     for u in range(n):
         for j in range(len(order)):
-            nodes[u, j] = h[order[j], u] if order[j] >= 0 and h[order[j], u] < UNREACHABLE else 0
+            nodes[u, j] = h[order[j], u] if h[order[j], u] < UNREACHABLE else 0
         start[u] = m
-        for turns in (False, True):
-            if turns:
-                split[u] = m
-            for a in range(indptr[u], indptr[u + 1]):
-                v = heads[a]
-                is_turn = index >= 0 and costs[a, index] > 0
-                if v == u or h[0, v] >= UNREACHABLE or is_turn != turns:
-                    continue
-                arcs[m, 0] = v
-                for j in range(len(order)):
-                    arcs[m, j + 1] = costs[a, order[j]] if order[j] >= 0 else 0
-                origin[m] = a
-                m += 1
+        for a in range(indptr[u], indptr[u + 1]):
+            v = heads[a]
+            if v == u or h[0, v] >= UNREACHABLE:
+                continue
+            arcs[m, 0] = v
+            for j in range(len(order)):
+                arcs[m, j + 1] = costs[a, order[j]]
+            origin[m] = a
+            m += 1
     start[n] = m
-    return start, split
+    return start
 
 
 @kernel
-def trace(
-    start: IntArray,
-    split: IntArray,
-    arcs: NDArray[Any],
-    origin: NDArray[np.int32],
-    closed: IntArray,
-    source: int,
-    label: int,
-) -> IntArray:
-    """Follow a label back to the source; where the arcs do not join, the turn between them is put in."""
-    steps = []
-    while label != 0:
-        a = (label & 0xFFFFFFFF) - 1
-        steps.append(np.int64(origin[a]))
-        label = closed[(label >> 32) - 1]
-        at = np.int64(arcs[(label & 0xFFFFFFFF) - 1, 0]) if label != 0 else source
-        if not start[at] <= a < start[at + 1]:
-            t = split[at]
-            while not start[arcs[t, 0]] <= a < start[arcs[t, 0] + 1]:
-                t += 1
-            steps.append(np.int64(origin[t]))
-    return np.array(steps[::-1], np.int64)
+def trace(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
+    """Follow labels back to the source.
+
+    Returns where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on.
+    """
+    ends = np.empty(len(labels), np.int64)
+    steps = np.empty(1024, np.int64)
+    size = 0
+    for i in range(len(labels)):
+        label = labels[i]
+        while label != 0:
+            if size == len(steps):
+                steps = np.concatenate((steps, np.empty_like(steps)))
+            steps[size] = origin[(label & 0xFFFFFFFF) - 1]
+            size += 1
+            label = closed[(label >> 32) - 1]
+        ends[i] = size
+    return ends, steps[:size]
