@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.kernels import WORD_BITS, drop_first, kernel, push
+from hpop.planners.search.kernels import WORD_BITS, drop_first, kernel, lean, push
 
 LIMB_BITS = 31
 LIMB_MASK = np.int64(2**LIMB_BITS - 1)
@@ -37,7 +37,7 @@ def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple
     return np.array(limbs, np.int64), np.array(top_first, np.int64)
 
 
-@kernel
+@lean
 def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
     """Write the weighted cost of an arc into `step` (W,); `limbs` (2 W + 3,) is scratch."""
     words = len(step)
@@ -68,7 +68,7 @@ def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: Int
         step[words - 1 - w] = limbs[2 * w] | (limbs[2 * w + 1] << LIMB_BITS)
 
 
-@kernel
+@lean
 def compare(a: IntArray, b: IntArray) -> int:
     """Sign of a - b, both words with the most significant first."""
     for w in range(len(a)):
