@@ -1,0 +1,113 @@
+"""The benchmark of the lattice search: counts of labels guard it, and they are those of the committed reference."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+ROW = {"instance": "m7", "step": 0.25, "eps": 0.0, "edges": 40, "front": 3}
+OLD = {"labels_generated": 1000, "labels_expanded": 500, "front": 3, "edges": 40}
+
+
+@pytest.fixture
+def module(monkeypatch):
+    """Import a file of benchmarks/, where they import each other."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+
+    def load(name: str) -> ModuleType:
+        return importlib.import_module(name)
+
+    return load
+
+
+@pytest.fixture
+def label_counts(module) -> ModuleType:
+    return module("label_counts")
+
+
+def test_up_to_a_fifth_more_labels_pass(label_counts):
+    row = {**ROW, "labels_generated": 1200, "labels_expanded": 600}
+    assert label_counts.regressions([row], {"m7 at 0.25 m": OLD}) == []
+
+
+@pytest.mark.parametrize("name", ["labels_generated", "labels_expanded"])
+def test_more_than_that_names_the_instance_and_both_counts(label_counts, name):
+    row = {**ROW, **OLD, name: int(1.2 * OLD[name]) + 1}
+    (message,) = label_counts.regressions([row], {"m7 at 0.25 m": OLD})
+    for told in ("m7 at 0.25 m", name.replace("_", " "), f"{OLD[name]} -> {row[name]}", "+20%"):
+        assert told in message
+
+
+def test_an_approximation_has_counts_of_its_own(label_counts):
+    near = {**ROW, "eps": 0.01, "labels_generated": 1000, "labels_expanded": 500}
+    few = {**OLD, "labels_generated": 100, "labels_expanded": 50}
+    reference = {"m7 at 0.25 m": OLD, "m7 at 0.25 m, eps 0.01": few}
+    assert [m.partition(":")[0] for m in label_counts.regressions([near], reference)] == ["m7 at 0.25 m, eps 0.01"] * 2
+
+
+def test_what_has_no_reference_is_no_regression(label_counts):
+    assert label_counts.regressions([{**ROW, **OLD}], {}) == []
+
+
+def test_written_counts_are_read_again_and_others_stay(label_counts, tmp_path):
+    file = tmp_path / "counts.json"
+    label_counts.write([{**ROW, **OLD}, {**ROW, **OLD, "instance": "m9"}], file)
+    label_counts.write([{**ROW, **OLD, "labels_generated": 7}], file)
+    assert label_counts.read(file) == {"m7 at 0.25 m": {**OLD, "labels_generated": 7}, "m9 at 0.25 m": OLD}
+
+
+def test_make_bench_fails_on_a_regression_and_still_writes_what_it_measured(
+    module, label_counts, monkeypatch, tmp_path
+):
+    lattice, out = module("lattice"), tmp_path / "bench" / "lattice.json"
+    worse = {**ROW, **OLD, "labels_generated": 1300}
+    monkeypatch.setattr(lattice, "ladder", lambda cases: [worse])
+    monkeypatch.setattr(label_counts, "read", lambda: {"m7 at 0.25 m": OLD})
+    monkeypatch.setattr("sys.argv", ["lattice.py", "--out", str(out)])
+    with pytest.raises(SystemExit, match=r"m7 at 0.25 m: labels generated 1000 -> 1300"):
+        lattice.main()
+    assert json.loads(out.read_text())["instances"] == [worse]
+
+
+def test_an_absent_map_is_skipped_with_a_line(module, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(module("maps"), "DATA", tmp_path)
+    assert module("lattice").ladder([("pal_office", 0.25)]) == []
+    said = capsys.readouterr().out
+    assert said.startswith("pal_office skipped")
+    assert "HPOP_DATA" in said
+
+
+def test_every_instance_of_make_bench_has_a_reference(module, label_counts):
+    lattice = module("lattice")
+    titles = {
+        label_counts.title({"instance": name, "step": step, "eps": eps})
+        for name, step in lattice.CASES + lattice.LARGE
+        for eps in lattice.PRECISIONS
+    }
+    assert titles == set(label_counts.read())
+
+
+def test_the_smallest_museum_needs_no_more_labels_than_its_reference(module, label_counts, monkeypatch):
+    lattice = module("lattice")
+    monkeypatch.setattr(lattice, "RUNS", 1)
+    rows = lattice.measured("m60", 0.25)
+    assert {label_counts.title(row) for row in rows} <= set(label_counts.read())
+    assert label_counts.regressions(rows, label_counts.read()) == []
+
+
+def test_an_instance_folder_gives_one_row_and_its_front(module, tmp_path):
+    # Two ways from 0 to 2: by node 1, and straight.
+    np.array([0, 2, 3, 3], np.int64).tofile(tmp_path / "indptr.bin")
+    np.array([1, 2, 2], np.int32).tofile(tmp_path / "heads.bin")
+    np.array([[1, 0, 4], [9, 0, 3], [1, 1, 4]], np.int32).tofile(tmp_path / "costs.bin")
+    (tmp_path / "meta.txt").write_text("3 1 0 2\n")
+    row = module("lattice").instance(tmp_path)
+    assert list(row) == ["build_s", "search_s", "front", "labels_generated", "labels_expanded", "peak_mb"]
+    assert row["front"] == 2
+    assert (tmp_path / "front_hpop.txt").read_text() == "2 1 8\n9 0 3\n"
