@@ -182,7 +182,7 @@ class General(HeapSearch):
         reached = h[0] < UNREACHABLE
         k, n, m = graph.criteria, graph.nodes, graph.arcs
         columns = np.array(order, np.int64)
-        most = graph.costs.max(axis=0, initial=0)[columns]
+        most = graph.largest[columns]
         far = h.max(axis=1, where=reached, initial=0)[columns]
         rise = (most + far).tolist()
         f = h[columns, source].tolist()
@@ -245,7 +245,12 @@ class General(HeapSearch):
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
         """Double the pool of the sets."""
-        return (self.pool.nbytes, self._grow_pool) if code == ROWS else super().growth(code)
+        if code == ROWS:
+            return self.pool.nbytes, self._grow_pool
+        extra, grow = super().growth(code)
+        if code == KEYS and self.dtype is np.int32:  # they may need 64 bits
+            extra += 2 * (self.table.nbytes + self.nodes.nbytes + self.pool.nbytes)
+        return extra, grow
 
     def _grow_pool(self) -> None:
         self.pool.resize(2 * len(self.pool), refcheck=False)

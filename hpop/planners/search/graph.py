@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
@@ -78,17 +79,22 @@ class Graph:
             )
         if self.labels is not None and len(self.labels) != n:
             raise GraphError(f"labels must name each of the {n} nodes, got {len(self.labels)}")
-        _check_sums(indptr, costs, aggregates)
         heads32 = heads.astype(np.int32)
         for name, value in (("indptr", indptr), ("heads", heads32), ("costs", costs), ("arc", arc)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "aggregates", aggregates)
+        _check_sums(self)
 
     @property
     def nodes(self) -> int:
         """Number of nodes, n."""
         return len(self.indptr) - 1
+
+    @cached_property
+    def largest(self) -> IntArray:
+        """Largest cost (k,) of any arc; column by column, which is far quicker than ``max(axis=0)``."""
+        return np.array([self.costs[:, j].max(initial=0) for j in range(self.criteria)], np.int64)
 
     @property
     def arcs(self) -> int:
@@ -236,14 +242,14 @@ def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str,
     return (aggregates,) if isinstance(aggregates, str) else tuple(aggregates)
 
 
-def _check_sums(indptr: IntArray, costs: IntArray, aggregates: tuple[str, ...]) -> None:
+def _check_sums(graph: Graph) -> None:
     """Refuse costs whose sums could overflow: a path without cycles leaves every node at most once."""
-    leaving = indptr[:-1][np.diff(indptr) > 0]
-    for j, aggregate in enumerate(aggregates):
-        worst = int(costs[:, j].max()) if len(costs) else 0
+    leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
+    for j, aggregate in enumerate(graph.aggregates):
+        worst = int(graph.largest[j])
         bound = worst * (len(leaving) + 2 if aggregate == "sum" else 1)
         if bound > MAX_SUM and worst <= MAX_SUM and aggregate == "sum":
-            steps = np.maximum.reduceat(costs[:, j], leaving)
+            steps = np.maximum.reduceat(graph.costs[:, j], leaving)
             bound = sum(steps.tolist()) + 2 * worst
         if bound > MAX_SUM:
             raise GraphError(

@@ -37,7 +37,7 @@ class HeapSearch(Search):
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == KEYS:
-            return self.keys.nbytes, self._widen_keys
+            return self.values.nbytes * self._wider()[3], self._widen_keys
         raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
 
     def estimates(self) -> IntArray:
@@ -50,8 +50,11 @@ class HeapSearch(Search):
         self.keys.resize(2 * len(self.keys), refcheck=False)
         self.values.resize(2 * len(self.values), refcheck=False)
 
+    def _wider(self) -> tuple[IntArray, IntArray, IntArray, int]:
+        return plan_keys([2 * int(limit) for limit in self.plan[2]])
+
     def _widen_keys(self) -> None:
-        new = plan_keys([2 * int(limit) for limit in self.plan[2]])
+        new = self._wider()
         keys = np.zeros(len(self.values) * new[3], np.int64)
         repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
         self.keys, self.plan = keys, new

@@ -218,7 +218,7 @@ class _Run:
         graph = self.graph
         reach = samples.min(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
         fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
-        fit = [j for j in fit if graph.costs[:, j].max(initial=0) < SMALL]
+        fit = [j for j in fit if graph.largest[j] < SMALL]
         if self.method == "staircase":
             if graph.criteria not in (2, 3):
                 raise OptionError(

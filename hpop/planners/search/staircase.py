@@ -75,7 +75,7 @@ class Staircase(Search):
         self.precision, self.tolerance = precision, precision.of(order)
         self.graph, self.order, self.groups = graph, order, groups
         reached = h[0] < UNREACHABLE
-        most = [int(graph.costs[:, j].max(initial=0)) if j >= 0 else 0 for j in order]
+        most = [int(graph.largest[j]) if j >= 0 else 0 for j in order]
         far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
         rise = [2 * c + b for c, b in zip(most, far, strict=True)]
         self.rise = np.array(rise, np.int64)

@@ -41,7 +41,12 @@ def costs_by_turns(
         return None
     far = min(np.iinfo(nodes.dtype).max, int(UNREACHABLE))  # as an empty staircase says
     layers = np.empty((LAYERS, len(nodes)), nodes.dtype)
-    turns = (groups.rows, groups.dearest[:, column], groups.turns[:, column], bool(groups.alike[column]))
+    turns = (
+        groups.rows,
+        groups.dearest[:, column],
+        np.ascontiguousarray(groups.turns[:, column]),
+        bool(groups.alike[column]),
+    )
     clock.call(sweep, nodes, start, arcs, *turns, is_target, order, far, layers)
     return np.ascontiguousarray(layers.T)
 

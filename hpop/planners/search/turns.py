@@ -65,9 +65,9 @@ class Groups:
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
         """The groups that turns make, counted in the sum that single arcs raise least; none where they make none."""
-        most = graph.costs.max(axis=0, initial=0)
+        most = graph.largest.tolist()
         sums = [j for j, how in enumerate(graph.aggregates) if how == "sum" and 0 < most[j] < MOST]
-        column = min(sums, key=lambda j: int(most[j]), default=-1)
+        column = min(sums, key=lambda j: most[j], default=-1)
         return (cls.of_column(graph, column, clock) if column >= 0 else None) or cls.none(graph, clock)
 
     @classmethod
