@@ -12,7 +12,8 @@ def least_covered(cost: int, eps: float, tolerance: int) -> int:
     """Find the least estimate that a cost covers: the smallest f >= 0 with f + floor(eps f) + tolerance >= cost."""
     if cost <= tolerance:
         return 0
-    f = max(np.int64(0), np.int64((cost - tolerance) / (1.0 + eps)) - 2)
+    rounding = 2 + (cost >> 50)  # of the quotient, with room to spare
+    f = max(np.int64(0), np.int64((cost - tolerance) / (1.0 + eps)) - rounding)
     while f + np.int64(f * eps) + tolerance < cost:
         f += 1
     return int(f)

@@ -1,18 +1,20 @@
-"""Claims: the heap sorts keys of several words, packing keeps the order, kernels compile anywhere."""
+"""Claims: the heap sorts keys of several words, packing keeps the order, kernels compile anywhere, or lean."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.planners.search.kernels import drop_first, plan_keys, push, repack
+from hpop.planners.search.kernels import drop_first, kernel, lean, plan_keys, push, repack
 
 
 @pytest.mark.parametrize("words", [1, 2, 3])
@@ -72,3 +74,34 @@ def test_kernels_compile_where_no_cache_can_be_written(tmp_path: Path):
     environment = {**os.environ, "HOME": str(tmp_path / "none")}
     done = subprocess.run([sys.executable, "-c", code], env=environment, check=False, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
+
+
+def test_lean_kernels_count_no_references():
+    """Others count them at each call of a helper that is not inlined, with two atomic instructions an array."""
+
+    def halve(values, i):
+        while values[i] > 3:
+            values[i] //= 2
+
+    def halve_all(values):
+        for i in range(len(values)):
+            helper(values, i)
+
+    counted = []
+    for decorate in (kernel, lean):
+        helper = decorate(halve)
+        compiled = decorate(halve_all)
+        values = np.arange(100)
+        compiled(values)
+        assert values.max() == 3
+        counted.append(sum(len(re.findall(r"\block\b", text)) for text in compiled.inspect_asm().values()))
+    assert counted[0] > counted[1] == 0
+
+
+def test_a_lean_kernel_that_allocates_does_not_compile():
+    @lean
+    def allocates(n):
+        return np.zeros(n).sum()
+
+    with pytest.raises(numba.core.errors.NumbaError):
+        allocates(3)

@@ -1,4 +1,4 @@
-"""Claim: fronts equal the complete ones published with the grids of Pulido, Mandow and Perez de la Cruz."""
+"""Claims: fronts equal the complete ones published with the grids of Pulido, Mandow and Perez de la Cruz."""
 
 from __future__ import annotations
 
@@ -57,3 +57,17 @@ def test_fronts_equal_the_published_ones(shared_data, grid, criteria, method):
         paths = pareto_paths(graph, source, target, method=method)
         expected = expected[np.lexsort(expected.T[::-1])]
         np.testing.assert_array_equal(paths.costs, expected)
+
+
+@pytest.mark.parametrize("columns", [(0, 1, 2, 0), (2, 0, 1, 1, 0), (0, 1, 2, 2, 1, 0)])
+def test_costs_given_twice_change_nothing(shared_data, columns):
+    """So the published fronts of three costs are those of four to six as well, with large sets of long vectors."""
+    folder = shared_data("pulido_grids")
+    full = read_grid(folder / "grids" / "Grid1.txt", 3)
+    graph = Graph.from_csr(full.indptr, full.heads, full.costs[:, columns])
+    queries = read_queries(folder / "queries" / "queries2.txt")
+    fronts = read_fronts(folder / "solutions" / "p1" / "3.txt", 3)
+    for (source, target), front in zip(queries, fronts, strict=False):
+        expected = front[:, columns]
+        paths = pareto_paths(graph, source, target, method="general")
+        np.testing.assert_array_equal(paths.costs, expected[np.lexsort(expected.T[::-1])])
