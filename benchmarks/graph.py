@@ -152,14 +152,14 @@ def random_grid(side: int, criteria: int) -> Query:
 
 
 def pulido(grid: int, criteria: int) -> Iterator[Query]:
-    """The queries on a grid that are published with as many costs; its arcs are written once and used both ways."""
+    """The fifteen queries on a grid, with its first costs; its arcs are written once and used both ways."""
     lines = (PULIDO / "grids" / f"Grid{grid}.txt").read_text().splitlines()
     table = np.array([line.split()[1:] for line in lines if line.startswith("a ")], np.int64)
     first, second = table[:, [0, 2]].T * SIDE + table[:, [1, 3]].T
     costs = np.tile(table[:, 4 : 4 + criteria], (2, 1))
     ends = (np.concatenate([first, second]), np.concatenate([second, first]))
     graph = Graph.from_arcs(SIDE * SIDE, *ends, costs)
-    for line in (PULIDO / "queries" / f"queries{criteria}.txt").read_text().splitlines()[3:]:
+    for line in (PULIDO / "queries" / "queries2.txt").read_text().splitlines()[3:]:
         if line.strip():
             _, a, b, c, d = map(int, line.split())
             yield graph, a * SIDE + b, c * SIDE + d

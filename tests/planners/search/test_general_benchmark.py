@@ -109,12 +109,17 @@ def test_a_file_that_is_not_there_is_named(graph, monkeypatch, capsys):
     assert "nowhere.txt" in capsys.readouterr().err
 
 
-def test_pulidos_grids_are_read_as_the_tests_read_them(graph, shared_data, monkeypatch):
-    monkeypatch.setattr(graph, "PULIDO", shared_data("pulido_grids"))
+def test_pulidos_queries_have_the_published_fronts(graph, shared_data, monkeypatch):
+    folder = shared_data("pulido_grids")
+    lines = (folder / "solutions" / "p0" / "3.txt").read_text().splitlines()
+    numbers = [int(word) for line in lines if not line.startswith("%") for word in line.split()]
+    sizes, at = [], 0
+    while at < len(numbers):
+        sizes.append(numbers[at + 2])
+        at += 3 + 3 * sizes[-1]
+    monkeypatch.setattr(graph, "PULIDO", folder)
     queries = list(graph.pulido(0, 3))
-    assert len(queries) == 8
-    first = queries[0][0]
-    assert (first.nodes, first.arcs, first.criteria) == (10_000, 39_600, 3)
-    told = graph.row("Pulido", queries)
-    assert told["front"] == 340  # vectors in the published fronts of these queries
-    assert told["queries"] == 8
+    assert len(queries) == 15
+    told = graph.row("Pulido", queries[: len(sizes)])
+    assert (told["nodes"], told["arcs"], told["costs"], told["queries"]) == (10_000, 39_600, 3, len(sizes))
+    assert told["front"] == sum(sizes)
