@@ -56,9 +56,10 @@ class Clock:
             self.compiled += make_ready(compiled, *arguments)
         return compiled(*arguments)
 
-    def exceeded(self, labels: int, memory: int) -> Status | None:
-        """Return the limit that is passed, or None."""
-        self.peak = max(self.peak, memory)
+    def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
+        """Return the limit that is passed, or None; ``record`` says that the memory is taken, not only wanted."""
+        if record:
+            self.peak = max(self.peak, memory)
         limit = self.budget
         if limit.max_memory is not None and memory > limit.max_memory:
             return Status.MEMORY_LIMIT
@@ -114,7 +115,7 @@ class Search(ABC):
             if code != SLICE:
                 extra, grow = self._room(code)
                 clock.report("search", self.counters, memory)
-                status = clock.exceeded(0, memory + extra)
+                status = clock.exceeded(0, memory + extra, record=False)
                 if status is Status.MEMORY_LIMIT:
                     break
                 with whole():
