@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -126,9 +127,12 @@ class Lattice:
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.
 
-        With ``max_detour`` or ``max_turns`` there is only the exact one. Raises as :meth:`solve` does.
+        With ``max_detour`` or ``max_turns`` there is only the exact one, and where a search goes on from a checkpoint:
+        first answers would take the place of the better front that it had when it was stopped. Raises as :meth:`solve`
+        does.
         """
-        if self.max_detour is not None or self.max_turns is not None:
+        goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
+        if goes_on or self.max_detour is not None or self.max_turns is not None:
             yield self.solve(problem, progress)
         else:
             yield from stages(self, problem, progress)

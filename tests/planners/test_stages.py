@@ -344,3 +344,15 @@ def test_a_limit_in_the_exact_stage_loses_nothing() -> None:
     assert "label limit" in front.certificate
     assert "supported points" in front.certificate
     assert {origin["stage"] for origin in front.provenance} == {"supported points"}
+
+
+def test_a_search_that_goes_on_from_a_checkpoint_has_no_first_answers(tmp_path):
+    """They would take the place of the better front that it had when it was stopped."""
+    world = hpop.World.from_polygons([shapely.box(3, 0, 3.4, 3.6)], extent=shapely.box(0, 0, 10, 6))
+    asked = Problem(world, hpop.DifferentialDrive(), (1, 1, 0), (9, 5, None), ["exposure", "turns", "length"])
+    file = str(tmp_path / "kept")
+    stopped = list(Lattice(step=0.25, checkpoint=file, max_labels=2000).stages(asked))
+    assert len(stopped) > 1
+    assert (tmp_path / "kept").exists()
+    (last,) = Lattice(step=0.25, checkpoint=file).stages(asked)
+    assert last.status is Status.COMPLETE
