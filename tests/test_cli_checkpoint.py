@@ -75,8 +75,8 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
 
 
 def test_it_survives_kill_9(tmp_path):
-    scenario, file = write(tmp_path, {"lattice": {"step": 0.25}}), tmp_path / "search.ckpt"
-    often = "from hpop.planners.search.checkpoint import Checkpoint; Checkpoint.__init__.__defaults__ = (0.05,)"
+    scenario, file = write(tmp_path, {"lattice": {"step": 0.125}}), tmp_path / "search.ckpt"
+    often = "from hpop.planners.search.checkpoint import Checkpoint; Checkpoint.__init__.__defaults__ = (0.0,)"
     command = [sys.executable, "-c", f"{often}; from hpop.cli import main; main()"]
     command += ["plan", str(scenario), "--out", str(tmp_path / "killed"), "--checkpoint", str(file)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
