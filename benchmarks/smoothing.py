@@ -68,6 +68,7 @@ class Clock:
             "converged share": float(np.array(self.converged)[which].mean()),
             "median ms": 1e3 * float(np.median(seconds)),
             "median cpu ms": 1e3 * float(np.median(cpu)),
+            "converged in .3 s, share": float((np.array(self.converged)[which] & (seconds <= 0.3)).mean()),
             "worst ms": 1e3 * float(seconds.max()),
             "median iterations": float(np.median(iterations)),
         }
