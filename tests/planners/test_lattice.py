@@ -2,16 +2,13 @@
 
 import math
 import re
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import Exposure, Length, Obstruction, make_criterion, motion_costs
+from hpop.criteria import make_criterion, motion_costs
 from hpop.criteria.base import trajectory_costs
-from hpop.errors import CriterionError, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.planners.base import edge_objectives
@@ -280,158 +277,6 @@ def test_a_free_heading_at_the_goal_takes_the_best_of_every_heading():
     assert fronts[None] != fronts[0.0]
 
 
-def test_start_is_goal():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (1.0, 2.0, 0.0), ["exposure", "turns", "length", "clearance"])
-    found = solve(problem, step=0.5)
-    assert found.status is Status.COMPLETE
-    assert found.planned.tolist() == [[0.0] * 4]
-    assert len(found.trajectories[0]) == 0
-    assert found.notes == ()
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_goal_is_snapped_to_the_nearest_position_and_the_note_says_how_far(seed):
-    step = 0.5
-    gx, gy = np.random.default_rng(seed).uniform((4.0, 1.0), (5.5, 4.0))
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (gx, gy, None), ["length"])
-    found = solve(problem, step=step)
-    nearest = 1.0 + step * round((gx - 1.0) / step), 2.0 + step * round((gy - 2.0) / step)
-    end = found.trajectories[0].states
-    assert (end.x[-1], end.y[-1]) == pytest.approx(nearest)
-    distance = math.dist(nearest, (gx, gy))
-    text = f"snapped to ({nearest[0]:.3f}, {nearest[1]:.3f}), {distance:.3f} m away"
-    assert any(text in note for note in found.notes)
-
-
-def test_a_goal_on_a_position_is_not_snapped_and_a_blocked_corner_gives_way_to_the_next():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), ["length"])
-    assert solve(problem, step=0.1).notes == ()
-    # Positions are at x = 2.5 (0.4 m from the wall at 2.9) and 2.75 (too near).
-    near = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (2.64, 2.0, 0.0), ["length"])
-    assert solve(near, step=0.25).trajectories[0].states.x[-1] == pytest.approx(2.5)
-
-
-def test_a_goal_is_never_snapped_through_a_wall():
-    # The goal stands between a thin wall and a thick one; the nearest free position is beyond the thin one.
-    walls = [shapely.box(4.99, 0, 5.01, 8), shapely.box(5.3, 0, 5.5, 8)]
-    world = World.from_polygons(walls, extent=shapely.box(0, 0, 10, 10))
-    problem = Problem(world, DifferentialDrive(radius=0.1), (1.35, 1.0, 0.0), (5.12, 1.0, 0.0), ["length"])
-    with pytest.raises(QueryError, match=r"no lattice position within 0\.354 m can reach it; take a smaller step"):
-        solve(problem, step=0.5)
-    found = solve(problem, step=0.05)
-    assert found.trajectories[0].states.x[-1] in (pytest.approx(5.1 + 0.05 / 2, abs=0.026), pytest.approx(5.15))
-
-
-@pytest.mark.parametrize(
-    ("start", "goal", "message"),
-    [
-        ((3.1, 2.0, 0.0), (5.0, 2.0, 0.0), r"the start \(3.100, 2.000\) is not usable: it is inside an obstacle"),
-        ((-1.0, 2.0, 0.0), (5.0, 2.0, 0.0), "the start .* outside the map"),
-        ((0.1, 2.0, 0.0), (5.0, 2.0, 0.0), "the start .* is 0.100 m away and the robot reaches 0.250 m"),
-        ((1.0, 2.0, 0.0), (3.1, 2.0, 0.0), "the goal .* inside an obstacle"),
-        ((1.0, 2.0, 0.0), (2.8, 2.0, 0.0), "the goal .* is 0.100 m away and the robot reaches 0.250 m"),
-        ((1.0, 2.0, 0.0), (5.0, 9.0, 0.0), "the goal .* outside the map"),
-        ((1.0, 2.0, 0.3), (5.0, 2.0, 0.0), r"start heading 0.300000 rad \(17.19 deg\) .* 0.000000 .* or 0.785398"),
-        ((1.0, 2.0, 0.0), (5.0, 2.0, -0.5), r"goal heading .* nearest are 5.497787 \(315.00 deg\) or 0.000000"),
-    ],
-)
-@pytest.mark.parametrize("step", [0.5, 0.3])
-def test_a_start_or_goal_that_cannot_be_used_is_refused_with_the_reason(start, goal, message, step):
-    with pytest.raises(QueryError, match=message):
-        solve(Problem(OPEN, ROBOT, start, goal, ["length"]), step=step)
-
-
-def test_a_heading_written_with_three_decimals_is_on_its_heading():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.785), (5.0, 2.0, -2.356), ["length"])
-    assert solve(problem, step=0.5).status is Status.COMPLETE
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"step": 0}, "step"),
-        ({"step": math.nan}, "step"),
-        ({"step": "a"}, "step"),
-        ({"headings": 5}, "headings"),
-        ({"time_limit": 0}, "time_limit"),
-        ({"max_labels": -1}, "max_labels"),
-        ({"max_memory": 0}, "max_memory"),
-    ],
-)
-def test_options_that_make_no_sense_are_refused(options, message):
-    with pytest.raises(OptionError, match=message):
-        Lattice(**options)
-
-
-def test_a_step_that_makes_too_many_states_is_refused_before_anything_is_built():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), ["length"])
-    with pytest.raises(OptionError, match="take a larger step"):
-        solve(problem, step=1e-3)
-
-
-@dataclass(frozen=True)
-class Fatigue:
-    """A criterion with memory, not registered."""
-
-    name: ClassVar[str] = "fatigue"
-    group: ClassVar[str] = "C"
-    unit: ClassVar[str] = "1"
-    aggregate: ClassVar[str] = "trajectory"
-    requires: ClassVar[tuple[str, ...]] = ()
-    smooth: ClassVar[bool] = False
-    quantum: ClassVar[float] = 1.0
-
-    def cost(self, m):
-        return np.cumsum(m.base.turned)
-
-
-@dataclass(frozen=True)
-class Negative(Fatigue):
-    """A cost below zero."""
-
-    name: ClassVar[str] = "bonus"
-    aggregate: ClassVar[str] = "sum"
-
-    def cost(self, m):
-        return -m.base.length
-
-
-def test_criteria_with_memory_alone_are_refused_by_name():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), [Fatigue()])
-    with pytest.raises(UnsupportedCriterion, match="fatigue have memory"):
-        solve(problem, step=0.5)
-
-
-def test_a_negative_cost_is_refused_by_name():
-    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), ["length", Negative()])
-    with pytest.raises(CriterionError, match="'bonus' must cost a finite number >= 0"):
-        solve(problem, step=0.5)
-
-
-def test_a_mean_is_represented_by_its_integral_and_two_of_one_name_are_refused():
-    both = edge_objectives([Obstruction(1.5), Exposure(1.5), Length()], "lattice")
-    assert both.optimised == (Exposure(1.5), Length())
-    with pytest.raises(UnsupportedCriterion, match="exposure twice"):
-        edge_objectives([Obstruction(1.5), Exposure(2.0)], "lattice")
-
-
-def test_the_certificate_claims_optimal_means_only_when_duration_is_minimised():
-    def certificate(*criteria):
-        problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), list(criteria))
-        return solve(problem, step=0.5).certificate
-
-    plain = certificate("turns", "length")
-    assert plain == (
-        "lattice: exact on the lattice of step 0.5 m, 8 headings, no corner cutting for (turns, length), "
-        "edge costs rounded to their quanta"
-    )
-    without = certificate("obstruction", "turns", "length")
-    assert "no corner cutting for (exposure, turns, length)" in without
-    assert without.endswith("; obstruction reported, not optimised")
-    timed = certificate("obstruction", "turns", "duration")
-    assert "each trajectory is optimal for it as well, since the duration is minimised too" in timed
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_with_duration_no_path_of_the_lattice_beats_a_returned_one_in_the_mean(seed):
     rng = np.random.default_rng(seed)
@@ -492,12 +337,6 @@ def test_a_search_cut_short_says_so_and_returns_a_part_of_the_front(limit):
     assert {tuple(np.round(row, 9)) for row in part.planned} <= exact
     assert len(part.planned) < len(whole.planned)
     check_trajectories(problem, part, 0.25)
-
-
-def test_seven_costs_are_one_too_many():
-    names = ["exposure", "turns", "length", "rotation", "duration", "clearance", Negative()]
-    with pytest.raises(OptionError, match="at most 6 costs, got 7"):
-        solve(Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), names), step=0.5)
 
 
 def test_every_criterion_of_a_front_is_re_evaluated_within_its_tolerance():
