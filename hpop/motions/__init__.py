@@ -1,0 +1,28 @@
+"""Motions: a batch of short movements under one law, which is all that a criterion ever sees.
+
+The edges of a lattice, the pieces of a trajectory and the intervals of a nonlinear program are all batches of motions.
+Columns have shape (M,), one entry a motion: NumPy arrays, or CasADi symbols that behave like them. A criterion written
+over motions therefore runs unchanged on graphs, on trajectories and inside nonlinear programs.
+"""
+
+from __future__ import annotations
+
+from hpop.motions.batch import Body, Motions, missing
+from hpop.motions.instants import Instants, Rate
+from hpop.motions.laws import Curve, Law, Model, Phase, slopes
+from hpop.motions.states import Pose, States
+
+__all__ = [
+    "Body",
+    "Curve",
+    "Instants",
+    "Law",
+    "Model",
+    "Motions",
+    "Phase",
+    "Pose",
+    "Rate",
+    "States",
+    "missing",
+    "slopes",
+]

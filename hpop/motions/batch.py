@@ -1,0 +1,276 @@
+"""A batch of motions under one law, and the integrals and worst moments of rates along them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.math import hypot, is_symbolic, smooth_abs
+from hpop.motions.instants import Instants, Rate
+from hpop.motions.laws import Curve, Law, Model, Phase, slopes
+from hpop.motions.states import Pose, States, picked_states
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
+CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
+SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
+GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A moving body as a criterion sees it over a batch of motions.
+
+    start, end  poses at both ends of each motion
+    length      (M,)  m    path length
+    turned      (M,)  rad  absolute rotation
+    rotation    (M,)  rad  signed rotation, counter-clockwise positive
+    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none: the motion itself,
+                      or maximal stretches of a curve in which the heading changes with one sign
+    """
+
+    start: Pose
+    end: Pose
+    length: Column
+    turned: Column
+    rotation: Column
+    turns: tuple[Column, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """A batch of M motions under one law.
+
+    world   the workspace, for fields and obstacles
+    model   the system that moves
+    law     the one law of the batch
+    start   states (M,) where each motion begins
+    end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
+    t0      (M,) s start time of each motion, or None on a graph without time
+    panels  quadrature panels a phase; None takes as many as the lengths ask for, which symbols cannot know (they get 3)
+    turns   (M,) rad, two columns: signed rotations of the turns that end in each motion along a curve; None where no
+            motion knows its neighbours
+    """
+
+    world: World
+    model: Model
+    law: Law
+    start: States
+    end: States
+    t0: Column | None = None
+    panels: int | None = None
+    turns: tuple[Column, Column] | None = None
+
+    def __len__(self) -> int:
+        return self.start.size
+
+    @property
+    def kind(self) -> str:
+        """Kind of the motions: the name of their law."""
+        return self.law.kind
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """The law's timing of these motions."""
+        return self.law.phases(self.start, self.end)
+
+    @cached_property
+    def duration(self) -> Column:
+        """Duration (M,), s."""
+        return sum(phase.duration for phase in self.phases)
+
+    @cached_property
+    def base(self) -> Body:
+        """The robot's base."""
+        return self._body("base")
+
+    @cached_property
+    def camera(self) -> Body:
+        """The camera."""
+        return self._body("camera")
+
+    def _body(self, name: str) -> Body:
+        law, rotation = self.law, self.law.turned(self.start, self.end)
+        turned: Column = smooth_abs(rotation)
+        turns: tuple[Column, ...] = (rotation,)
+        if isinstance(law, Curve):
+            turned, turns = law.swept(self.start, self.end), self.turns or law.bends(self.start, self.end)
+        return Body(
+            start=self.model.pose(name, self.start),
+            end=self.model.pose(name, self.end),
+            length=self._length(name),
+            turned=turned,
+            rotation=rotation,
+            turns=turns,
+        )
+
+    def _length(self, name: str) -> Column:
+        """Path length (M,) of a body, m; on curves one off the axis goes now a longer, now a shorter way than it."""
+        lever = self.model.lever(name)
+        if lever and isinstance(self.law, Curve):
+            return self.integrate(lambda s: hypot(*s.velocity(self.model.pose(name, s.state))))
+        return self.law.travel(self.start, self.end, lever)
+
+    def integrate(self, rate: Rate) -> Column:
+        """Time integral (M,) of a rate along each motion.
+
+        Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
+        degrees. A rate that reads nothing that changes (the camera's position during a turn about it) is exact.
+        """
+        constant = self._constant(rate)
+        if constant is not None:
+            return constant * self.duration
+        total: Column = 0.0
+        for phase in self.phases:
+            total = total + phase.duration * self._phase_mean(rate, phase)
+        return total
+
+    def worst(self, rate: Rate) -> Column:
+        """Largest value (M,) of a rate along each motion, over panel ends and middles.
+
+        A rate that changes by at most c a metre is missed by at most c/4 of a field cell.
+        """
+        constant = self._constant(rate)
+        if constant is not None:
+            return constant
+        largest: Column = None
+        for phase in self.phases:
+            value = self._phase_worst(rate, phase)
+            largest = value if largest is None else np.maximum(largest, value)
+        return largest
+
+    def moment(self, share: float) -> Instants:
+        """The moment (M,) in each motion when a share of its time has passed; under laws of one phase."""
+        (phase,) = self.phases
+        return self._instants(phase, share, None)
+
+    def _constant(self, rate: Rate) -> Column | None:
+        """The rate (M,), if nothing that it reads changes within the motions; else None.
+
+        What it reads is learnt from one motion. Motions in a row that begin alike in that (the turns at one place of a
+        lattice) are then evaluated once.
+        """
+        phase, fixed = self.phases[0], self.law.varies | {"t", "velocity"}
+        if self._symbolic:
+            instants = self._instants(phase, 0.0, None)
+            value = rate(instants)
+            return None if instants.read & fixed else value
+        probe = self._instants(phase, 0.0, np.zeros(min(1, len(self)), dtype=np.int64))
+        rate(probe)
+        if probe.read & fixed:
+            return None
+        new = np.zeros(len(self), dtype=bool)
+        new[:1] = True
+        for name in probe.read:
+            column = getattr(self.start, name)
+            new[1:] |= column[1:] != column[:-1]
+        first = np.flatnonzero(new)
+        instants = self._instants(phase, 0.0, first)
+        values = np.broadcast_to(rate(instants), first.shape)
+        if instants.read - probe.read:  # it reads more elsewhere: take no shortcut
+            return None
+        return np.repeat(values, np.diff(np.append(first, len(self))))
+
+    @property
+    def _symbolic(self) -> bool:
+        names = self.start.names
+        return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
+
+    def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
+        if self._symbolic:
+            count = self.panels or SYMBOLIC_PANELS
+            nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
+            return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
+        owner, u, weight = self._nodes(phase, GAUSS_NODES)
+        values = rate(self._instants(phase, u, owner))
+        return np.bincount(owner, weight * values, minlength=len(self))
+
+    def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
+        ends_and_middles = np.array([0.0, 0.5, 1.0])
+        if self._symbolic:
+            count = self.panels or SYMBOLIC_PANELS
+            nodes = sorted({(i + e) / count for i in range(count) for e in ends_and_middles})
+            values = [rate(self._instants(phase, u, None)) for u in nodes]
+            largest = values[0]
+            for value in values[1:]:
+                largest = np.maximum(largest, value)
+            return largest
+        owner, u, _ = self._nodes(phase, ends_and_middles)
+        values = rate(self._instants(phase, u, owner))
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        return np.maximum.reduceat(np.broadcast_to(values, owner.shape), first)
+
+    def _nodes(self, phase: Phase, within: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
+        panels = self._panels(phase)
+        owner = np.repeat(np.arange(len(self)), panels)
+        panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
+        count = panels[owner]
+        u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
+        weight = np.repeat(1.0 / (count * within.size), within.size)
+        return np.repeat(owner, within.size), u, weight
+
+    def _panels(self, phase: Phase) -> IntArray:
+        """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
+        if self.panels is not None:
+            return np.full(len(self), self.panels)
+        share = phase.end - phase.begin
+        farthest = self.law.travel(self.start, self.end, self.model.lever("camera"))
+        lengths = np.maximum(self.base.length, farthest) * share / self.world.cell
+        angles = self.base.turned * share / PANEL_ANGLE
+        # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
+        stretch = {"speed-up": 2.0, "slow-down": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
+        panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
+        return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
+
+    def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
+        """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""
+
+        def pick(column: Column) -> Column:
+            return column if owner is None else column[owner]
+
+        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
+        start, end = picked_states(self.start, pick), picked_states(self.end, pick)
+        share = picked.share(u)
+
+        def column(name: str) -> Column:
+            if name not in self.law.varies:
+                return getattr(start, name)
+            return self.law.interpolate(name, start, end, share)
+
+        @cache
+        def share_rates() -> tuple[Column, Column]:
+            return picked.share_rates(u)
+
+        def derivatives(name: str) -> tuple[Column, Column]:
+            if name not in self.law.varies:
+                return 0.0 * picked.duration, 0.0 * picked.duration
+            first, second = share_rates()
+            slope, bend = slopes(self.law, name, start, end, share)
+            return slope * first, bend * first * first + slope * second
+
+        t = None
+        if self.t0 is not None:
+            t = pick(self.t0 + self._elapsed_before(phase)) + u * picked.duration
+        return Instants(self, len(self) if owner is None else owner.size, t, column, derivatives)
+
+    def _elapsed_before(self, phase: Phase) -> Column:
+        """Time (M,) from the start of each motion to the start of a phase, s."""
+        elapsed: Column = 0.0
+        for other in self.phases:
+            if other is phase:
+                break
+            elapsed = elapsed + other.duration
+        return elapsed
+
+
+def missing(requires: Collection[str], model: Model, world: World) -> list[str]:
+    """What a criterion requires and neither the model nor the world has, sorted."""
+    return sorted(set(requires) - model.provides - world.contents)

@@ -1,0 +1,123 @@
+"""What moves, and by which laws: the protocols that models and motion laws follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.motions.states import Pose, States
+
+
+class Phase(NamedTuple):
+    """One smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
+
+    duration  (M,)  s
+    begin     (M,)  share of the motion done when the phase begins
+    end       (M,)  share done when it ends
+    shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
+              evenly, but the states do not change in proportion to it
+    """
+
+    duration: Column
+    begin: Column
+    end: Column
+    shape: str
+
+    def share(self, u: Column) -> Column:
+        """Share of the motion done at fraction ``u`` of the phase's time."""
+        grown = {"hold": 0.0 * u, "cruise": u, "drive": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
+        return self.begin + (self.end - self.begin) * grown
+
+    def share_rates(self, u: Column) -> tuple[Column, Column]:
+        """First and second time derivative of the share, 1/s and 1/s², at fraction ``u`` of the phase's time."""
+        first, second = {
+            "hold": (0.0 * u, 0.0),
+            "cruise": (1.0 + 0.0 * u, 0.0),
+            "drive": (1.0 + 0.0 * u, 0.0),
+            "speed-up": (2.0 * u, 2.0),
+            "slow-down": (2.0 - 2.0 * u, -2.0),
+        }[self.shape]
+        lasts = self.duration > 0
+        frequency = np.where(lasts, 1.0 / np.where(lasts, self.duration, 1.0), 0.0)
+        scale = (self.end - self.begin) * frequency
+        return scale * first, scale * frequency * second
+
+
+class Law(Protocol):
+    """How one kind of motion goes from its start state to its end state."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the law: "move", "turn"."""
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """Names of the states that change within a motion; all others keep their start value."""
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """Timing, in order; the durations add up to the motion's."""
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """State ``name`` where ``share`` of the motion is done."""
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        """Path length (M,), m, of a point of the robot ``lever`` metres from the base's axis."""
+
+    def turned(self, start: States, end: States) -> Column:
+        """Signed rotation (M,), rad, of the base."""
+
+
+@runtime_checkable
+class Curve(Law, Protocol):
+    """A law of curves: what it varies is not in proportion to the share done, and its yaw rate may change its sign.
+
+    All others are taken to change their states evenly with the share, and each of their motions for one whole turn.
+    """
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """Names of the states that it needs beside the model's own."""
+
+    def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+        """First and second derivative of state ``name`` by the share."""
+
+    def swept(self, start: States, end: States) -> Column:
+        """Absolute rotation (M,), rad, of the base."""
+
+    def bends(self, start: States, end: States) -> tuple[Column, Column]:
+        """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
+
+    def strays(self, start: States, end: States) -> Column:
+        """How far (M,), m or rad, the end is from where the law leads from the start."""
+
+
+def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+    """First and second derivative of a state by the share of the motion done."""
+    if isinstance(law, Curve):
+        return law.slopes(name, start, end, share)
+    return getattr(end, name) - getattr(start, name), 0.0
+
+
+class Model(Protocol):
+    """A system: what moves, by which laws, and where its camera is."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Names of the bodies that criteria can ask for: "base", "camera"."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the state columns, in order."""
+
+    @property
+    def laws(self) -> Mapping[str, Law]:
+        """Motion laws by kind."""
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of a body in each of the states."""
+
+    def lever(self, body: str) -> float:
+        """Distance of a body from the base's axis, m."""
