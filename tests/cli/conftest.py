@@ -1,0 +1,100 @@
+"""What the tests of the command line share: a room with a map and a scenario, and ways to run commands on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner, Result
+
+import hpop.view
+from hpop.cli import main
+
+ROOM = """\
+world:
+  ros_map: {path: map.yaml}
+model:
+  differential_drive: {radius: 0.2}
+start: [0.5, 0.5, 0]
+goal: [3.5, 0.5, 0]
+criteria: [turns, length]
+planner:
+  lattice: {step: 0.5}
+"""
+MAP = {
+    "image": "map.pgm",
+    "resolution": 0.1,
+    "origin": [0, 0, 0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.2,
+}
+
+
+@pytest.fixture(scope="session")
+def write_map() -> Callable[..., None]:
+    def write_map(folder: Path, door: float = 1.0, **keys: object) -> None:
+        """A room of 4 x 2 m with a wall in the middle; the door in it (m wide) is at the top."""
+        pixels = np.full((20, 40), 255, dtype=np.uint8)
+        pixels[round(10 * door) :, 19:21] = 0
+        (folder / "map.pgm").write_bytes(b"P5\n40 20\n255\n" + pixels.tobytes())
+        (folder / "map.yaml").write_text(yaml.safe_dump(MAP | keys))
+
+    return write_map
+
+
+@pytest.fixture(scope="session")
+def write() -> Callable[..., None]:
+    def write(folder: Path, *changes: tuple[str, str]) -> None:
+        """The scenario, with some of its text replaced."""
+        text = ROOM
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (folder / "room.yaml").write_text(text)
+
+    return write
+
+
+@pytest.fixture
+def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., None]) -> Path:
+    """Folder with a map and a scenario that has a front."""
+    write_map(tmp_path)
+    write(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are tested elsewhere and take a second each."""
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+
+
+@pytest.fixture(scope="session")
+def run() -> Callable[..., Result]:
+    def run(*arguments: object) -> Result:
+        """Run a command; it may fail, but never with a traceback."""
+        result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+        assert "Traceback" not in result.output
+        return result
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def plan(run: Callable[..., Result]) -> Callable[..., Result]:
+    return lambda folder: run("plan", folder / "room.yaml", "--out", folder / "out")
+
+
+@pytest.fixture(scope="session")
+def refused() -> Callable[..., None]:
+    def refused(result: Result, code: int, *said: str) -> None:
+        """It ends with this exit code, and all this is said on standard error."""
+        assert (result.exit_code, [text for text in said if text not in result.stderr]) == (code, []), result.stderr
+        assert result.stderr.startswith("error: ")
+
+    return refused

@@ -1,0 +1,132 @@
+"""`hpop check`, the lists of criteria and planners, and how light the command is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from hpop import registry
+
+PLUGIN = """\
+from dataclasses import dataclass
+import hpop
+
+@hpop.criterion("{name}", group="C", unit="m", aggregate="sum")
+@dataclass(frozen=True)
+class Mine:
+    def cost(self, m):
+        return {cost}
+
+@hpop.criterion("{name}-needy", group="C", unit="m", aggregate="sum")
+@dataclass(frozen=True)
+class Needy:
+    much: float
+    def cost(self, m):
+        return m.base.length
+
+number = 3
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    return tmp_path
+
+
+def test_a_good_criterion_of_this_folder_passes_every_check(run: Callable[..., Result], here: Path) -> None:
+    (here / "good_plugin.py").write_text(PLUGIN.format(name="way", cost="m.base.length"))
+    result = run("check", "good_plugin:Mine")
+    assert result.exit_code == 0
+    assert "FAIL" not in result.stdout
+    assert result.stdout.count("ok") > 5
+
+
+def test_a_criterion_with_negative_costs_fails_by_name(
+    run: Callable[..., Result], refused: Callable[..., None], here: Path
+) -> None:
+    (here / "bad_plugin.py").write_text(PLUGIN.format(name="gain", cost="-m.base.length"))
+    result = run("check", "bad_plugin:Mine")
+    refused(result, 8, "criterion 'gain' fails")
+    assert "must cost a finite number >= 0" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("spec", "code", "said"),
+    [
+        ("turnz", 7, "Did you mean 'turns'?"),
+        ("odd_plugin:Gone", 8, "Gone"),
+        ("odd_plugin:number", 8, "declare a class with @hpop.criterion"),
+        ("odd_plugin:Needy", 8, "needs defaults"),
+        ("no_such_plugin:Mine", 8, "cannot import 'no_such_plugin'"),
+        (":Mine", 8, "cannot import"),
+        ("broken_plugin:Mine", 8, "SyntaxError"),
+        ("raising_plugin:Mine", 8, "ZeroDivisionError"),
+        ("odd_plugin:", 8, "MODULE:NAME"),
+    ],
+)
+def test_what_cannot_be_checked_says_why(
+    run: Callable[..., Result], refused: Callable[..., None], here: Path, spec: str, code: int, said: str
+) -> None:
+    (here / "odd_plugin.py").write_text(PLUGIN.format(name="odd", cost="m.base.length"))
+    (here / "broken_plugin.py").write_text("class :")
+    (here / "raising_plugin.py").write_text("1 / 0")
+    sys.modules.pop("odd_plugin", None)
+    refused(run("check", spec), code, said)
+
+
+def test_criteria_and_planners_are_listed_with_their_parameters(run: Callable[..., Result]) -> None:
+    listed = run("criteria").stdout
+    assert all(f"  {name}  " in listed for name in registry.criteria)
+    assert "radius=2.0" in listed
+    listed = run("planners").stdout
+    assert all(f"  {name}  " in listed for name in registry.planners)
+    assert "step=0.25" in listed
+    assert max(map(len, listed.splitlines())) <= 80
+
+
+def python(*arguments: str, code: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+HEAVY = {"numpy", "scipy", "numba", "casadi", "cvxpy", "matplotlib", "pydantic", "shapely", "networkx", "rich", "yaml"}
+LOADED = "\nimport sys; print('loaded:', *sorted({name.partition('.')[0] for name in sys.modules}))"
+
+
+def loaded(code: str, *arguments: str) -> set[str]:
+    done = python(*arguments, code=code + LOADED)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["--version"]])
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    code = "from hpop.cli import main\ntry: main()\nexcept SystemExit as end: assert not end.code"
+    modules = loaded(code, *arguments)
+    assert "hpop" in modules
+    assert modules & HEAVY == set()
+
+
+def test_importing_the_package_is_light() -> None:
+    assert loaded("import hpop") & HEAVY == set()
+    assert loaded("import hpop; hpop.Problem") & {"casadi", "cvxpy", "numba", "matplotlib", "pydantic"} == set()
+
+
+def test_the_installed_command_answers(room: Path) -> None:
+    command = Path(sys.executable).with_name("hpop")
+    if not command.exists():
+        pytest.skip("the console script is not installed beside this Python")
+    done = subprocess.run(
+        [command, "plan", room / "gone.yaml", "--out", room / "out"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (4, "")
+    assert done.stderr.startswith("error: ")
+    assert subprocess.run([command, "plan"], capture_output=True, check=False).returncode == 2

@@ -1,0 +1,65 @@
+"""Ctrl-C while a real process of `hpop plan` searches."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import yaml
+
+from hpop.front import Front
+
+
+def until(terminal: int, pattern: bytes, seconds: float) -> bytes:
+    """What a terminal shows until some pattern appears."""
+    seen, end = b"", time.monotonic() + seconds
+    while not re.search(pattern, seen) and time.monotonic() < end:
+        if select.select([terminal], [], [], 0.2)[0]:
+            seen += os.read(terminal, 65536)
+    assert re.search(pattern, seen), seen[-2000:]
+    return seen
+
+
+def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
+    """Six costs in a large room with scattered pillars: a search that would take far longer than this test."""
+    pillars = [(x + 0.37 * (y % 3), y) for x in range(2, 28, 3) for y in range(2, 18, 3)]
+    boxes = [{"corners": [[x, y], [x + 0.6, y], [x + 0.6, y + 0.7], [x, y + 0.7]]} for x, y in pillars]
+    scenario = {
+        "world": {"polygons": {"extent": [[0, 0], [30, 0], [30, 20], [0, 20]], "obstacles": boxes}},
+        "start": [1.0, 1.0, 0],
+        "goal": [29.0, 19.0, "any"],
+        "criteria": ["exposure", "turns", "length", "duration", "rotation", "clearance"],
+        "planner": {"lattice": {"step": 0.25}},
+    }
+    (tmp_path / "room.yaml").write_text(yaml.safe_dump(scenario))
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from hpop.cli import main; main()", "plan", "room.yaml", "--out", "out"]
+    environment = os.environ | {"TERM": "xterm", "COLUMNS": "120"}
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs, env=environment, text=True)
+    os.close(theirs)
+    try:
+        # Only the exact search has millions of labels: first answers take a fraction of a second.
+        seen = until(ours, rb"\d,\d{3},\d{3} labels, [\d,]+ open, front [1-9]", 60)
+        assert b"search" in seen
+        assert b" MB" in seen
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+    assert process.returncode == 130
+    assert "status: interrupted" in output
+    assert "incomplete (interrupted)" in output
+    front = Front.load(tmp_path / "out" / "front.json")
+    assert len(front) > 0
+    assert front.status == "interrupted"
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}

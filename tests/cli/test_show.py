@@ -1,0 +1,104 @@
+"""`hpop show`: a front that is not what it claims to be is found out, and never shown as if it were."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+
+def edited(path: Path, change: Callable[[dict], object]) -> None:
+    data = json.loads(path.read_text())
+    change(data)
+    path.write_text(json.dumps(data))
+
+
+def moved(data: dict, name: str, by: float) -> None:
+    """Shift one state along the whole first trajectory."""
+    states = data["points"][0]["item"]["states"]
+    states[name] = [value + by for value in states[name]]
+
+
+@pytest.fixture
+def saved(plan: Callable[..., Result], room: Path, no_pictures: None) -> Path:
+    plan(room)
+    return room / "out" / "front.json"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d["points"][0]["costs"].__setitem__(1, d["points"][0]["costs"][1] - 0.5), "length is saved as"),
+        (lambda d: moved(d, "y", 0.05), "does not begin at the start"),
+        (lambda d: moved(d, "x", 1e12), "leaves the map"),
+        (lambda d: moved(d, "yaw", 0.5), "does not go ahead"),
+        (lambda d: d["points"][0]["item"]["states"]["y"].__setitem__(0, 0.7), "turn does not change y"),
+        (lambda d: d["criteria"][1].__setitem__("unit", "km"), "km"),
+        (lambda d: d["problem"].__setitem__("goal", [0.5, 1.0, 0.0]), "from the goal"),
+    ],
+)
+def test_a_front_edited_by_hand_is_found_out(
+    run: Callable[..., Result], saved: Path, change: Callable[[dict], object], said: str
+) -> None:
+    edited(saved, change)
+    result = run("show", saved)
+    assert result.exit_code == 12
+    assert said in result.stderr
+    assert "does not hold what it claims" in result.stderr or "cannot be decoded" in result.stderr
+    assert "knee" not in result.stdout  # what is wrong is not shown as if it were right
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda d: d.pop("status"), 12),
+        (lambda d: d.update(version=99), 12),
+        (lambda d: d.update(schema="other"), 12),
+        (lambda d: d.update(problem=None), 12),
+        (lambda d: d["problem"].update(model=5), 12),
+        (lambda d: d["problem"].update(model={"differential_drive": 5}), 12),
+        (lambda d: d["problem"].update(model={"differential_drive": {"radius": "wide"}}), 12),
+        (lambda d: d["problem"].update(criteria=5), 5),
+        (lambda d: d["problem"].update(criteria=[{"turns": 5}]), 5),
+        (lambda d: d["problem"].update(criteria=["turnz"]), 7),
+        (lambda d: d["problem"].update(start="here"), 5),
+        (lambda d: d["problem"].pop("goal"), 5),
+        (lambda d: d["problem"].update(world=[]), 3),
+        (lambda d: d["points"][0].update(item=[1, 2]), 12),
+        (lambda d: d["points"][0]["item"].update(kinds=["fly"]), 12),
+        (lambda d: d["points"][0]["item"]["states"].update(x=[0.0]), 12),
+        (lambda d: d["points"].append(d["points"][0]), 12),
+        (lambda d: d["criteria"][0].update(name="[/bold]"), 12),
+        (lambda d: d["runs"].append({"notes": 5, "planner": "[/red]"}), 0),
+    ],
+)
+def test_a_front_that_is_no_front_is_refused_without_a_traceback(
+    run: Callable[..., Result], saved: Path, change: Callable[[dict], object], code: int
+) -> None:
+    edited(saved, change)
+    result = run("show", saved.parent)
+    assert result.exit_code == code
+    assert result.stderr.startswith(("error: ", "fault: ") if code else "")
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[" * 100_000, b"null", b'{"schema": NaN}', b"\xff\xfe"])
+def test_a_file_that_is_no_json_is_refused(
+    run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path, content: bytes
+) -> None:
+    (tmp_path / "front.json").write_bytes(content)
+    refused(run("show", tmp_path), 12, "front.json")
+
+
+def test_showing_what_is_not_there(run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path) -> None:
+    refused(run("show", tmp_path), 12, "No such file", "the folder that `hpop plan` wrote")
+    refused(run("show", tmp_path / "gone"), 12, "No such file")
+
+
+def test_a_map_that_changed_since_the_front_was_saved(
+    run: Callable[..., Result], refused: Callable[..., None], write_map: Callable[..., None], saved: Path, room: Path
+) -> None:
+    write_map(room, door=1.2)
+    refused(run("show", saved), 3, "has changed since this was saved")
