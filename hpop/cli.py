@@ -1,13 +1,15 @@
 """The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``planners``.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 nothing found within the limits, 130 interrupted (what was found is kept), and those of
-:mod:`hpop.errors`.
+usage, 6 no path, 13 nothing found within the limits, 130 interrupted by Ctrl-C or SIGTERM (what was found is kept), and
+those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -45,7 +47,8 @@ def _user_errors(command: F) -> F:
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
         try:
-            return command(*args, **kwargs)
+            with _sigterm_interrupts():
+                return command(*args, **kwargs)
         except HpopError as error:
             code, text = error.exit_code, str(error)
         except KeyboardInterrupt:
@@ -56,6 +59,19 @@ def _user_errors(command: F) -> F:
         sys.exit(code)
 
     return cast(F, guarded)
+
+
+@contextmanager
+def _sigterm_interrupts() -> Iterator[None]:
+    """SIGTERM (kill, timeout, the end of a batch job's time) does what Ctrl-C does: hours of search are not lost."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,4 +1,4 @@
-"""Ctrl-C while a real process of `hpop plan` searches."""
+"""Ctrl-C and SIGTERM while a real process of `hpop plan` searches."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 import yaml
 
 from hpop.front import Front
@@ -27,18 +28,22 @@ def until(terminal: int, pattern: bytes, seconds: float) -> bytes:
     return seen
 
 
-def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
-    """Six costs in a large room with scattered pillars: a search that would take far longer than this test."""
+def scenario(folder: Path) -> None:
+    """Six costs in a large room with scattered pillars: a search that would take far longer than these tests."""
     pillars = [(x + 0.37 * (y % 3), y) for x in range(2, 28, 3) for y in range(2, 18, 3)]
     boxes = [{"corners": [[x, y], [x + 0.6, y], [x + 0.6, y + 0.7], [x, y + 0.7]]} for x, y in pillars]
-    scenario = {
+    content = {
         "world": {"polygons": {"extent": [[0, 0], [30, 0], [30, 20], [0, 20]], "obstacles": boxes}},
         "start": [1.0, 1.0, 0],
         "goal": [29.0, 19.0, "any"],
         "criteria": ["exposure", "turns", "length", "duration", "rotation", "clearance"],
         "planner": {"lattice": {"step": 0.25}},
     }
-    (tmp_path / "room.yaml").write_text(yaml.safe_dump(scenario))
+    (folder / "room.yaml").write_text(yaml.safe_dump(content))
+
+
+def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
+    scenario(tmp_path)
     ours, theirs = pty.openpty()
     command = [sys.executable, "-c", "from hpop.cli import main; main()", "plan", "room.yaml", "--out", "out"]
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "120"}
@@ -63,3 +68,31 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
     assert front.status == "interrupted"
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+
+
+@pytest.mark.parametrize(
+    "ignoring", ["", "trap '' INT; "], ids=["as a job", "where Ctrl-C is ignored, as for jobs of a script"]
+)
+def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(tmp_path: Path, ignoring: str) -> None:
+    scenario(tmp_path)
+    often = "from hpop.planners.search.checkpoint import Checkpoint; Checkpoint.__init__.__defaults__ = (0.0,)"
+    plan = [sys.executable, "-c", f"{often}; from hpop.cli import main; main()"]
+    plan += ["plan", "room.yaml", "--out", "out", "--checkpoint", "search.ckpt"]
+    command = ["sh", "-c", ignoring + 'exec "$@"', "sh", *plan]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        end = time.monotonic() + 60
+        while not (tmp_path / "search.ckpt").exists():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        process.send_signal(signal.SIGTERM)
+        output, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 130, errors
+    assert "status: interrupted" in output
+    assert "plan again with --checkpoint search.ckpt to go on" in output
+    front = Front.load(tmp_path / "out" / "front.json")
+    assert (len(front) > 0, front.status) == (True, "interrupted")
+    assert (tmp_path / "out" / "map.png").exists()
