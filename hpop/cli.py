@@ -263,7 +263,7 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 def _tidy(checkpoint: str, front: Front) -> None:
     """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
-    from hpop.frontier.front import JOINT
+    from hpop.frontier.union import JOINT
     from hpop.status import Status
 
     file = Path(checkpoint).resolve()

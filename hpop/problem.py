@@ -14,7 +14,7 @@ import numpy as np
 from hpop.criteria.base import Criterion, describe_criterion, make_criterion, trajectory_costs
 from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.front import Front
-from hpop.frontier.front import JOINT
+from hpop.frontier.union import JOINT
 from hpop.models import DifferentialDrive
 from hpop.motions import missing
 from hpop.planners.base import Candidates, Planner, joined, make_planner, staged, sweeps

@@ -5,15 +5,15 @@ The package knows cost arrays and opaque items, nothing of robots. Everything is
 
 from __future__ import annotations
 
-from hpop.frontier.choosing import UnknownColumnError
 from hpop.frontier.dominance import dominates, is_nondominated, quantised
+from hpop.frontier.errors import FrontError, FrontFileError, UnknownColumnError
 from hpop.frontier.front import Front
 from hpop.frontier.indicators import additive_epsilon, hypervolume
 from hpop.frontier.point import Point
-from hpop.frontier.storage import FrontFileError
 
 __all__ = [
     "Front",
+    "FrontError",
     "FrontFileError",
     "Point",
     "UnknownColumnError",

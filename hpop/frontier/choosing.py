@@ -18,6 +18,7 @@ from numbers import Real
 import numpy as np
 
 from hpop.frontier.dominance import FloatArray
+from hpop.frontier.errors import FrontError, UnknownColumnError
 
 # Scaled values are of order one; differences below this are rounding.
 TIE = 1e-12
@@ -25,10 +26,6 @@ TIE = 1e-12
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # Weight of the sum in the augmented Chebyshev function: small beside the maximum, enough to break its ties.
 AUGMENTATION = 1e-4
-
-
-class UnknownColumnError(LookupError):
-    """The front has no criterion or reported value of this name."""
 
 
 def column_index(name: str, names: Sequence[str]) -> int:
@@ -39,18 +36,18 @@ def column_index(name: str, names: Sequence[str]) -> int:
     """
     if name in names:
         return list(names).index(name)
-    near = difflib.get_close_matches(name, names, n=1)
+    near = difflib.get_close_matches(str(name), names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
     raise UnknownColumnError(f"the front has no {name!r}; known: {', '.join(names)}.{hint}")
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
     """Return the values of a mapping, refusing an empty one and anything but finite numbers."""
-    if not values:
-        raise ValueError(f"expected {what} for at least one criterion, got none")
+    if not isinstance(values, Mapping) or not values:
+        raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {values!r:.80}")
     for name, value in values.items():
         if not isinstance(value, Real) or not math.isfinite(value):
-            raise ValueError(f"{what} must be finite numbers, got {value!r} for {name!r}")
+            raise FrontError(f"{what} must be finite numbers, got {value!r:.80} for {name!r}")
     return np.array([float(value) for value in values.values()])
 
 
@@ -119,7 +116,7 @@ def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
         Not negative, not all zero; their common scale does not matter.
     """
     if not np.isfinite(weights).all() or (weights < 0).any() or not weights.any():
-        raise ValueError(f"weights must be finite, not negative and not all zero, got {weights.tolist()}")
+        raise FrontError(f"weights must be finite, not negative and not all zero, got {weights.tolist()}")
     z = _scaled(Y)
     return _least(z @ (weights / weights.max()), z.sum(axis=1))
 

@@ -12,14 +12,12 @@ from typing import Any, Generic, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.frontier import choosing, storage
+from hpop.frontier import choosing, storage, union
 from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quantised
+from hpop.frontier.errors import FrontError, FrontFileError
 from hpop.frontier.point import Point
 
 T = TypeVar("T")
-
-# What joins the statuses and the certificates of the fronts that a union was made of.
-JOINT = " | "
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,48 +198,11 @@ provenance, problem, runs
         return f"<Front: {len(self)} points of {criteria}; {self.status}; {self.certificate}>"
 
     def __or__(self, other: Self) -> Self:
-        """Join two fronts of the same problem: the non-dominated points of both together.
+        """Join two fronts of the same problem: the non-dominated points of both, see :func:`hpop.frontier.union.join`.
 
-        In costs the union is commutative, associative and idempotent. The status is "complete" if both are,
-        else it lists the distinct ones. The certificate lists the distinct ones of its sources, joined by
-        " | ": each still holds for the search space it speaks of, because every cost vector of a source is
-        matched or dominated by a point of the union, but none speaks of the points that came from elsewhere.
-
-        Raises
-        ------
-        ValueError
-            If the criteria, their units, groups or quanta, the reported values or the problems differ.
+        Raises FrontError if their criteria, units, groups, quanta, reported values or problems differ.
         """
-        if not isinstance(other, Front):
-            return NotImplemented
-        for name in ("names", "units", "groups"):
-            self._require_same(name, getattr(self, name), getattr(other, name))
-        self._require_same("quanta", self.quanta.tolist(), other.quanta.tolist())
-        mine = dict(zip(self.reported_names, self.reported_units, strict=True))
-        theirs = dict(zip(other.reported_names, other.reported_units, strict=True))
-        self._require_same("reported values", sorted(mine.items()), sorted(theirs.items()))
-        if self.problem is not None and other.problem is not None:
-            keys = sorted(self.problem.keys() | other.problem.keys())
-            differing = [k for k in keys if self.problem.get(k, ...) != other.problem.get(k, ...)]
-            self._require_same("problems", *({k: p.get(k) for k in differing} for p in (self.problem, other.problem)))
-        columns = [other.reported_names.index(name) for name in self.reported_names]
-        runs = self.runs + other.runs
-        return type(self).of(
-            np.concatenate([self.costs, other.costs]),
-            self.items + other.items,
-            names=self.names,
-            units=self.units,
-            quanta=self.quanta,
-            groups=self.groups,
-            reported=np.concatenate([self.reported, other.reported[:, columns]]),
-            reported_names=self.reported_names,
-            reported_units=self.reported_units,
-            status=_joined(self.status, other.status),
-            certificate=_joined(self.certificate, other.certificate),
-            provenance=self.provenance + other.provenance,
-            problem=other.problem if self.problem is None else self.problem,
-            runs=[run for i, run in enumerate(runs) if run not in runs[:i]],
-        )
+        return union.join(self, other) if isinstance(other, Front) else NotImplemented
 
     def ideal(self) -> FloatArray:
         """Return the best value of each criterion over the front, (k,)."""
@@ -270,7 +231,7 @@ provenance, problem, runs
         Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
         """
         if isinstance(order, str) or len(set(order)) != len(order) or not order:
-            raise ValueError(f"expected a list of distinct criteria, got {order!r}")
+            raise FrontError(f"expected a list of distinct criteria, got {order!r:.80}")
         columns = [choosing.column_index(name, self.names) for name in order]
         return self[choosing.lexicographic(self._counts(), columns)]
 
@@ -279,9 +240,8 @@ provenance, problem, runs
 
         Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
         """
-        vector = np.zeros(len(self.names))
-        columns = [choosing.column_index(name, self.names) for name in weights]
-        vector[columns] = choosing.named_numbers("weights", weights)
+        values, vector = choosing.named_numbers("weights", weights), np.zeros(len(self.names))
+        vector[[choosing.column_index(name, self.names) for name in weights]] = values
         return self[choosing.weighted_sum(self._counts(), vector)]
 
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
@@ -366,14 +326,14 @@ provenance, problem, runs
             try:
                 items.append(item if decode is None else decode(item))
             except Exception as error:
-                raise storage.FrontFileError(
+                raise FrontFileError(
                     f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error}); "
                     "pass the decode= that belongs to the encode= it was saved with"
                 ) from error
         try:
             return cls(**{**stored, "items": items})  # type: ignore[arg-type]
         except ValueError as error:
-            raise storage.FrontFileError(f"{path}: expected a front, found that {error}") from error
+            raise FrontFileError(f"{path}: expected a front, found that {error}") from error
 
     def _counts(self) -> FloatArray:
         """Return the costs as float64 counts of quanta, for choosing."""
@@ -383,12 +343,7 @@ provenance, problem, runs
     def _require_points(self) -> None:
         """Refuse to choose from nothing."""
         if len(self) == 0:
-            raise ValueError(f"the front has no points to choose from; its status is {self.status!r}")
-
-    def _require_same(self, what: str, mine: object, theirs: object) -> None:
-        """Refuse a union of fronts that cannot be compared."""
-        if mine != theirs:
-            raise ValueError(f"a union needs the same {what} on both sides, got {mine} and {theirs}")
+            raise FrontError(f"the front has no points to choose from; its status is {self.status!r}")
 
 
 def _floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
@@ -403,8 +358,3 @@ def _as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
         return cast(dict[str, Any], json.loads(json.dumps(dict(value), allow_nan=False, sort_keys=True)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{what} must be a dict of JSON values, got {value!r:.200} ({error})") from error
-
-
-def _joined(first: str, second: str) -> str:
-    """List distinct statements once, in alphabetical order."""
-    return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))

@@ -8,12 +8,16 @@ know.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import uuid
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypedDict
+
+from hpop.frontier.errors import FrontFileError
 
 SCHEMA = "hpop-front"
 VERSION = 1
@@ -33,10 +37,6 @@ _TOP = {
 _CRITERION = {"name": str, "unit": str, "group": str, "quantum": (int, float)}
 _REPORTED = {"name": str, "unit": str}
 _POINT = {"costs": list, "reported": list, "provenance": dict, "item": object}
-
-
-class FrontFileError(ValueError):
-    """A front cannot be written as JSON, or a file does not hold one."""
 
 
 class StoredFront(TypedDict):
@@ -68,7 +68,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     OSError
         If the folder cannot be written.
     """
-    target = Path(path)
+    target = _path(path)
     try:
         data = json.dumps(_document(stored), allow_nan=False, ensure_ascii=False, indent=1).encode()
         _parse(data)
@@ -82,6 +82,10 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
             f"{target}: the file would be {len(data)} bytes, above the limit of {SIZE_LIMIT}; "
             "let encode= write less of each item, or save fewer points"
         )
+    if not target.parent.exists():
+        raise FileNotFoundError(
+            errno.ENOENT, "the folder for the front is not there; make it first", str(target.parent)
+        )
     partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     try:
         with partial.open("xb") as file:
@@ -89,8 +93,11 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, target)
+    except OSError as error:  # it would name the temporary file
+        raise OSError(error.errno, error.strerror or str(error), str(target)) from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def read(path: str | os.PathLike[str]) -> StoredFront:
@@ -104,7 +111,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
     OSError
         If the file cannot be opened.
     """
-    source = Path(path)
+    source = _path(path)
     with source.open("rb") as file:
         data = file.read(SIZE_LIMIT + 1)
     if len(data) > SIZE_LIMIT:
@@ -149,6 +156,13 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
         problem=top["problem"],
         runs=top["runs"],
     )
+
+
+def _path(path: object) -> Path:
+    """Return a path, or refuse what is none."""
+    if not isinstance(path, str | os.PathLike):
+        raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {path!r:.80}")
+    return Path(path)
 
 
 def _parse(data: bytes) -> Any:

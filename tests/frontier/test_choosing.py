@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hpop.frontier import Front, UnknownColumnError, is_nondominated
+from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
 from hpop.frontier.choosing import achievement, knee, lexicographic, nearest, weighted_sum
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
@@ -212,6 +212,8 @@ def test_weights_that_tie_are_settled_by_the_plain_sum():
     "weights",
     [
         {},
+        ["turns"],
+        3,
         {"turns": -1.0},
         {"turns": np.nan},
         {"turns": np.inf},
@@ -220,22 +222,22 @@ def test_weights_that_tie_are_settled_by_the_plain_sum():
     ],
 )
 def test_weights_that_mean_nothing_are_refused(weights):
-    with pytest.raises(ValueError, match="weights"):
+    with pytest.raises(FrontError, match="weights"):
         front_of([[1.0, 2.0], [2.0, 1.0]]).select(weights)
 
 
-@pytest.mark.parametrize("wishes", [{}, {"turns": np.nan}, {"turns": np.inf}, {"turns": None}])
+@pytest.mark.parametrize("wishes", [{}, 3, {"turns": np.nan}, {"turns": np.inf}, {"turns": None}])
 def test_wishes_that_mean_nothing_are_refused(wishes):
     front = front_of([[1.0, 2.0], [2.0, 1.0]])
-    with pytest.raises(ValueError, match="wishes"):
+    with pytest.raises(FrontError, match="wishes"):
         front.nearest(wishes)
-    with pytest.raises(ValueError, match="aspirations"):
+    with pytest.raises(FrontError, match="aspirations"):
         front.reference_point(wishes)
 
 
 @pytest.mark.parametrize("order", [[], "turns", ["turns", "turns"]])
 def test_an_order_is_a_list_of_distinct_criteria(order):
-    with pytest.raises(ValueError, match="distinct"):
+    with pytest.raises(FrontError, match="distinct"):
         front_of([[1.0, 2.0]]).lexicographic(order)
 
 

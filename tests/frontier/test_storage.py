@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 
 import numpy as np
 import pytest
@@ -147,6 +148,28 @@ def test_nothing_half_written_is_left_when_the_disk_fails(tmp_path, monkeypatch)
         front_of().save(path)
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["front.json"]
+
+
+@pytest.mark.parametrize("place", ["missing/deeper/front.json", "file/front.json", "folder"])
+def test_where_a_front_cannot_be_saved_the_error_names_no_temporary_file(tmp_path, place):
+    (tmp_path / "file").write_text("text")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OSError, match=re.escape(str((tmp_path / place).parent))) as caught:
+        front_of().save(tmp_path / place)
+    assert ".tmp" not in str(caught.value)
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+def test_a_missing_folder_is_named_with_the_way_out(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"not there; make it first: '.*/missing'$"):
+        front_of().save(tmp_path / "missing" / "front.json")
+
+
+@pytest.mark.parametrize("path", [3, None, b"front.json"])
+def test_what_is_no_path_is_refused(path):
+    for use in (front_of().save, Front.load):
+        with pytest.raises(FrontFileError, match="expected the path of a front's file"):
+            use(path)
 
 
 def test_a_file_above_the_limit_is_neither_written_nor_read(tmp_path, monkeypatch):
