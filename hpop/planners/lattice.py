@@ -27,6 +27,8 @@ from hpop.status import Budget, Progress, ProgressCallback
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+UNMOVED = 1e-6  # m: a goal that is snapped less is where it was asked for
+FARTHEST = 0.5  # of the way from the start: a goal that is snapped farther is not the one that was asked for
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 
 
@@ -51,8 +53,8 @@ class Lattice:
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
     lattice is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge;
     every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start;
-    the goal is the nearest free position within step / sqrt(2) from which the robot could go straight to where the
-    goal was asked for.
+    the goal is the nearest free position within step / sqrt(2), and half its distance from the start, from which the
+    robot could go straight to where the goal was asked for.
 
     With ``eps`` or ``tolerance`` a cost vector p that is optimal is covered by a returned one of at most
     (1 + eps) p + tolerance, which need not be optimal itself: far fewer points, and less work. A search that was
@@ -201,7 +203,9 @@ class Lattice:
             ids = [lattice.state(i - lattice.first[0], j - lattice.first[1], h) for h in wanted]
             ids = [one for one in ids if one >= 0 and self._joined(lattice, one, gx, gy)]
             if ids and distance <= self.step / math.sqrt(2) + 1e-9:
-                return start, ids, Snapped((gx, gy), (x + j * self.step, y + i * self.step), distance)
+                snapped = Snapped((gx, gy), (x + j * self.step, y + i * self.step), distance)
+                snapped.refuse_far(math.hypot(gx - x, gy - y), self.step)
+                return start, ids, snapped
         reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
         remedy = f"{reason}. Move it, or take a smaller robot" if reason else ""
         remedy = (
@@ -228,7 +232,27 @@ class Snapped(NamedTuple):
     @property
     def notes(self) -> tuple[str, ...]:
         """A note, if it was moved at all."""
-        if self.distance <= 1e-6:
+        if self.distance <= UNMOVED:
             return ()
         asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
         return (f"the goal {asked} was snapped to {taken}, {self.distance:.3f} m away",)
+
+    def refuse_far(self, length: float, step: float) -> None:
+        """Raise QueryError where a goal so far (m) from the start would become another, or the start itself."""
+        if self.distance > max(FARTHEST * length, UNMOVED):
+            asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
+            raise QueryError(
+                f"a step of {step:g} m is too large for this goal: {asked} is {length:.3f} m from the start, but the "
+                f"nearest usable position of the lattice is {taken}, {self.distance:.3f} m from the goal; take a "
+                f"smaller step, such as {_rounded_down(length / 4):g} m"
+            )
+
+
+def _rounded_down(length: float) -> float:
+    """A length to one significant digit, no larger.
+
+    >>> _rounded_down(0.0379), _rounded_down(6.5)
+    (0.03, 6.0)
+    """
+    digit = 10.0 ** math.floor(math.log10(length))
+    return math.floor(length / digit) * digit

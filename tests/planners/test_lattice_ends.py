@@ -1,6 +1,7 @@
 """Start and goal of the lattice planner: snapped, told, or refused with the reason."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -61,6 +62,31 @@ def test_a_goal_is_never_snapped_through_a_wall():
         solve(problem, step=0.5)
     found = solve(problem, step=0.05)
     assert found.trajectories[0].states.x[-1] in (pytest.approx(5.1 + 0.05 / 2, abs=0.026), pytest.approx(5.15))
+
+
+@pytest.mark.parametrize(
+    ("goal", "step", "taken"),
+    [
+        ((2.0, 4.5, 0.0), 50.0, "(1.000, 2.000), 2.693 m from the goal"),  # the start itself
+        ((2.0, 4.5, None), 5.1, "(1.000, 2.000), 2.693 m from the goal"),
+        ((1.2, 2.2, 0.0), 0.5, "(1.000, 2.000), 0.283 m from the goal"),
+        ((1.3, 2.0, 0.0), 0.5, "(1.500, 2.000), 0.200 m from the goal"),
+    ],
+)
+def test_a_step_so_large_that_the_goal_becomes_another_is_refused_and_the_one_that_is_named_does(goal, step, taken):
+    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), goal, ["length"])
+    with pytest.raises(
+        QueryError, match=rf"a step of {step:g} m is too large for this goal.*{re.escape(taken)}"
+    ) as said:
+        solve(problem, step=step)
+    smaller = float(re.search(r"such as (\S+) m", str(said.value))[1])
+    end = solve(problem, step=smaller).trajectories[0].states
+    assert math.dist((end.x[-1], end.y[-1]), goal[:2]) <= smaller / math.sqrt(2)
+
+
+def test_a_goal_that_differs_from_the_start_by_rounding_is_the_start():
+    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (1.0 + 1e-12, 2.0, 0.0), ["length"])
+    assert solve(problem, step=0.5).planned.tolist() == [[0.0]]
 
 
 @pytest.mark.parametrize(
