@@ -5,7 +5,8 @@ Each criterion is scaled by its range over the front, from the ideal (the best o
 the front cannot distinguish points and is left out. Scaled values that differ by rounding alone are tied;
 every function states how it breaks ties, and the last resort is the first row.
 
-The methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta.
+The methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta. The knee
+has a file of its own, :mod:`hpop.frontier.knee`.
 """
 
 from __future__ import annotations
@@ -68,39 +69,8 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
     """
     spread = nadir - ideal  # (k,)
     varies = spread > ROUNDING * np.maximum(np.abs(ideal), np.abs(nadir))
-    scaled = (Y - ideal) / np.where(varies, spread, 1.0)  # (n, k)
-    return np.asarray(np.where(varies, scaled, 0.0), dtype=np.float64)
-
-
-def knee(Y: FloatArray) -> int:
-    """Row that lies deepest below the hyperplane through the extreme points, towards the ideal.
-
-    After normalisation the extreme point of axis ``j`` is the row nearest to that axis: it has the least
-    ``max(z_i, i != j)``, then the least ``z_j`` (for two criteria: the two ends of the front). If ``E`` holds
-    the extreme points as rows, the hyperplane is ``n . z = 1`` with ``E n = 1``, and the knee maximises
-    ``(1 - n . z) / |n|`` (Das 1999, "On characterizing the knee of the Pareto curve"; extreme points as in
-    Deb and Jain 2014). Where the extreme points span no plane, or one whose normal is not positive, as in
-    small fronts of many criteria, ``n = (1, ..., 1)`` is taken: the row with the least sum.
-
-    Ties go to the least worst scaled cost, so a straight front gives its middle. A front that nowhere bulges
-    towards the ideal has no knee, and the answer is one of its extreme points. A single row is its own knee.
-
-    Parameters
-    ----------
-    Y : (n, k) array
-        Mutually non-dominated costs, at least one row.
-
-    Examples
-    --------
-    >>> knee(np.array([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0]]))
-    1
-    """
-    z = _scaled(Y)
-    z = z[:, z.max(axis=0) > 0]  # (n, m): the columns that vary
-    if z.shape[1] == 0:
-        return 0
-    normal = _plane_normal(z)
-    return _least(z @ normal / np.linalg.norm(normal), z.max(axis=1))
+    shares = (Y - ideal) / np.where(varies, spread, 1.0)  # (n, k)
+    return np.asarray(np.where(varies, shares, 0.0), dtype=np.float64)
 
 
 def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
@@ -117,8 +87,8 @@ def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
     """
     if not np.isfinite(weights).all() or (weights < 0).any() or not weights.any():
         raise FrontError(f"weights must be finite, not negative and not all zero, got {weights.tolist()}")
-    z = _scaled(Y)
-    return _least(z @ (weights / weights.max()), z.sum(axis=1))
+    z = scaled(Y)
+    return least(z @ (weights / weights.max()), z.sum(axis=1))
 
 
 def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
@@ -158,7 +128,7 @@ def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
         The costs that no wish names.
     """
     distance = np.linalg.norm(_gaps(named, wishes), axis=1)  # (n,)
-    return _least(distance, _scaled(rest).sum(axis=1))
+    return least(distance, scaled(rest).sum(axis=1))
 
 
 def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) -> int:
@@ -180,10 +150,10 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
     """
     gaps = _gaps(Y[:, list(columns)], aspirations)  # (n, columns that vary)
     worst = gaps.max(axis=1) if gaps.shape[1] else np.zeros(len(Y))
-    return _least(worst + AUGMENTATION * _scaled(Y).sum(axis=1))
+    return least(worst + AUGMENTATION * scaled(Y).sum(axis=1))
 
 
-def _scaled(Y: FloatArray) -> FloatArray:
+def scaled(Y: FloatArray) -> FloatArray:
     """Normalise by the front's own ideal and nadir."""
     return normalised(Y, Y.min(axis=0), Y.max(axis=0))
 
@@ -196,24 +166,10 @@ def _gaps(Y: FloatArray, wishes: FloatArray) -> FloatArray:
     return gaps
 
 
-def _plane_normal(z: FloatArray) -> FloatArray:
-    """Solve ``E n = 1`` for the extreme points ``E``; all ones if there is no positive solution."""
-    size = z.shape[1]
-    extremes = np.empty((size, size))
-    for axis in range(size):
-        others = np.delete(z, axis, axis=1).max(axis=1)
-        extremes[axis] = z[_least(others, z[:, axis])]
-    if np.linalg.matrix_rank(extremes) == size:
-        normal: FloatArray = np.linalg.solve(extremes, np.ones(size)).astype(np.float64)
-        if (normal > TIE).all():
-            return normal
-    return np.ones(size)
-
-
-def _least(*keys: FloatArray) -> int:
+def least(*keys: FloatArray, tie: float = TIE) -> int:
     """First row with the least first key, ties settled by the next key."""
     rows = np.arange(len(keys[0]))
     for key in keys:
-        least = key[rows].min()
-        rows = rows[key[rows] <= least + TIE * max(1.0, abs(least))]
+        lowest = key[rows].min()
+        rows = rows[key[rows] <= lowest + tie * max(1.0, abs(lowest))]
     return int(rows[0])

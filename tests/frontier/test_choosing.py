@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
-from hpop.frontier.choosing import achievement, knee, lexicographic, nearest, weighted_sum
+from hpop.frontier.choosing import achievement, lexicographic, nearest, weighted_sum
+from hpop.frontier.knee import knee
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
 quick = settings(deadline=None, max_examples=80)
@@ -38,58 +39,6 @@ def test_ideal_and_nadir_are_the_best_and_worst_of_the_non_dominated():
     front = front_of([[1.0, 5.0], [2.0, 3.0], [4.0, 2.0], [9.0, 9.0]])
     assert front.ideal().tolist() == [1.0, 2.0]
     assert front.nadir().tolist() == [4.0, 5.0]
-
-
-def test_knee_of_a_cubic_where_its_slope_is_minus_one():
-    # y = (1 - x)^3 runs from (0, 1) to (1, 0), deepest below the chord where y' = -1: x = 1 - 1/sqrt(3).
-    x = np.linspace(0.0, 1.0, 2001)
-    front = front_of(np.column_stack([1000.0 * x, 3.0 + 7.0 * (1 - x) ** 3]), quantum=1e-12)
-    point = front.knee()
-    assert point.costs["turns"] == pytest.approx(1000 * (1 - 3**-0.5), abs=0.5)
-    assert point.costs["length"] == pytest.approx(3 + 7 * 3**-1.5, abs=0.01)
-
-
-@pytest.mark.parametrize("k", [2, 3, 4, 5, 6])
-def test_knee_of_a_symmetric_bulge_is_its_centre(k):
-    # sum of sqrt(z_i) = 1: the extreme points are the unit vectors, the deepest point is z_i = 1 / k^2.
-    rng = np.random.default_rng(k)
-    shares = rng.dirichlet(np.ones(k), 300)
-    Y = np.vstack([np.eye(k), np.full(k, 1 / k**2), shares**2])
-    assert knee(Y * np.arange(1, k + 1) + 5.0) == k
-
-
-def test_knee_is_measured_from_the_plane_through_the_extreme_points():
-    # (1,0,0), (0,1,0), (.2,.2,1) span x + y + .6 z = 1. Below it (.25,.25,.6) lies 1 - .86 deep and
-    # (.3,.6,.05) only 1 - .93, although the second has the lesser plain sum: .95 against 1.1.
-    Y = np.array([[1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.6, 0.05], [0.25, 0.25, 0.6]])
-    assert knee(Y) == 4
-    assert knee(Y * [1.0, 60.0, 0.01] - 3.0) == 4
-
-
-def test_knee_without_a_plane_is_the_least_sum():
-    # (1,1,0) and (0,0,1) are two points for three axes: no plane. Sums: 2, 1, 1.2.
-    assert knee(np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.4, 0.4]])) == 1
-
-
-def test_a_plane_that_falls_along_a_cost_is_not_used():
-    # (1,.8,.8), (0,1,0), (0,0,1) span -.6 x + y + z = 1, which rewards a large x: (.9,.82,.05) is deepest.
-    Y = np.array([[1, 0.8, 0.8], [0, 1, 0], [0, 0, 1], [0.9, 0.82, 0.05], [0.05, 0.83, 0.05]])
-    assert knee(Y) == 4  # the least plain sum, .93
-
-
-def test_knee_of_a_straight_front_is_its_middle():
-    x = np.arange(11.0)
-    assert knee(np.column_stack([x, 10 - x])) == 5
-
-
-def test_knee_of_a_front_that_bulges_away_is_an_extreme_point():
-    angle = np.linspace(0, np.pi / 2, 9)
-    assert knee(np.column_stack([np.sin(angle), np.cos(angle)])) in (0, 8)
-
-
-def test_constant_criteria_do_not_move_the_knee():
-    Y = np.array([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0]])
-    assert knee(np.column_stack([np.full(4, 7.3), Y, np.full(4, -2.0)])) == knee(Y) == 1
 
 
 @given(fronts, st.data())

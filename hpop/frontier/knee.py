@@ -1,0 +1,92 @@
+"""The knee of a front: the point that lies deepest below mixtures of its extreme points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hpop.frontier.choosing import least, scaled
+from hpop.frontier.dominance import BoolArray, FloatArray
+
+# Depths are of order one; differences below this are noise of the linear programs.
+NOISE = 1e-9
+
+
+def knee(Y: FloatArray) -> int:
+    """Row that lies deepest below the extreme points' convex hull, towards the ideal.
+
+    Costs are normalised. The extreme points ``E`` are the best row of each criterion, and for each axis the row nearest
+    to it, which has the least ``max(z_i, i != j)``. The depth of a row ``z`` is how much could be added to all of its
+    costs until a mixture of extreme points is no worse in any of them::
+
+        depth(z) = max t  such that  z + t (1, ..., 1) <= E' b,  b >= 0,  sum(b) = 1
+
+    For two criteria this is, up to a factor, the distance below the straight line between the ends of the front (Das
+    1999, "On characterizing the knee of the Pareto curve based on normal-boundary intersection"). Deviations from Das:
+    "<=" stands for "=", as in goal attainment, so that every row has a depth; and the hull is not of the best rows
+    alone, of which several coincide in fronts of three and more criteria, but also of the rows nearest to the axes (Deb
+    and Jain 2014).
+
+    The best row of a criterion is no compromise: it is the knee only if all other rows have depths below zero, in
+    fronts that nowhere bulge towards the ideal. Ties go to the least worst scaled cost, so a straight front gives its
+    middle. A single row is its own knee.
+
+    Parameters
+    ----------
+    Y : (n, k) array
+        Mutually non-dominated costs, at least one row.
+
+    Examples
+    --------
+    >>> knee(np.array([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0]]))
+    1
+    """
+    z = scaled(Y)
+    z = z[:, z.max(axis=0) > 0]  # (n, m): the columns that vary
+    if z.shape[1] == 0:
+        return 0
+    axes = range(z.shape[1])
+    best = [least(z[:, axis], z.sum(axis=1)) for axis in axes]
+    near = [least(np.delete(z, axis, axis=1).max(axis=1), z[:, axis]) for axis in axes] if z.shape[1] > 1 else best
+    between = np.ones(len(z), dtype=np.bool_)
+    between[best] = False
+    extremes = z[sorted({*best, *near})]
+    if between.any():
+        row, depth = _deepest(z, between, extremes)
+        if depth >= -NOISE:
+            return row
+    return _deepest(z, ~between, extremes)[0]
+
+
+def _deepest(z: FloatArray, asked: BoolArray, extremes: FloatArray) -> tuple[int, float]:
+    """Row of those asked for with the greatest depth, and that depth.
+
+    The dual solution ``w`` of one row's linear program bounds the depth of every row: ``depth(z) <= max(E w) - w z``.
+    So the row with the greatest bound is solved until its bound is its depth; a few programs settle thousands of rows.
+    """
+    rows = np.flatnonzero(asked)
+    bound = extremes.mean(axis=1).max() - z[rows].mean(axis=1)
+    while True:
+        first = least(-bound, z[rows].max(axis=1), tie=NOISE)
+        depth, weights = _depth(z[rows[first]], extremes)
+        if depth >= bound[first] - NOISE:
+            return int(rows[first]), depth
+        bound = np.minimum(bound, (extremes @ weights).max() - z[rows] @ weights)
+        bound[first] = depth  # whatever the noise of the program
+
+
+def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
+    """Depth of a point, and the weights (m,) of the criteria that prove it: not negative, their sum one."""
+    from scipy.optimize import linprog
+
+    mixed, axes = extremes.shape
+    found = linprog(
+        np.append(np.zeros(mixed), -1.0),  # b, then t
+        A_ub=np.hstack([-extremes.T, np.ones((axes, 1))]),
+        b_ub=-point,
+        A_eq=np.append(np.ones(mixed), 0.0)[None, :],
+        b_eq=[1.0],
+        bounds=[(0.0, None)] * mixed + [(None, None)],
+    )
+    weights = np.maximum(-np.asarray(found.ineqlin.marginals, dtype=np.float64), 0.0)
+    assert found.fun is not None  # there is always a mixture, and t ends where it is worse
+    return -found.fun, weights / weights.sum()
