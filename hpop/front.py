@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hpop import frontier
 from hpop.arrays import FloatArray
 from hpop.frontier import FrontFileError
+from hpop.frontier.storage import checked_path
 from hpop.registry import GROUPS, make_model
 from hpop.trajectory import Trajectory
+from hpop.world.description import found_from, seen_from
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,8 +52,13 @@ class Front(frontier.Front[Trajectory]):
         encode: Callable[[Trajectory], Any] | None = Trajectory.describe,
         problem: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the front with its trajectories and the problem's description to a JSON file."""
-        super().save(path, encode=encode, problem=problem)
+        """Write the front with its trajectories and the problem's description to a JSON file.
+
+        The files of the world are named by their whole paths, and as seen from the front's folder: moved together, the
+        front and its map are found again.
+        """
+        asked = self.problem if problem is None else problem
+        super().save(path, encode=encode, problem=asked and _placed(seen_from, path, asked))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], Trajectory] | None = None) -> Front:
@@ -68,5 +75,17 @@ class Front(frontier.Front[Trajectory]):
                     f"{path}: expected a front with its problem and model, found none that can be built ({error}); "
                     "plan again, or pass decode= for another kind of front"
                 ) from None
-            return super().load(path, decode=lambda item: Trajectory.from_description(model, item))
-        return super().load(path, decode=decode)
+
+            def decode(item: Any) -> Trajectory:
+                return Trajectory.from_description(model, item)
+
+        front = super().load(path, decode=decode)
+        return front if front.problem is None else replace(front, problem=_placed(found_from, path, front.problem))
+
+
+def _placed(
+    place: Callable[[str, Any], Any], path: str | os.PathLike[str], problem: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A problem whose world's files are placed as seen from the folder of a front's file."""
+    folder = str(checked_path(path).absolute().parent)
+    return {key: place(folder, value) if key == "world" else value for key, value in problem.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import shapely
 
 import hpop
 from hpop.criteria.base import trajectory_costs
+from hpop.errors import MapError
 from hpop.frontier import FrontFileError
 from hpop.problem import Problem
 
@@ -63,6 +65,73 @@ def edited(front: hpop.Front, path: Path, key: str, value: Any) -> Path:
     front.save(path)
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
     return path
+
+
+MAP = "type octile\nheight 3\nwidth 6\nmap\n......\n..@...\n......\n"
+
+
+@pytest.fixture
+def tour(tmp_path: Path) -> Path:
+    """A folder with a map and, deeper, the front of a problem on it."""
+    (tmp_path / "tour" / "out").mkdir(parents=True)
+    (tmp_path / "tour" / "hall.map").write_text(MAP)
+    world = hpop.World.from_movingai(tmp_path / "tour" / "hall.map")
+    asked = Problem(world, hpop.DifferentialDrive(radius=0.2), (0.5, 0.5, 0), (5.5, 0.5, None), ["turns", "length"])
+    asked.solve(step=0.5).save(tmp_path / "tour" / "out" / "front.json")
+    return tmp_path / "tour"
+
+
+def rebuilt(path: Path) -> Problem:
+    return Problem.from_description(hpop.Front.load(path).problem or {})
+
+
+def test_a_front_and_its_map_can_be_moved_together(tour: Path) -> None:
+    moved = tour.rename(tour.parent / "elsewhere")
+    problem = rebuilt(moved / "out" / "front.json")
+    assert problem.world.describe()["path"] == str(moved / "hall.map")
+    front = hpop.Front.load(moved / "out" / "front.json")
+    assert len(front | problem.solve(step=0.5)) == len(front) > 0
+
+
+def test_a_front_can_be_moved_away_from_its_map(tour: Path) -> None:
+    moved = (tour / "out" / "front.json").rename(tour.parent / "front.json")
+    assert rebuilt(moved).world.describe()["path"] == str(tour / "hall.map")
+
+
+def test_a_copy_takes_the_map_beside_it_and_a_map_that_changed_is_refused(tour: Path) -> None:
+    copy = Path(shutil.copytree(tour, tour.parent / "copy"))
+    assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(copy / "hall.map")
+    (copy / "hall.map").write_text(MAP.replace("@", "."))
+    with pytest.raises(MapError, match="changed since this was saved"):
+        rebuilt(copy / "out" / "front.json")
+
+
+def test_a_front_with_whole_paths_alone_is_read(tour: Path) -> None:
+    path = tour / "out" / "front.json"
+    saved = json.loads(path.read_text())
+    del saved["problem"]["world"]["relative"]
+    path.write_text(json.dumps(saved))
+    assert rebuilt(path).world.describe()["path"] == str(tour / "hall.map")
+
+
+def test_a_mask_is_moved_with_its_map(tmp_path: Path) -> None:
+    folder = tmp_path / "before"
+    folder.mkdir()
+    for name in ("map", "mask"):
+        (folder / f"{name}.pgm").write_bytes(
+            b"P5\n8 8\n255\n" + (b"\xff" * 64 if name == "map" else b"\xff" * 63 + b"\0")
+        )
+        (folder / f"{name}.yaml").write_text(
+            f"image: {name}.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.2\n"
+        )
+    world = hpop.World.from_ros_map(folder / "map.yaml", keep_out=folder / "mask.yaml")
+    asked = Problem(world, hpop.DifferentialDrive(radius=0.2), (1, 1, 0), (3, 1, None), ["length"])
+    asked.solve(step=0.5).save(folder / "front.json")
+    moved = folder.rename(tmp_path / "after")
+    world = rebuilt(moved / "front.json").world
+    assert world.describe()["options"]["keep_out"] == str(moved / "mask.yaml")
+    assert world.keep_out.area == pytest.approx(0.25)
 
 
 MODELS = [None, [], {}, {"tank": {}}, {"differential_drive": 3}, {"differential_drive": {"radius": "wide"}}]

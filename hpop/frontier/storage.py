@@ -68,7 +68,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     OSError
         If the folder cannot be written.
     """
-    target = _path(path)
+    target = checked_path(path)
     try:
         data = json.dumps(_document(stored), allow_nan=False, ensure_ascii=False, indent=1).encode()
         _parse(data)
@@ -111,7 +111,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
     OSError
         If the file cannot be opened.
     """
-    source = _path(path)
+    source = checked_path(path)
     with source.open("rb") as file:
         data = file.read(SIZE_LIMIT + 1)
     if len(data) > SIZE_LIMIT:
@@ -158,7 +158,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
     )
 
 
-def _path(path: object) -> Path:
+def checked_path(path: object) -> Path:
     """Return a path, or refuse what is none."""
     if not isinstance(path, str | os.PathLike):
         raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {path!r:.80}")

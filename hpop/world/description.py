@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import binascii
 import math
+import os
 import zlib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,6 +63,42 @@ def build(description: Mapping[str, Any]) -> World:
         raise MapError(f"the description of a world is malformed: {shown(error)}.") from None
     known = ", ".join(("geometry", *readers))
     raise MapError(f"a world's description must have a kind out of {known}; got {shown(kind)}.")
+
+
+def seen_from(folder: str, description: Any) -> Any:
+    """A description that also says where its files are as seen from a folder, so that both can be moved together."""
+    absolute = {key: path for key, path in _paths(description).items() if os.path.isabs(path)}
+    try:
+        relative = {key: Path(os.path.relpath(path, folder)).as_posix() for key, path in absolute.items()}
+    except ValueError:  # on another drive
+        relative = {}
+    return {**description, "relative": relative} if relative else description
+
+
+def found_from(folder: str, description: Any) -> Any:
+    """The description without what :func:`seen_from` added: a file that the folder sees there is the one meant."""
+    relative = description.get("relative") if isinstance(description, Mapping) else None
+    if not isinstance(relative, Mapping):
+        return description
+    described = {key: value for key, value in description.items() if key != "relative"}
+    for key, path in _paths(described).items():
+        there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
+        if os.path.isfile(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
+            if key == "path":
+                described["path"] = there
+            else:
+                described["options"] = {**described["options"], key: there}
+    return described
+
+
+def _paths(description: Any) -> dict[str, str]:
+    """The files that a description names: its map, and options that are whole paths, such as a mask."""
+    if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
+        return {}
+    options = description.get("options")
+    named = options.items() if isinstance(options, Mapping) else ()
+    others = {key: value for key, value in named if isinstance(value, str) and os.path.isabs(value)}
+    return {**others, "path": description["path"]}
 
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
