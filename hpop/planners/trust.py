@@ -52,7 +52,7 @@ class Judgement:
         """One line that says how many were dropped and why; none if all are kept."""
         if not self.dropped:
             return ()
-        why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items()))
+        why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.dropped.items()))
         return (f"{planner}: {len(self.reasons) - self.kept.size} of {len(self.reasons)} candidates dropped: {why}",)
 
 

@@ -47,7 +47,7 @@ def test_what_is_wrong_is_named(trajectory, reason):
     judged = judge(PROBLEM, OBJECTIVES, [ABOVE, trajectory])
     assert judged.reasons == ("", reason)
     assert judged.dropped == {reason: 1}
-    assert judged.notes("p") == (f"p: 1 of 2 candidates dropped: 1 {reason}",)
+    assert judged.notes("p") == (f"p: 1 of 2 candidates dropped: {reason} (1)",)
 
 
 def test_a_collision_between_two_samples_of_any_spacing_is_found():
