@@ -27,7 +27,17 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 MOST = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
-COUNTED = ("tried", "skipped", "programs", "perturbed", "saved by perturbation", "repairs", "simplified", "recounted")
+COUNTED = (
+    "tried",
+    "skipped",
+    "programs",
+    "perturbed",
+    "saved by perturbation",
+    "repairs",
+    "shortened",
+    "simplified",
+    "refined",
+)
 
 
 @planner("epsilon-constraint")
@@ -231,6 +241,12 @@ class _Run:
         told += [f"{count} bounds without a candidate: {why}" for why, count in sorted(self.failures.items())]
         if self.options.epsilon and self.failures and not judged.kept.size:
             told.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
+        short = sum("halvings" in found[i].provenance for i in judged.kept)
+        if short:
+            told.append(
+                f"{short} candidates are no local optima: the exact costs bind before the program's, so these stop on "
+                "the way to its solution"
+            )
         kept, names = judged.kept, ", ".join(criteria[j].name for j in job.roles.smooth)
         return Candidates(
             objectives=criteria,

@@ -14,8 +14,8 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.planners.epsilon_grid import LOOSE, Cell, Found, Known, Roles
 from hpop.planners.polyline import PolylineProgram, Solution
-from hpop.planners.trust import judge
-from hpop.planners.vertices import PIECE, Structure
+from hpop.planners.trust import exceeds, judge
+from hpop.planners.vertices import PIECE, Polyline, Structure
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -24,7 +24,9 @@ QUADRATURE = 5e-3  # relative: a program's sums over pieces of 0.6 m against sum
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
 LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is left out, and with it the stop for the turn
+FINER = (4, 16)  # panels a phase of programs that are solved again because their sum was too coarse
 KEPT = 250  # programs that a process keeps, of some 4 MB each
+HALVINGS = 5  # of the way from a warm start to a solution that is not trusted
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
 INFEASIBLE = "Infeasible_Problem_Detected"
 
@@ -105,49 +107,86 @@ class _Attempt:
             if isinstance(again, str) or self._gain(known, again) <= 0:
                 break
             best = again
-        return best if isinstance(best, str) else self._tidied(best)
+        return best if isinstance(best, str) else self._refined(self._tidied(best))
 
     def _gain(self, known: Known, found: Found) -> float:
         """How much less than known a candidate costs in what is minimised."""
         minimise = self.job.roles.minimise
         return float(known.costs[minimise] - found.known.costs[minimise])
 
-    def _solve(self, known: Known, number: int) -> Found | str:
+    def _solve(self, known: Known, number: int, panels: int = 1) -> Found | str:
         """One program from one warm start: a candidate that is trusted, or why there is none."""
-        roles, problem, cell = self.job.roles, self.job.problem, self.cell
-        smooth, program, warm = list(roles.smooth), self._program(known.polyline.structure), known.polyline
-        epsilon, costs = cell.epsilon[smooth], known.costs[smooth]
-        # What the program's coarser sum is off at the warm start is added to the bounds.
-        drift = np.nan_to_num(program.costs(warm) - costs)
+        roles, cell, warm = self.job.roles, self.cell, known.polyline
+        smooth, structure = list(roles.smooth), dataclasses.replace(warm.structure, panels=panels)
+        program = self._program(structure)
+        epsilon, scale = cell.epsilon[smooth], np.where(known.costs[smooth] > 1e-6, known.costs[smooth], 1.0)
         quanta = np.array([roles.criteria[j].quantum for j in smooth])
-        aim = epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta) + drift
-        bounds = program.bounds(warm)
-        scale = np.where(costs > 1e-6, costs, 1.0)
-        solution = program.solve(warm, aim, scale=scale, bounds=bounds)
-        perturbed = not solution.converged
-        if perturbed:
-            self.counts["perturbed"] += 1
-            again = program.solve(warm.moved(np.random.default_rng(cell.of), NUDGE), aim, scale=scale, bounds=bounds)
-            solution = again if again.converged else solution
-            self.counts["saved by perturbation"] += again.converged
-        repairs, reason = 0, ""
-        while solution.converged:
-            trajectory = solution.polyline.trajectory(problem.model)
-            judged = judge(problem, roles.criteria, [trajectory], epsilon=cell.epsilon[None])
-            reason, costs = judged.reasons[0], judged.costs[0]
+        aim = epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta)
+        bounds, at, reason, last = program.bounds(warm), known, "", None
+        told: dict[str, Any] = {"round": number, "panels": panels, "perturbed": False, "repairs": 0}
+        while True:
+            # What the program is off where it begins is added to the bounds, motion by motion in worst moments.
+            corrections = program.corrections(at.polyline)
+            drift = np.nan_to_num(program.costs(at.polyline, corrections) - at.costs[smooth])
+            given: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
+            solution = program.solve(at.polyline, aim + drift, **given)
+            if not solution.converged and at is known:
+                told["perturbed"] = True
+                self.counts["perturbed"] += 1
+                nudged = warm.moved(np.random.default_rng(cell.of), NUDGE)
+                again = program.solve(nudged, aim + drift, **given)
+                solution = again if again.converged else solution
+                self.counts["saved by perturbation"] += again.converged
+            if not solution.converged:
+                break
+            reason, costs = self._judged(solution.polyline)
+            at, last = Known(solution.polyline, costs), solution
             if not reason:
-                told = {"round": number, "perturbed": perturbed, "repairs": repairs}
-                return self._candidate(Known(solution.polyline, costs), solution, told)
-            if repairs == REPAIRS or not program.freedom:
-                return reason
-            repairs += 1
+                return self._candidate(at, solution, told)
+            if told["repairs"] == REPAIRS or not program.freedom:
+                break
+            told["repairs"] += 1
             self.counts["repairs"] += 1
+            grown = program.structure.grown(solution.polyline.structure)
+            if grown != program.structure:
+                program = self._program(grown)
+                bounds = program.bounds(warm)
             if reason == "collides":
                 bounds = program.raised(bounds, solution.polyline)
-            aim = aim - 1.2 * np.nan_to_num(np.maximum(costs - cell.epsilon, 0.0)[smooth])
-            solution = program.solve(solution.polyline, aim, scale=scale, bounds=bounds)
+        between = None if last is None else self._between(known, last, told)
+        if between is not None:
+            return between
+        if solution.converged:
+            return reason
         word = "infeasible" if solution.status == INFEASIBLE and not reason else "not converged"
         return f"{word} ({f'{reason}; ' * bool(reason)}{solution.status})"
+
+    def _judged(self, polyline: Polyline) -> tuple[str, FloatArray]:
+        """What is wrong with a polyline, "" for nothing, and its costs (k,)."""
+        job = self.job
+        trajectory = polyline.trajectory(job.problem.model)
+        judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
+        return judged.reasons[0], judged.costs[0]
+
+    def _between(self, known: Known, solution: Solution, told: dict[str, Any]) -> Found | None:
+        """Some of the way to a solution that is not trusted, from a warm start that keeps its bounds, if that gains."""
+        if exceeds(known.costs, self.cell.epsilon, self.job.roles.criteria).any():
+            return None
+        for halvings in range(1, HALVINGS + 1):
+            polyline = known.polyline.towards(solution.polyline, 0.5**halvings)
+            reason, costs = self._judged(polyline)
+            if reason:
+                continue
+            between = Known(polyline, costs)
+            planned = self._planned(between, told["panels"])[list(self.job.roles.smooth)]
+            found = self._candidate(
+                between, dataclasses.replace(solution, costs=planned), {**told, "halvings": halvings}
+            )
+            if self._gain(known, found) <= 0:
+                return None
+            self.counts["shortened"] += 1
+            return found
+        return None
 
     def _candidate(self, known: Known, solution: Solution, told: dict[str, Any]) -> Found:
         """A solution with where it comes from; what no program adds up is planned as it is."""
@@ -169,27 +208,38 @@ class _Attempt:
         return Found(cell, known, planned, provenance)
 
     def _tidied(self, found: Found) -> Found:
-        """Without stops for turns that are none; where pieces have grown too long, added up again in finer ones."""
-        job, known = self.job, found.known
+        """Without stops for turns that are none."""
+        known = found.known
         polyline = known.polyline.simplified(LEAST_TURN)
-        if len(polyline.vertices) < len(known.polyline.vertices):
-            trajectory = polyline.trajectory(job.problem.model)
-            judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
-            if not judged.reasons[0] and (judged.costs[0] <= known.costs * (1 + LOOSE)).all():
-                self.counts["simplified"] += 1
-                simpler = Known(polyline, judged.costs[0])
-                told = {**found.provenance, "segments": len(polyline.lengths)}
-                return Found(self.cell, simpler, self._planned(simpler, 1), told)
-        if (np.abs(found.planned - known.costs) > job.tolerance(found.planned)).any():
-            self.counts["recounted"] += 1
-            return dataclasses.replace(found, planned=self._planned(known, 4))
+        if len(polyline.vertices) == len(known.polyline.vertices):
+            return found
+        reason, costs = self._judged(polyline)
+        if reason or (costs > known.costs * (1 + LOOSE)).any():
+            return found
+        self.counts["simplified"] += 1
+        simpler = Known(polyline, costs)
+        told = {**found.provenance, "segments": len(polyline.lengths)}
+        return Found(self.cell, simpler, self._planned(simpler, 1), told)
+
+    def _refined(self, found: Found) -> Found:
+        """Solved again with a finer sum, as long as the sum is off by more than may be: it misled the solver."""
+        for panels in FINER:
+            if (np.abs(found.planned - found.known.costs) <= self.job.tolerance(found.planned)).all():
+                return found
+            self.counts["refined"] += 1
+            again = self._solve(found.known, found.provenance["round"] + 1, panels)
+            if isinstance(again, str) or self._gain(found.known, again) < 0:
+                planned = self._planned(found.known, panels)
+                found = dataclasses.replace(found, planned=planned, provenance={**found.provenance, "panels": panels})
+            else:
+                found = again
         return found
 
-    def _planned(self, known: Known, finer: int) -> FloatArray:
-        """Costs (k,) as the program of a polyline adds them up, in pieces so many times finer."""
+    def _planned(self, known: Known, panels: int) -> FloatArray:
+        """Costs (k,) as the program of a polyline adds them up, with so many panels a phase."""
         structure, planned, smooth = known.polyline.structure, known.costs.copy(), list(self.job.roles.smooth)
-        pieces = tuple(finer * count for count in structure.pieces)
-        costs = self._program(dataclasses.replace(structure, pieces=pieces)).costs(known.polyline)
+        program = self._program(dataclasses.replace(structure, panels=panels))
+        costs = program.costs(known.polyline, program.corrections(known.polyline))
         planned[smooth] = np.where(np.isfinite(costs), costs, planned[smooth])
         return planned
 

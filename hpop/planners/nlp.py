@@ -13,8 +13,9 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.errors import OptionError
+from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.planners.base import Integral
 from hpop.symbols import elementwise
 from hpop.world import World
 from hpop.world.field import Field
@@ -44,6 +45,26 @@ def mx(column: Column, size: int) -> Any:
     if isinstance(column, int | float | np.ndarray | np.generic):
         return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
     return casadi.vec(casadi.MX(column))
+
+
+def on_symbols(criterion: Criterion, motions: Motions) -> Any:
+    """Costs (M,) of symbolic motions as a CasADi vector.
+
+    Raises UnsupportedCriterion for a criterion that works on numbers only.
+    """
+    try:
+        column = mx(criterion.cost(motions), len(motions))
+        if column.numel() != len(motions):
+            raise UnsupportedCriterion(f"it gives {column.numel()} costs for {len(motions)} motions")
+    except Exception as error:  # someone else's criterion, and CasADi: anything can come
+        asked = type(criterion.mean if isinstance(criterion, Integral) else criterion)
+        why = (str(error).strip() or type(error).__name__).splitlines()[-1]
+        raise UnsupportedCriterion(
+            f"criterion {criterion.name!r} cannot be put into a nonlinear program: {why}. "
+            f"'hpop check {asked.__module__}:{asked.__qualname__}' shows whether it works on symbols; if it cannot, "
+            "declare smooth=False, or use planner 'lattice'"
+        ) from error
+    return column
 
 
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:

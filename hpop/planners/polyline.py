@@ -10,19 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
-from hpop.criteria.base import Criterion
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.math import wrap
-from hpop.motions import Motions, States
 from hpop.planners.hinges import unhinged
 from hpop.planners.interrupts import interrupts_held
-from hpop.planners.nlp import Rounded, SparseWorld, moments, mx, reaches
+from hpop.planners.nlp import SparseWorld, moments, mx, on_symbols, reaches
+from hpop.planners.polyline_motions import Pieces, sparse
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
 from hpop.world import World
@@ -132,64 +131,18 @@ class PolylineProgram:
     # The program
 
     @cached_property
-    def shares(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (K, n+1) that take vertices to where each piece begins and where it ends."""
-        n, total = self.structure.segments, sum(self.structure.pieces)
-        owner = np.repeat(np.arange(n), self.structure.pieces)
-        count = np.array(self.structure.pieces)[owner]
-        place = np.arange(total) - np.repeat(
-            np.cumsum(self.structure.pieces) - self.structure.pieces, self.structure.pieces
-        )
-        both = []
-        for share in (place / count, (place + 1) / count):
-            matrix = np.zeros((total, n + 1))
-            matrix[np.arange(total), owner] = 1.0 - share
-            matrix[np.arange(total), owner + 1] += share
-            both.append(matrix)
-        return both[0], both[1]
-
-    @cached_property
-    def sampled(self) -> FloatArray:
-        """Matrix (S, n+1) that takes vertices to where the clearance is bounded: ends and middles of pieces."""
-        begin, end = self.shares
-        return np.concatenate([begin[1:], (2 * begin + end) / 3, (begin + 2 * end) / 3])
-
-    @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
         """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
         return reaches(self.problem)
 
-    def _motions(self, x: Any, y: Any, ends: Any) -> tuple[Motions, Motions | None]:
-        """The pieces as moves, and the turns, on symbols."""
-        import casadi
-
-        world, model = self._world, self.problem.model
-        n, total = self.structure.segments, sum(self.structure.pieces)
-        dx, dy = lift(x[1:] - x[:-1], n), lift(y[1:] - y[:-1], n)
-        moves_at_all = dx * dx + dy * dy > 0
-        yaw = casadi.MX(np.arctan2(np.where(moves_at_all, dy, 0.0), np.where(moves_at_all, dx, 1.0)))
-        owner = np.repeat(np.arange(n), self.structure.pieces).tolist()
-        heading = lift(yaw[owner], total)
-        corners = [lift(casadi.DM(m) @ c, total) for m in map(_sparse, self.shares) for c in (x, y)]
-        start = States(x=corners[0], y=corners[1], yaw=heading)
-        end = States(x=corners[2], y=corners[3], yaw=heading)
-        moves = Motions(world, model, model.laws["move"], start, end, panels=1)
-        if not self.structure.turns:
-            return moves, None
-        first, last = not self.structure.first_turn, n - (not self.structure.last_turn)
-        at = list(range(int(first), last + 1))
-        before = casadi.vertcat(ends[2], yaw)[at]
-        after = casadi.vertcat(yaw, ends[5])[at]
-        size = len(at)
-        before, after = lift(before, size), lift(after, size)
-        x, y = lift(x[at], size), lift(y[at], size)
-        turned = States(x=x, y=y, yaw=before + wrap(after - before))
-        law = Rounded(model.laws["turn"])
-        return moves, Motions(world, model, law, States(x=x, y=y, yaw=before), turned, panels=1)
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The motions that the criteria see."""
+        return Pieces(self.structure)
 
     @cached_property
     def _built(self) -> tuple[Any, Any, int]:
-        """The solver, the function from variables to (vertices, costs), and the number of samples below a slack."""
+        """The solver, the function to (vertices, costs, worst moments), and the number of samples below a slack."""
         import casadi
 
         k, n = len(self.criteria), self.structure.segments
@@ -197,30 +150,39 @@ class PolylineProgram:
         summed, worst = self._places
         slack = casadi.MX.sym("slack", len(worst))
         ends, scale, weight = casadi.MX.sym("ends", 6), casadi.MX.sym("scale", k), casadi.MX.sym("weight")
-        ahead = casadi.MX.sym("ahead", n, 2)
+        ahead, corrections = casadi.MX.sym("ahead", n, 2), casadi.MX.sym("corrections", self._motions, len(worst))
         x, y = self._columns(free, ends)
-        batches = [m for m in self._motions(x, y, ends) if m is not None]
+        batches = self.pieces.symbols(self.problem, self._world, x, y, ends[[2, 5]])
         costs: list[Any] = [None] * k
-        rows, tops = [], dict[int, Any]()
+        rows, tops, found = [], dict[int, Any](), list[Any]()
         for j, criterion in enumerate(self.criteria):
-            if criterion.aggregate == "max":
-                samples = [mx(_cost(criterion, m), len(m)) for batch in batches for m in moments(batch)]
-                costs[j] = slack[worst.index(j)]
-                tops[j] = casadi.mmax(casadi.vertcat(*samples))
-                rows.append((casadi.vertcat(*map(unhinged, samples)) - costs[j]) / scale[j])
-            else:
-                costs[j] = sum(casadi.sum1(mx(_cost(criterion, batch), len(batch))) for batch in batches)
+            if criterion.aggregate != "max":
+                costs[j] = sum(casadi.sum1(on_symbols(criterion, batch)) for batch in batches)
+                continue
+            costs[j], row, largest, first = slack[worst.index(j)], [], [], 0
+            for batch in batches:
+                samples = [on_symbols(criterion, m) for m in moments(batch)]
+                more = corrections[first : first + len(batch), worst.index(j)]
+                row += [unhinged(sample) + more for sample in samples]
+                largest.append(reduce(casadi.fmax, samples))
+                first += len(batch)
+            found.append(casadi.vertcat(*largest))
+            tops[j] = casadi.fmax(casadi.mmax(found[-1] + corrections[:, worst.index(j)]), 0)
+            rows.append((casadi.vertcat(*row) - costs[j]) / scale[j])
         every = casadi.vertcat(*costs)
         squares = casadi.sumsqr(x[1:] - x[:-1]) + casadi.sumsqr(y[1:] - y[:-1])
         scaled = every / scale
         objective = scaled[self.minimise] + SPREAD * casadi.sum1(scaled) + weight * n * squares
         clearances = []
         for z, _ in self.spaces:
-            at = [lift(casadi.DM(_sparse(self.sampled)) @ c, len(self.sampled)) for c in (x, y)]
-            clearances.append(mx(self._world.clearance_field(z=z)(*at), len(self.sampled)))
+            at = [lift(casadi.DM(sparse(self.pieces.sampled)) @ c, len(self.pieces.sampled)) for c in (x, y)]
+            clearances.append(mx(self._world.clearance_field(z=z)(*at), len(self.pieces.sampled)))
         above = casadi.vertcat(*rows)
         gone = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
-        variables, parameters = casadi.vertcat(free, slack), casadi.vertcat(ends, scale, weight, casadi.vec(ahead))
+        variables, parameters = (
+            casadi.vertcat(free, slack),
+            casadi.vertcat(ends, scale, weight, casadi.vec(ahead), casadi.vec(corrections)),
+        )
         program = {
             "x": variables,
             "p": parameters,
@@ -229,7 +191,8 @@ class PolylineProgram:
         }
         solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS)
         honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
-        values = casadi.Function("values", [variables, parameters], [casadi.horzcat(x, y), casadi.vertcat(*honest)])
+        seen = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*found)]
+        values = casadi.Function("values", [variables, parameters], seen)
         return solver, values, int(above.numel())
 
     def build(self) -> PolylineProgram:
@@ -244,25 +207,49 @@ class PolylineProgram:
         worst = [j for j, criterion in enumerate(self.criteria) if criterion.aggregate == "max"]
         return [j for j in range(len(self.criteria)) if j not in worst], worst
 
-    def _parameters(self, polyline: Polyline, scale: FloatArray) -> FloatArray:
+    @property
+    def _motions(self) -> int:
+        return len(self.pieces.owner) + len(self.pieces.turning)
+
+    def _parameters(self, polyline: Polyline, scale: FloatArray, corrections: FloatArray | None) -> FloatArray:
         goal_yaw = 0.0 if polyline.goal_yaw is None else polyline.goal_yaw
         ends = [*polyline.vertices[0], polyline.start_yaw, *polyline.vertices[-1], goal_yaw]
         weight = REGULAR / max(float(polyline.lengths.sum()), SHORTEST) ** 2
-        return np.array([*ends, *scale, weight, *np.cos(polyline.headings), *np.sin(polyline.headings)])
+        ahead = [*np.cos(polyline.headings), *np.sin(polyline.headings)]
+        more = np.zeros((self._motions, len(self._places[1]))) if corrections is None else corrections
+        return np.array([*ends, *scale, weight, *ahead, *more.T.ravel()])
 
-    def costs(self, polyline: Polyline) -> FloatArray:
+    def _values(self, polyline: Polyline, corrections: FloatArray | None) -> list[FloatArray]:
+        point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
+        parameters = self._parameters(polyline, np.ones(len(self.criteria)), corrections)
+        return [np.array(value) for value in self._built[1](point, parameters)]
+
+    def costs(self, polyline: Polyline, corrections: FloatArray | None = None) -> FloatArray:
         """Costs (k,) as the program adds them up; not a number where nothing is free."""
         if not self.freedom:
             return np.full(len(self.criteria), np.nan)
-        point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
-        return np.array(self._built[1](point, self._parameters(polyline, np.ones(len(self.criteria))))[1]).ravel()
+        return self._values(polyline, corrections)[1].ravel()
+
+    def corrections(self, polyline: Polyline) -> FloatArray | None:
+        """How much worse the worst moment of each motion is than the program sees it, one column a maximum.
+
+        Fields are off by a tenth of a cell and more where two obstacles are equally near, which is where a clearance
+        leads to, and hardly at all elsewhere. So one number for the whole polyline would loosen the bound there as
+        much as it has to be loosened here.
+        """
+        worst = self._places[1]
+        if not self.freedom or not worst:
+            return None
+        batches = self.pieces.numbers(self.problem, polyline)
+        exact = [np.concatenate([motion_costs(self.criteria[j], m) for m in batches]) for j in worst]
+        return np.stack(exact, axis=1) - self._values(polyline, None)[2]
 
     def bounds(self, polyline: Polyline) -> list[FloatArray]:
         """Least field values (S,) that keep the robot off obstacles, one array a height range.
 
         The robot's reach and a margin, but no more than what the warm start has: it is free, and shall be feasible.
         """
-        x, y = (self.sampled @ polyline.vertices).T
+        x, y = (self.pieces.sampled @ polyline.vertices).T
         world, bounds = self.problem.world, []
         for z, reach in self.spaces:
             exact, field = world.free_space(z).signed_clearance(x, y), world.clearance_field(z=z)(x, y)
@@ -277,7 +264,7 @@ class PolylineProgram:
         count = np.bincount(segments)[segments]
         share = ((np.arange(segments.size) - first) / np.maximum(count - 1, 1))[:, None]
         points = polyline.vertices[segments] * (1.0 - share) + polyline.vertices[segments + 1] * share
-        samples = self.sampled @ polyline.vertices
+        samples = self.pieces.sampled @ polyline.vertices
         from scipy.spatial import cKDTree
 
         nearest = cKDTree(samples).query(points, k=min(2, len(samples)))[1].reshape(len(points), -1)
@@ -298,6 +285,7 @@ class PolylineProgram:
         *,
         scale: FloatArray | None = None,
         bounds: Sequence[FloatArray] | None = None,
+        corrections: FloatArray | None = None,
     ) -> Solution:
         """The local optimum within REGION of a warm start, which should be feasible.
 
@@ -307,6 +295,7 @@ class PolylineProgram:
         epsilon : (k,) upper bounds of the costs; inf bounds nothing
         scale : (k,) positive: differences of costs that matter alike; the size of epsilon by default
         bounds : least field values at the samples, see :meth:`bounds`
+        corrections : of worst moments, see :meth:`corrections`; none by default
         """
         epsilon = np.asarray(epsilon, float)
         if scale is None:
@@ -315,7 +304,7 @@ class PolylineProgram:
             return Solution(warm, self.costs(warm), True, "nothing is free", 0)
         solver, values, above = self._built
         summed, worst = self._places
-        parameters = self._parameters(warm, scale)
+        parameters = self._parameters(warm, scale, corrections)
         bounded = np.concatenate(self.bounds(warm) if bounds is None else list(bounds))
         free = self._free(warm)
         fixed = int(self._along_first) + int(self._along_last)
@@ -323,7 +312,7 @@ class PolylineProgram:
         corners = (free.size - fixed) // 2
         least = [*[SHORTEST] * fixed, *[x_min, y_min] * corners]
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
-        tops = self.costs(warm)[worst]
+        tops = self.costs(warm, corrections)[worst]
         floor = np.minimum(epsilon[worst], 0.0)  # no cost is negative: a slack below 0 would be paid for with others
         with interrupts_held():
             found = solver(
@@ -341,7 +330,7 @@ class PolylineProgram:
                 ),
             )
         stats = solver.stats()
-        vertices, costs = (np.array(value) for value in values(found["x"], parameters))
+        vertices, costs, _ = (np.array(value) for value in values(found["x"], parameters))
         vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]
         return Solution(
             Polyline(vertices, warm.start_yaw, warm.goal_yaw),
@@ -372,16 +361,3 @@ def refuse_unsmooth(criterion: Criterion) -> None:
         f"the polyline program needs smooth sums or maxima; {criterion.name!r} {why}. Leave it out and let it be "
         "reported, or use planner 'lattice'."
     )
-
-
-def _cost(criterion: Criterion, motions: Motions) -> Column:
-    try:
-        return criterion.cost(motions)
-    except UnsupportedCriterion as error:
-        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
-
-
-def _sparse(matrix: FloatArray) -> Any:
-    import casadi
-
-    return casadi.sparsify(casadi.DM(matrix))

@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import shapely
 
+import hpop
 from hpop.criteria import Clearance, Exposure, Length, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
@@ -148,6 +150,39 @@ def test_start_is_goal():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
     front = problem.solve("epsilon-constraint", step=0.5)
     assert front.costs.tolist() == [[1.0, 0.0]]
+
+
+def test_every_bound_on_a_worst_moment_has_a_candidate():
+    """Where the way between block and border is as clear as can be, a sampled clearance is off by 3 cm."""
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["clearance", "length"])
+    candidates = EpsilonConstraint(step=0.5).solve(problem)
+    assert candidates.stats["failed"] == {}
+    assert candidates.stats["dropped"] == {}
+    assert len(candidates.trajectories) == candidates.stats["tried"]
+    front = problem.front(candidates)
+    assert verify(problem, front) == []
+    short = sum("halvings" in provenance for provenance in candidates.provenance)
+    assert any(note.startswith(f"{short} candidates are no local optima") for note in candidates.notes) == (short > 0)
+
+
+@hpop.criterion("low_sun", group="C", unit="s", aggregate="sum", requires=("camera",), world_frame=True)
+@dataclass(frozen=True)
+class LowSun:
+    """Time spent looking into the sun: what a turn costs changes much within it."""
+
+    azimuth: float = 1.0
+
+    def cost(self, m):
+        return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
+
+
+def test_what_needs_a_finer_sum_is_solved_with_one():
+    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), [LowSun(), "turns", "length"])
+    candidates = EpsilonConstraint(step=0.5).solve(problem)
+    assert candidates.stats["refined"] > 0
+    assert candidates.stats["dropped"] == {}
+    assert {4} <= {provenance["panels"] for provenance in candidates.provenance} <= {1, 4, 16}
+    assert verify(problem, problem.front(candidates)) == []
 
 
 # The grid of bounds

@@ -1,5 +1,7 @@
 """Polyline programs against tangents of a circle, finite differences, and the exact costs."""
 
+import dataclasses
+
 import casadi
 import numpy as np
 import pytest
@@ -160,6 +162,36 @@ def test_the_worst_sample_is_never_worse_than_the_worst_moment():
     planned = PolylineProgram(GOAL_FREE, criteria, 0, line.structure).costs(line)[1]
     told = exact(GOAL_FREE, criteria, line)[1]
     assert told - 0.15 < planned < told + 0.082  # samples 0.3 m apart; the field is within 0.82 of a cell
+
+
+def test_corrected_worst_moments_are_the_exact_ones():
+    criteria = (Length(), Clearance(enough=2.0), Clearance(enough=5.0))
+    line = polyline(GOAL_AHEAD, (-1, 2.1), (2, 2.4))
+    program = PolylineProgram(GOAL_AHEAD, criteria, 0, line.structure)
+    corrections = program.corrections(line)
+    assert program.costs(line, corrections) == pytest.approx(exact(GOAL_AHEAD, criteria, line), abs=1e-4)
+    assert PolylineProgram(GOAL_AHEAD, (Length(),), 0, line.structure).corrections(line) is None
+
+
+def test_a_finer_quadrature_is_nearer_to_the_exact_costs():
+    criteria = (Exposure(), Duration())
+    line = polyline(GOAL_AHEAD, (-2, 2), (1, 2.5), (3, 1))
+    told, off = exact(GOAL_AHEAD, criteria, line), []
+    for panels in (1, 4):
+        structure = dataclasses.replace(line.structure, panels=panels)
+        off.append(abs(PolylineProgram(GOAL_AHEAD, criteria, 0, structure).costs(line) - told)[0])
+    assert off[1] < 0.5 * off[0]
+
+
+def test_a_structure_grows_with_segments_that_have_become_longer():
+    short, long = Structure((1, 8), True, False), Structure((3, 6), True, False)
+    assert short.grown(long) == Structure((3, 8), True, False)
+    assert short.grown(short) == short
+
+
+def test_a_polyline_on_the_way_to_another():
+    first, last = polyline(GOAL_FREE, (-2, 2)), polyline(GOAL_FREE, (0, 4))
+    assert first.towards(last, 0.25).vertices.tolist() == [[-4, 0], [-1.5, 2.5], [4, 0]]
 
 
 def test_a_worst_moment_is_bounded_where_its_hinge_is_flat():
