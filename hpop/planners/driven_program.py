@@ -24,6 +24,7 @@ from hpop.motions import Motions, States
 from hpop.planners.driven_structure import Guess, Structure
 from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import SparseWorld, moments, mx, reaches
+from hpop.planners.treatable import on_symbols
 from hpop.symbols import lift
 from hpop.trajectory import Trajectory
 
@@ -168,10 +169,10 @@ class DrivenProgram:
         for j, criterion in enumerate(self.criteria):
             if criterion.aggregate == "max":
                 costs.append(slack[self._worst.index(j)])
-                values = casadi.vertcat(*(mx(criterion.cost(m), n) for m in moments(motions)))
+                values = casadi.vertcat(*(on_symbols(criterion, m) for m in moments(motions)))
                 above.append((values - costs[-1]) / scale[j])
             else:
-                costs.append(casadi.sum1(mx(criterion.cost(motions), n)))
+                costs.append(casadi.sum1(on_symbols(criterion, motions)))
         every = casadi.vertcat(*costs)
         honest = casadi.vertcat(*costs)
         for j, row in zip(self._worst, above, strict=True):  # a slack may lie above the worst sample

@@ -15,8 +15,8 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
-from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.planners.nlp import settled
+from hpop.errors import OptionError
+from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import exceeds
 from hpop.planners.vertices import Polyline
 
@@ -44,21 +44,13 @@ class Roles:
     def of(cls, criteria: Sequence[Criterion], minimise: str | None, problem: Problem) -> Roles:
         """Roles of the optimised criteria; without a name the length is minimised, or the first smooth cost.
 
-        Raises UnsupportedCriterion for what neither a gradient nor a structure settles, OptionError for a cost to
-        minimise that is not there or has no gradient.
+        Raises as :func:`smooth_places` and :func:`minimised` do.
         """
-        place = _place(minimise, criteria)
-        for criterion in criteria:
-            if not criterion.smooth and not settled(criterion, problem):
-                raise UnsupportedCriterion(
-                    f"epsilon-constraint needs smooth criteria, or counts that the number of moves and turns settles; "
-                    f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
-                    "planner 'lattice'."
-                )
-        if not criteria[place].smooth:
-            name = criteria[place].name
-            raise OptionError(f"{name!r} is settled by the number of moves and turns; minimise a smooth cost")
-        return cls(tuple(criteria), place, tuple(j for j, c in enumerate(criteria) if c.smooth))
+        smooth = smooth_places(criteria, problem, "epsilon-constraint")
+        if minimise is not None:
+            return cls(tuple(criteria), minimised(minimise, criteria), smooth)
+        lengths = [j for j in smooth if criteria[j].name == "length"]
+        return cls(tuple(criteria), (lengths or smooth)[0], smooth)
 
     @property
     def counted(self) -> list[int]:
@@ -190,21 +182,3 @@ class Grid:
         nearest = known[int(np.lexsort((costs[:, self.roles.minimise], over.sum(axis=1), beyond))[0])]
         fits = not exceeds(nearest.costs, cell.epsilon, self.roles.criteria)[self.roles.counted].any()
         return nearest if fits else None
-
-
-def _place(name: str | None, criteria: Sequence[Criterion]) -> int:
-    """Place of the cost to minimise."""
-    names = [criterion.name for criterion in criteria]
-    if name is not None:
-        if name not in names:
-            raise OptionError(f"minimise is one of {', '.join(names)}, got {name!r}")
-        return names.index(name)
-    if "length" in names:
-        return names.index("length")
-    smooth = [j for j, criterion in enumerate(criteria) if criterion.smooth]
-    if not smooth:
-        raise UnsupportedCriterion(
-            f"epsilon-constraint needs a smooth criterion to minimise; {', '.join(names)} have no gradient. Add one, "
-            "such as 'length'."
-        )
-    return smooth[0]

@@ -5,17 +5,14 @@ Numbers never see any of this: fronts hold the exact costs of the exact laws.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import Column
-from hpop.criteria.base import Criterion, motion_costs
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import OptionError
 from hpop.motions import Law, Motions, Phase, Rate, States
-from hpop.planners.base import Integral
 from hpop.symbols import elementwise
 from hpop.world import World
 from hpop.world.field import Field
@@ -45,26 +42,6 @@ def mx(column: Column, size: int) -> Any:
     if isinstance(column, int | float | np.ndarray | np.generic):
         return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
     return casadi.vec(casadi.MX(column))
-
-
-def on_symbols(criterion: Criterion, motions: Motions) -> Any:
-    """Costs (M,) of symbolic motions as a CasADi vector.
-
-    Raises UnsupportedCriterion for a criterion that works on numbers only.
-    """
-    try:
-        column = mx(criterion.cost(motions), len(motions))
-        if column.numel() != len(motions):
-            raise UnsupportedCriterion(f"it gives {column.numel()} costs for {len(motions)} motions")
-    except Exception as error:  # someone else's criterion, and CasADi: anything can come
-        asked = type(criterion.mean if isinstance(criterion, Integral) else criterion)
-        why = (str(error).strip() or type(error).__name__).splitlines()[-1]
-        raise UnsupportedCriterion(
-            f"criterion {criterion.name!r} cannot be put into a nonlinear program: {why}. "
-            f"'hpop check {asked.__module__}:{asked.__qualname__}' shows whether it works on symbols; if it cannot, "
-            "declare smooth=False, or use planner 'lattice'"
-        ) from error
-    return column
 
 
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
@@ -175,26 +152,3 @@ def moments(motions: Motions) -> list[Motions]:
         for phase in range(len(m.phases))
         for at in (0.0, 0.5, 1.0)
     ]
-
-
-def settled(criterion: Criterion, problem: Problem) -> bool:
-    """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
-
-    Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.
-    """
-    if criterion.aggregate != "sum":
-        return False
-    rng = np.random.default_rng(0)
-    x_min, y_min, x_max, y_max = problem.world.bounds
-    x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(200, 2)).T
-    yaw, length = rng.uniform(-np.pi, np.pi, 200), rng.uniform(0.01, 5.0, 200)
-    turned = rng.uniform(math.radians(3.0), np.pi, 200) * rng.choice([-1.0, 1.0], 200)
-    start = States(x=x, y=y, yaw=yaw)
-    ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
-    about = States(x=x, y=y, yaw=yaw + turned)
-    laws = problem.model.laws
-    for kind, end in (("move", ahead), ("turn", about)):
-        costs = motion_costs(criterion, Motions(problem.world, problem.model, laws[kind], start, end))
-        if np.ptp(costs) > 1e-12:
-            return False
-    return True

@@ -20,8 +20,9 @@ from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.hinges import unhinged
 from hpop.planners.interrupts import interrupts_held
-from hpop.planners.nlp import SparseWorld, moments, mx, on_symbols, reaches
+from hpop.planners.nlp import SparseWorld, moments, mx, reaches
 from hpop.planners.polyline_motions import Pieces, sparse
+from hpop.planners.treatable import on_symbols
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
 from hpop.world import World

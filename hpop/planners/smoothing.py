@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
-from hpop.planners.nlp import require_ipopt, settled
+from hpop.planners.nlp import require_ipopt
 from hpop.planners.smoothing_job import Outcome, SmoothingJob
+from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import judge
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -79,7 +80,10 @@ class Smoothing:
         require_ipopt("smoothing")
         began = time.perf_counter()
         objectives = edge_objectives(problem.criteria, "smoothing")
-        job = SmoothingJob(problem, objectives.optimised, self._place(objectives, problem), self.intervals)
+        criteria = objectives.optimised
+        smooth_places(criteria, problem, "smoothing")
+        place = None if self.minimise is None else minimised(self.minimise, criteria)
+        job = SmoothingJob(problem, criteria, place, self.intervals)
         first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         trajectories = problem.front(first).trajectories if first.trajectories else ()
         run = _Run(job, trajectories, began, self.time_limit)
@@ -93,28 +97,6 @@ class Smoothing:
         stopped = () if first.status.is_final else (f"the polylines are not all there are: {first.status}",)
         none = () if trajectories else (f"nothing to smooth: {first.status}", *first.notes)
         return run.candidates(status, objectives, (*objectives.notes, *stopped, *none))
-
-    def _place(self, objectives: Objectives, problem: Problem) -> int | None:
-        """Place of the cost to minimise; raises where a criterion cannot be treated."""
-        criteria = objectives.optimised
-        for criterion in criteria:
-            if not criterion.smooth and not settled(criterion, problem):
-                raise UnsupportedCriterion(
-                    f"smoothing needs smooth criteria, or counts that the number of moves and turns settles; "
-                    f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
-                    "planner 'lattice'."
-                )
-        names = [criterion.name for criterion in criteria if criterion.smooth]
-        if not names:
-            raise UnsupportedCriterion(
-                f"smoothing needs a smooth criterion; {', '.join(c.name for c in criteria)} have no gradient. Add one, "
-                "such as 'length'."
-            )
-        if self.minimise is None:
-            return None
-        if self.minimise not in names:
-            raise OptionError(f"minimise is one of {', '.join(names)}, got {self.minimise!r}")
-        return [criterion.name for criterion in criteria].index(self.minimise)
 
     def _warm_planner(self, seconds: float | None) -> Planner:
         """The planner of the polylines, with the options that it shares with this one."""

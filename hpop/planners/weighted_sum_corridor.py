@@ -17,8 +17,8 @@ from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives,
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
-from hpop.planners.nlp import settled
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights, simplex_lattice
+from hpop.planners.treatable import settled
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner

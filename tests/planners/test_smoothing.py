@@ -354,7 +354,7 @@ def test_wrong_options_say_what_to_do(options, message):
 
 def test_what_cannot_be_treated_is_refused_by_name():
     with pytest.raises(
-        OptionError, match="minimise is one of exposure, length, duration, rotation, clearance, got 'turns'"
+        OptionError, match=r"smooth costs \(exposure, length, duration, rotation, clearance\), got 'turns'"
     ):
         Smoothing(minimise="turns").solve(ROUND)
     for criteria, message in ((["length", OrientationRetention()], "orientation_retention"), (["turns"], "'length'")):
