@@ -128,8 +128,11 @@ class Faults:
     def pose(self, given: Any, key: str) -> tuple[Any, ...]:
         """A start or goal, the yaw in rad; a goal's may be free (None)."""
         x, y, yaw = given if isinstance(given, list) and len(given) == 3 else (0.0, 0.0, 0.0)
-        if key == "goal" and yaw == "any":
+        if yaw == "any" and key == "goal":
             return x, y, None
+        if yaw == "any":
+            self.add((key, 2), "the yaw at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
+            return x, y, 0.0
         return x, y, self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:

@@ -144,7 +144,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("0.5}", ".inf}"), 12, "planner.lattice.step", "expected a finite number, got inf"),
         (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
         # yaws
-        (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "a yaw is a number in rad"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),
         (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),
         (("any]", "no]"), 9, "goal.2", "expected a number or text, got False"),
     ],
