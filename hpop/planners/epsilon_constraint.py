@@ -84,11 +84,12 @@ class EpsilonConstraint:
                 raise OptionError(f"{name} must be a whole number of {limits}, got {value!r}")
         if self.epsilon is not None:
             wrong = not isinstance(self.epsilon, Mapping) or any(
-                isinstance(v, bool) or not isinstance(v, int | float) or math.isnan(v) for v in self.epsilon.values()
+                isinstance(v, bool) or not isinstance(v, int | float) or not v >= 0 for v in self.epsilon.values()
             )
             if wrong:
                 raise OptionError(
-                    f"epsilon gives bounds by the name of a cost, such as {{'length': 30}}, got {self.epsilon!r}"
+                    "epsilon gives bounds by the name of a cost, such as {'length': 30}, none of them below 0, got "
+                    f"{self.epsilon!r}"
                 )
         Budget(self.time_limit)
         self._warm_planner(None)
@@ -99,14 +100,14 @@ class EpsilonConstraint:
         """Plan warm starts, then minimise from each of them; a job of the executor is one bound.
 
         Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
-        minimise or to bound that is not among the objectives and for a solver that is missing, and what the planner of
-        the warm starts raises.
+        minimise or to bound that is not among the objectives, a bound that no trajectory keeps and a solver that is
+        missing, and what the planner of the warm starts raises.
         """
         require_ipopt("epsilon-constraint")
         began = time.perf_counter()
         objectives = edge_objectives(problem.criteria, "epsilon-constraint")
         roles = Roles.of(objectives.optimised, self.minimise, problem)
-        limits = roles.limits(self.epsilon or {})
+        limits = roles.limits(self.epsilon or {}, problem)
         first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         warm, notes = _warm_starts(problem, roles, first)
         run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, warm, limits, self.divisions), began)

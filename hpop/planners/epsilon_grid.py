@@ -16,6 +16,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
+from hpop.motions import States
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import exceeds
 from hpop.planners.vertices import Polyline
@@ -62,13 +63,32 @@ class Roles:
         """Places of all costs but the one that is minimised."""
         return [j for j in range(len(self.criteria)) if j != self.minimise]
 
-    def limits(self, epsilon: Mapping[str, float]) -> FloatArray:
-        """Bounds (k,) from bounds by name; raises OptionError for a name that is not there."""
+    def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
+        """Bounds (k,) from bounds by name; raises OptionError for a name that is not there and what cannot be kept."""
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(set(epsilon) - set(names))
         if unknown:
             raise OptionError(f"epsilon bounds {', '.join(unknown)}, but the objectives are {', '.join(names)}")
-        return np.array([epsilon.get(name, np.inf) for name in names], float)
+        limits = np.array([epsilon.get(name, np.inf) for name in names], float)
+        least = np.array([_least(criterion, problem) for criterion in self.criteria])
+        for j in np.flatnonzero(exceeds(least, limits, self.criteria)):
+            unit = f" {self.criteria[j].unit}".removesuffix(" 1")
+            raise OptionError(
+                f"epsilon bounds {names[j]} by {limits[j]:g}{unit}, but no trajectory from start to goal has less than "
+                f"{least[j]:.6g}{unit}; give more than that"
+            )
+        return limits
+
+
+def _least(criterion: Criterion, problem: Problem) -> float:
+    """The least that a criterion is known to cost between start and goal, whatever the way."""
+    bound = getattr(criterion, "bound", None)
+    if bound is None:
+        return 0.0
+    # What depends on a heading that is free is not known.
+    poses = [[np.nan if value is None else value for value in pose] for pose in (problem.start, problem.goal)]
+    start, goal = (States(**{n: np.array([v]) for n, v in zip(("x", "y", "yaw"), pose, strict=True)}) for pose in poses)
+    return float(np.nan_to_num(bound(start, goal)[0]))
 
 
 @dataclass(frozen=True, eq=False)

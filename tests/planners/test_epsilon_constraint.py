@@ -277,6 +277,8 @@ def test_nothing_to_minimise():
         ({"time_limit": 0.0}, "time_limit"),
         ({"epsilon": {"length": "x"}}, "epsilon"),
         ({"epsilon": 3.0}, "epsilon"),
+        ({"epsilon": {"length": -1}}, "none of them below 0"),
+        ({"epsilon": {"length": math.nan}}, "none of them below 0"),
         ({"warm_start": {"lattice": {}, "other": {}}}, "warm_start"),
         ({"warm_start": {"lattice": {"size": 1}}}, "no option 'size'"),
     ],
@@ -296,15 +298,24 @@ def test_costs_that_are_not_there_are_refused(options, match):
 
 
 def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
-    candidates = EpsilonConstraint(step=0.5, epsilon={"length": 3.9}, max_points=6).solve(PAPER)
+    candidates = EpsilonConstraint(step=0.5, epsilon={"length": 4.1}, max_points=6).solve(PAPER)
     assert candidates.trajectories == ()
     ideal = Lattice(step=0.5).solve(PAPER).planned[:, 2].min()
     said = (
-        f"no polyline was found within epsilon {{'length': 3.9}}: the ideal of the warm starts is length {ideal:.4g} m"
+        f"no polyline was found within epsilon {{'length': 4.1}}: the ideal of the warm starts is length {ideal:.4g} m"
     )
     assert said in candidates.notes
     assert any("infeasible" in note for note in candidates.notes)
     assert sum(candidates.stats["failed"].values()) > 0
+
+
+def test_an_epsilon_below_the_straight_way_is_refused_at_once(monkeypatch):
+    monkeypatch.setattr(Lattice, "solve", None)
+    with pytest.raises(OptionError, match=r"bounds length by 3.9 m, but no trajectory .* less than 4 m"):
+        EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(PAPER)
+    to_any = dataclasses.replace(PAPER, goal=(5, 2, None))
+    with pytest.raises(OptionError, match="less than 4 m"):
+        EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(to_any)
 
 
 def test_an_epsilon_that_can_be_kept_is_kept():
