@@ -17,6 +17,7 @@ from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives,
 from hpop.planners.epsilon_grid import Cell, Grid, Known, Roles
 from hpop.planners.epsilon_job import Outcome, PolylineJob, Task
 from hpop.planners.nlp import require_ipopt
+from hpop.planners.straightened import straightened
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
@@ -129,12 +130,13 @@ def _warm_starts(problem: Problem, roles: Roles, first: Candidates) -> tuple[lis
     """The front of another planner, ends put on start and goal, without those that are not free; and notes on it."""
     if not first.trajectories:
         return [], [f"no warm start: {first.status}", *first.notes]
-    polylines = [Polyline.of(trajectory, problem) for trajectory in problem.front(first).trajectories]
+    trajectories, notes = straightened(problem.front(first).trajectories, problem)
+    polylines = [Polyline.of(trajectory, problem) for trajectory in trajectories]
     judged = judge(problem, roles.criteria, [p.trajectory(problem.model) for p in polylines])
     stopped = [] if first.status.is_final else [f"the warm starts are not all there are: {first.status}"]
     return (
         [Known(polylines[i], judged.costs[i]) for i in judged.kept],
-        [*stopped, *judged.notes("epsilon-constraint, warm starts")],
+        [*stopped, *notes, *judged.notes("epsilon-constraint, warm starts")],
     )
 
 

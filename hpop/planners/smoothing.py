@@ -15,6 +15,7 @@ from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.nlp import require_ipopt
 from hpop.planners.smoothing_job import Outcome, SmoothingJob
+from hpop.planners.straightened import straightened
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import judge
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
@@ -85,7 +86,7 @@ class Smoothing:
         place = None if self.minimise is None else minimised(self.minimise, criteria)
         job = SmoothingJob(problem, criteria, place, self.intervals)
         first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
-        trajectories = problem.front(first).trajectories if first.trajectories else ()
+        trajectories, curves = straightened(problem.front(first).trajectories if first.trajectories else (), problem)
         run = _Run(job, trajectories, began, self.time_limit)
         status = first.status
         if trajectories and status is not Status.INTERRUPTED:
@@ -95,8 +96,8 @@ class Smoothing:
                 ended = Status.INTERRUPTED
             status = status if ended is Status.COMPLETE else ended
         stopped = () if first.status.is_final else (f"the polylines are not all there are: {first.status}",)
-        none = () if trajectories else (f"nothing to smooth: {first.status}", *first.notes)
-        return run.candidates(status, objectives, (*objectives.notes, *stopped, *none))
+        none = () if first.trajectories else (f"nothing to smooth: {first.status}", *first.notes)
+        return run.candidates(status, objectives, (*objectives.notes, *stopped, *curves, *none))
 
     def _warm_planner(self, seconds: float | None) -> Planner:
         """The planner of the polylines, with the options that it shares with this one."""

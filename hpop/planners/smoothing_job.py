@@ -95,8 +95,6 @@ class SmoothingJob:
         return Outcome(found, reason, counts, seconds)
 
     def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:
-        if not set(trajectory.kinds) <= {"move", "turn"}:
-            return "no polyline"
         whole = Polyline.of(trajectory, self.problem)
         polyline = whole.simplified(LEAST_TURN)
         if not len(polyline.lengths):

@@ -18,6 +18,7 @@ from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights, simplex_lattice
+from hpop.planners.straightened import straightened
 from hpop.planners.treatable import settled
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
@@ -185,13 +186,13 @@ class _Run:
 
     def learn(self, candidates: Candidates) -> None:
         """Corridors of the front of another planner, ends put on start and goal, those of its paths that are free."""
-        front = self.problem.front(candidates)
-        polylines = [Polyline.of(trajectory, self.problem) for trajectory in front.trajectories]
+        trajectories, notes = straightened(self.problem.front(candidates).trajectories, self.problem)
+        polylines = [Polyline.of(trajectory, self.problem) for trajectory in trajectories]
         judged = judge(self.problem, self.criteria, [p.trajectory(self.problem.model) for p in polylines])
         kept = [polylines[i] for i in judged.kept]
         self.warm_starts = len(kept)
         self.corridors, refused = corridors(kept, self.problem)
-        self.notes += judged.notes(f"{NAME}, warm starts")
+        self.notes += [*notes, *judged.notes(f"{NAME}, warm starts")]
         if refused:
             self.notes.append(f"{refused} of {len(kept)} warm starts touch an obstacle: no region can be grown there")
         if not candidates.status.is_final:
