@@ -22,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hpop import registry
+from hpop.arrays import FloatArray
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import Point, hypervolume
@@ -30,6 +31,7 @@ from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
 
 MOST_ROWS = 20
+MOST_DIGITS = 7  # more than usual, in which costs are told apart
 MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
 
 
@@ -212,13 +214,15 @@ def _counted(key: str, value: float) -> str:
 
     >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
     ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
+    >>> _counted("missed", 0.1 + 0.2)
+    'missed 0.3'
     """
     words = key.replace("_", " ")
     if key.endswith("_seconds"):
         return f"{words.removesuffix(' seconds')} {value:.2f} s"
     if key.endswith("memory"):
         return f"{words} {value / 1e6:,.0f} MB"
-    return f"{words} {value:,}"
+    return f"{words} {value:,.4g}" if isinstance(value, float) and abs(value) < 1000 else f"{words} {value:,.0f}"
 
 
 def _print_wide(console: Console, table: Table) -> None:
@@ -247,10 +251,10 @@ def _front_table(front: Front, rows: Sequence[int]) -> Table:
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
         table.add_column(Text("reported\n") + _header(name, unit), justify="right", style="dim", no_wrap=True)
     table.add_column("marked", no_wrap=True)
-    quanta = [*front.quanta, *[1e-6] * len(front.reported_names)]
-    for row in rows:
-        values = [*front.costs[row], *front.reported[row]]
-        cells = [number(value, quantum) for value, quantum in zip(values, quanta, strict=True)]
+    costs, reported = front.costs[rows].T, front.reported[rows].T
+    columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
+    columns += [[number(value, 1e-6) for value in column] for column in reported.tolist()]
+    for row, *cells in zip(rows, *columns, strict=True):
         label = Text("\n".join(names.get(row, [])))
         table.add_row(str(row), *cells, label, style="bold" if row in names else None)
     return table
@@ -294,8 +298,24 @@ def _executed_table(problem: Problem, front: Front) -> Table:
     return table
 
 
-def number(value: float, quantum: float) -> str:
+def numbers(values: FloatArray, quantum: float) -> list[str]:
+    """A column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
+
+    >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
+    (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
+    """
+    distinct = len(np.unique(np.rint(values / quantum)))
+    for more in range(MOST_DIGITS):
+        texts = [number(value, quantum, more) for value in values.tolist()]
+        if len({float(text) for text in texts}) >= distinct:
+            break
+    return texts
+
+
+def number(value: float, quantum: float, more: int = 0) -> str:
     """A cost as a person reads it: whole where it counts, nothing below half a quantum, else four significant digits.
+
+    ``more`` digits can be asked for.
 
     >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
     ('3', '41.291', '0.01235', '0')
@@ -304,7 +324,7 @@ def number(value: float, quantum: float) -> str:
         return "0"
     if quantum >= 1.0:
         return f"{value:.0f}"
-    return f"{value:.4g}" if 0 < abs(value) < 0.1 else f"{value:.3f}"
+    return f"{value:.{4 + more}g}" if 0 < abs(value) < 0.1 else f"{value:.{3 + more}f}"
 
 
 def print_criteria(console: Console | None = None) -> None:

@@ -115,6 +115,13 @@ def test_costs_are_shown_with_their_units() -> None:
     assert "(1)" not in head
 
 
+def test_no_two_rows_look_as_if_one_dominated_the_other() -> None:
+    """Lengths that differ in the fifth decimal; those that differ by less than a quantum are the same."""
+    front = front_of([[1.0, 5.00003, 2.0], [2.0, 5.00002, 2.0], [3.0, 5.00001, 2.0 + 1e-8]], names=("a", "b", "c"))
+    rows = table_rows(printed(front))
+    assert [row[2:4] for row in rows] == [["5.00003", "2.000"], ["5.00002", "2.000"], ["5.00001", "2.000"]]
+
+
 @pytest.mark.parametrize("k", [2, 3, 4, 6])
 def test_no_mark_and_no_cost_is_cut_at_80_columns(k: int) -> None:
     names = ("exposure", "turns", "length", "duration", "rotation", "clearance")[:k]
