@@ -193,6 +193,8 @@ def test_without_another_process_there_are_no_pictures_and_no_error(
     monkeypatch.setattr("sys.executable", str(saved / "python"))
     with PicturesBeside(saved) as pictures:
         pictures.start()
+        assert pictures._process is None
+    assert [path.name for path in saved.iterdir()] == ["front.json"]
 
 
 # The line of a stage
