@@ -70,3 +70,19 @@ def wrap(angle: Column) -> Column:
     """
     clockwise = np.mod(np.pi - angle, 2 * np.pi)
     return np.pi - np.where(clockwise < 2 * np.pi, clockwise, 0.0)  # the remainder of -1e-16 rounds to 2 pi
+
+
+def not_radians(angle: float) -> str:
+    """What is wrong with a heading that cannot be in radians, nothing if it can: sums of two are within two turns.
+
+    >>> print(not_radians(90.0))
+    is in radians, within two turns of 0; got 90: write math.radians(90) if these are degrees, else wrap it
+    >>> not_radians(-3.2)
+    ''
+    """
+    if abs(angle) <= 4.0 * np.pi:
+        return ""
+    return (
+        f"is in radians, within two turns of 0; got {angle:g}: write math.radians({angle:g}) if these are degrees, "
+        "else wrap it"
+    )

@@ -11,25 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from hpop.criteria.base import Criterion, describe_criterion, make_criterion, trajectory_costs
-from hpop.errors import CriterionError, HpopError, OptionError, QueryError
+from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
+from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.frontier.union import JOINT
+from hpop.math import not_radians
 from hpop.models import DifferentialDrive
-from hpop.motions import missing
-from hpop.planners.base import Candidates, Planner, joined, make_planner, staged, sweeps
+from hpop.motions import Model, missing
+from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
 from hpop.registry import GROUPS, make_model
 from hpop.status import Progress, ProgressCallback, Status
 from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
-CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any]]
-PlannerSpec = str | Planner
 StageCallback = Callable[[Front], None]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """What is asked: all non-dominated trajectories of a model in a world, from start to goal.
 
@@ -56,7 +55,11 @@ class Problem:
         goal: Sequence[float | None],
         criteria: Sequence[CriterionSpec],
     ) -> None:
-        if isinstance(criteria, str | Mapping) or not criteria:
+        if not isinstance(world, World):
+            raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {world!r:.80}")
+        if isinstance(model, type) or not isinstance(model, Model):
+            raise ModelError(f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {model!r:.80}")
+        if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
             raise CriterionError(f"criteria is a list such as ['obstruction', 'turns', 'length'], got {criteria!r}")
         made = tuple(make_criterion(spec) for spec in criteria)
         repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
@@ -79,6 +82,13 @@ class Problem:
         if self.start[2] is None:
             raise QueryError("the start needs a yaw in rad; only the goal's may be free (None)")
 
+    def __repr__(self) -> str:
+        ends = " to ".join(
+            f"({x:g}, {y:g}, {'any' if yaw is None else f'{yaw:.4g}'})" for x, y, yaw in (self.start, self.goal)
+        )
+        names = ", ".join(criterion.name for criterion in self.criteria)
+        return f"<Problem: {names} of {type(self.model).__name__} from {ends} in {self.world!r}>"
+
     def solve(
         self,
         planner: PlannerSpec | Sequence[PlannerSpec] = "lattice",
@@ -91,7 +101,7 @@ class Problem:
 
         Parameters
         ----------
-        planner : a name with its ``options``, a planner object, or a list of either
+        planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
         progress : called now and then with a :class:`hpop.status.Progress`
         executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
         """
@@ -207,12 +217,12 @@ class Problem:
 
     def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
         """Cost of a trajectory in each criterion, by name."""
-        values = trajectory_costs(self.criteria, [trajectory], self.world)[0]
+        values = trajectory_costs(self.criteria, [_checked_trajectory(trajectory)], self.world)[0]
         return dict(zip((c.name for c in self.criteria), values.tolist(), strict=True))
 
     def trace(self, trajectory: Trajectory) -> Trace:
         """Each criterion's rate and running value along a trajectory; see :class:`hpop.trace.Trace`."""
-        return trace(self.criteria, trajectory, self.world)
+        return trace(self.criteria, _checked_trajectory(trajectory), self.world)
 
     def describe(self) -> dict[str, Any]:
         """JSON-able description from which :meth:`from_description` builds the same problem."""
@@ -268,6 +278,14 @@ def _check_describable(criterion: Criterion) -> None:
         ) from None
 
 
+def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
+    if not isinstance(trajectory, Trajectory):
+        raise QueryError(
+            f"expected a trajectory, such as front.trajectories[0] or the item of a point, got {trajectory!r:.80}"
+        )
+    return trajectory
+
+
 def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:
     try:
         x, y, yaw = pose
@@ -276,4 +294,6 @@ def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float
         raise QueryError(f"the {what} is (x m, y m, yaw rad), got {pose!r}") from None
     if not all(math.isfinite(value) for value in checked if value is not None):
         raise QueryError(f"the {what} must be finite numbers, got {pose!r}")
+    if checked[2] is not None and (advice := not_radians(checked[2])):
+        raise QueryError(f"the yaw of the {what} {advice}")
     return checked

@@ -27,12 +27,16 @@ GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 class Registry(Mapping[str, T], Generic[T]):
     """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.
 
-    A name taken twice and a package that cannot be loaded raise ``error``.
+    A name taken twice and a package that cannot be loaded raise ``error``. ``parameter`` is what a field of its types
+    is called.
     """
 
-    def __init__(self, kind: str, module: str, group: str, error: type[HpopError]) -> None:
+    def __init__(
+        self, kind: str, module: str, group: str, error: type[HpopError], *, parameter: str = "parameter"
+    ) -> None:
         self.kind = kind
-        self._error = error
+        self.error = error
+        self.parameter = parameter
         self._module = module
         self._group = group
         self._types: dict[str, T] = {}
@@ -42,7 +46,7 @@ class Registry(Mapping[str, T], Generic[T]):
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
         taken = self._types.get(name)
         if taken is not None and _origin(taken) != _origin(item):
-            raise self._error(
+            raise self.error(
                 f"{self.kind} name {name!r} is taken by {_origin(taken)}; choose another for {_origin(item)}"
             )
         self._types[name] = item
@@ -74,7 +78,7 @@ class Registry(Mapping[str, T], Generic[T]):
             try:
                 item = point.load()
             except Exception as error:
-                raise self._error(
+                raise self.error(
                     f"{self.kind} {point.name!r} ({point.value}) of an installed package cannot be loaded: "
                     f"{type(error).__name__}: {error}; mend or uninstall that package"
                 ) from error
@@ -88,21 +92,37 @@ def _origin(item: Any) -> str:
 
 
 criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
-planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners", OptionError)
+planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
 models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
 readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers", "hpop.readers", MapError)
 
 
-def make_model(spec: Mapping[str, Mapping[str, Any]]) -> Any:
-    """A model from ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
-    if not isinstance(spec, Mapping) or len(spec) != 1:
-        raise ModelError(f"a model is given as one name with its parameters, got {spec!r}")
-    ((name, parameters),) = spec.items()
+def made(registry: Registry[type], spec: Any) -> Any:
+    """A new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
+
+    Raises UnknownName for a name nobody registered, and the registry's error for parameters that it does not take.
+    """
+    kind, error = registry.kind, registry.error
+    named = {spec: None} if isinstance(spec, str) else spec
+    if not isinstance(named, Mapping) or len(named) != 1:
+        raise error(f"a {kind} is given as a name, or as one name with its parameters, got {spec!r:.200}")
+    ((name, parameters),) = named.items()
     if not isinstance(parameters, Mapping | None):
-        raise ModelError(f"the parameters of model {name!r} are given by name, got {parameters!r}")
-    cls = models[name]
-    known = [field.name for field in fields(cls)]
-    strange = sorted(set(parameters or {}) - set(known))
+        raise error(f"the parameters of {kind} {name!r} are given by name, got {parameters!r:.200}")
+    cls = registry[name]
+    known = [field.name for field in fields(cls) if field.init]
+    strange = sorted(str(parameter) for parameter in parameters or {} if parameter not in known)
     if strange:
-        raise ModelError(f"model {name!r} has no parameter {', '.join(map(str, strange))}; it has {', '.join(known)}")
-    return cls(**(parameters or {}))
+        raise error(
+            f"{kind} {name!r} has no {registry.parameter} {', '.join(map(repr, strange))}; "
+            f"it has {', '.join(known) or 'none'}"
+        )
+    try:
+        return cls(**(parameters or {}))
+    except TypeError as wrong:  # one that is missing, or of another type
+        raise error(f"{kind} {name!r} cannot be made of {dict(parameters or {})!r:.200}: {wrong}") from wrong
+
+
+def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
+    """A model from its name or ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
+    return made(models, spec)

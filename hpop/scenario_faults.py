@@ -14,7 +14,8 @@ from typing import Any, TypeVar, get_type_hints
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from hpop.errors import HpopError, ScenarioError
+from hpop.errors import HpopError, QueryError, ScenarioError
+from hpop.math import not_radians
 from hpop.registry import Registry
 from hpop.scenario_schema import STRICT, WorldSection
 from hpop.yaml_lines import Document, Place
@@ -133,7 +134,12 @@ class Faults:
         if yaw == "any":
             self.add((key, 2), "the yaw at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
             return x, y, 0.0
-        return x, y, self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
+        angle = self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
+        if isinstance(angle, float | int) and not_radians(angle):
+            hint = "" if isinstance(yaw, str) else f"; write '{yaw:g} deg' if these are degrees"
+            self.add((key, 2), f"a yaw is in rad, within two turns of 0, got {yaw!r}{hint}", QueryError)
+            angle = 0.0
+        return x, y, angle
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
         """An angle in rad from a number, or from text in degrees."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray, frozen
-from hpop.errors import ModelError
+from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
 from hpop.motions import Curve, Model, Motions, States, slopes
 
@@ -22,7 +23,7 @@ STILL = 1e-6  # m or rad: a state that a motion does not change may differ by th
 LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Motions of a model, in time order; the end of each is the start of the next.
 
@@ -76,6 +77,10 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.kinds)
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{number} {kind}" for kind, number in Counter(self.kinds).items())
+        return f"<Trajectory: {len(self)} motions ({counts or 'start is goal'}), {self.duration:.3f} s>"
+
     @classmethod
     def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
         """Turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
@@ -84,9 +89,13 @@ class Trajectory:
         >>> Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
         ('move', 'turn', 'move', 'turn')
         """
-        if not len(poses):
-            raise ModelError("a trajectory needs at least one pose (x m, y m, yaw rad)")
-        x, y, yaw = (float(value) for value in poses[0])
+        try:
+            through = [(float(x), float(y), float(yaw)) for x, y, yaw in poses]
+        except (TypeError, ValueError):
+            through = []
+        if not through:
+            raise ModelError(f"a trajectory needs a list of at least one pose (x m, y m, yaw rad), got {poses!r:.80}")
+        x, y, yaw = through[0]
         states, kinds = [(x, y, yaw)], []
 
         def turn_to(heading: float) -> None:
@@ -97,13 +106,13 @@ class Trajectory:
                 states.append((x, y, yaw))
                 kinds.append("turn")
 
-        for to_x, to_y, to_yaw in poses[1:]:
+        for to_x, to_y, to_yaw in through[1:]:
             if np.hypot(to_x - x, to_y - y) > 0:
                 turn_to(float(np.arctan2(to_y - y, to_x - x)))
-                x, y = float(to_x), float(to_y)
+                x, y = to_x, to_y
                 states.append((x, y, yaw))
                 kinds.append("move")
-            turn_to(float(to_yaw))
+            turn_to(to_yaw)
         columns = np.array(states, float).T
         return cls(model, States(**dict(zip(model.state_names, columns, strict=True))), tuple(kinds))
 
@@ -163,7 +172,10 @@ class Trajectory:
         return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner))
 
     def at(self, t: FloatArray | float) -> States:
-        """States at times t (N,), s; before the start and after the goal the robot stands there."""
+        """States at times t (N,), s; before the start and after the goal the robot stands there.
+
+        Raises OptionError for what is no time.
+        """
         return self._sampled(t)[0]
 
     def rates(self, t: FloatArray | float) -> tuple[States, States]:
@@ -235,7 +247,13 @@ class Trajectory:
         return bool(abs(wrap(ahead - along)) < STRAIGHT)
 
     def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
-        moments = np.clip(np.atleast_1d(np.asarray(t, float)), 0.0, self.duration)
+        try:
+            moments = np.atleast_1d(np.asarray(t, float))
+        except (TypeError, ValueError):
+            moments = np.array([np.nan])
+        if moments.ndim > 1 or np.isnan(moments).any():
+            raise OptionError(f"expected a time in s, or times (N,), all numbers, got {t!r:.80}")
+        moments = np.clip(moments, 0.0, self.duration)
         names = self.states.names
         value = {name: np.full(moments.shape, getattr(self.states, name)[0]) for name in names}
         first = {name: np.zeros(moments.shape) for name in names}

@@ -13,7 +13,7 @@ import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.performance.obstruction import Exposure, Obstruction
-from hpop.errors import CriterionError, HpopError, MapError, OptionError, QueryError, UnknownName
+from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback, Status
@@ -85,6 +85,13 @@ LONGER = ((1.0, 1.0, 0.0), (1.0, 3.5, 0.0), (4.0, 3.5, 0.0), (4.0, 1.0, 0.0))
         ({"start": "abc"}, QueryError, "(x m, y m, yaw rad)"),
         ({"goal": (1, np.nan, 0)}, QueryError, "finite"),
         ({"goal": (np.inf, 1, None)}, QueryError, "finite"),
+        ({"start": (1, 1, 90)}, QueryError, "in radians, within two turns of 0; got 90: write math.radians(90)"),
+        ({"goal": (4, 1, -180.0)}, QueryError, "yaw of the goal is in radians"),
+        ({"criteria": 3}, CriterionError, "criteria is a list"),
+        ({"criteria": [{"obstruction": {"radius": "x"}}]}, CriterionError, "'obstruction' cannot be made of"),
+        ({"world": "x"}, MapError, "such as hpop.World.from_geojson(path), got 'x'"),
+        ({"model": "x"}, ModelError, "such as hpop.DifferentialDrive(radius=0.3), got 'x'"),
+        ({"model": hpop.DifferentialDrive}, ModelError, "got <class"),
     ],
 )
 def test_what_makes_no_sense_is_refused(changes: dict[str, object], kind: type[HpopError], said: str) -> None:
@@ -104,6 +111,24 @@ def test_what_a_criterion_requires_must_be_there(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(Length, "requires", ("people",))
     with pytest.raises(CriterionError, match="requires people"):
         problem()
+
+
+@pytest.mark.parametrize("wrong", [3, None, "path", [(1, 1, 0)]])
+def test_only_trajectories_have_costs(wrong: object) -> None:
+    for use in (problem().evaluate, problem().trace):
+        with pytest.raises(QueryError, match=r"expected a trajectory, such as front\.trajectories\[0\]"):
+            use(wrong)  # type: ignore[arg-type]
+
+
+def test_a_heading_within_two_turns_is_in_radians() -> None:
+    assert problem(start=(1, 1, 4 * np.pi), goal=(4, 1, -4 * np.pi)).goal[2] == -4 * np.pi
+
+
+def test_a_problem_is_told_in_one_line() -> None:
+    told = repr(problem(goal=(4, 1, None), criteria=["turns", "length"]))
+    assert told.startswith("<Problem: turns, length of DifferentialDrive from (1, 1, 0) to (4, 1, any) in <World: ")
+    assert told.count("\n") == 0
+    assert len(told) < 250
 
 
 # Descriptions
@@ -179,11 +204,27 @@ def test_no_planner_is_refused(none: list[str]) -> None:
         (hpop.Lattice, {}, OptionError),
         (5, {}, OptionError),
         (Fixed(()), {"step": 1}, OptionError),
+        ({"latice": {}}, {}, UnknownName),
+        ({"lattice": {"stp": 1}}, {}, OptionError),
+        ({"lattice": 1}, {}, OptionError),
+        ({"lattice": {"step": 1}}, {"step": 1}, OptionError),
+        ({"lattice": {}, "roadmap": {}}, {}, OptionError),
+        ({}, {}, OptionError),
+        (["lattice", {"smoothing": {"stp": 1}}], {}, OptionError),
     ],
 )
 def test_a_wrong_planner_is_refused(planner: object, options: dict[str, object], kind: type[HpopError]) -> None:
     with pytest.raises(kind):
         problem().solve(planner, **options)  # type: ignore[arg-type]
+
+
+def test_planners_are_given_as_in_a_scenario() -> None:
+    made = problem().solve([{"lattice": {"step": 1.0, "headings": 4}}, {"lattice": None}])
+    first, second = made.certificate.split(" | ")
+    assert "of step 0.25 m, 8 headings" in first
+    assert "of step 1 m, 4 headings" in second
+    alone = problem().solve({"lattice": {"step": 0.5}})
+    assert np.array_equal(alone.costs, problem().solve("lattice", step=0.5).costs)
 
 
 def test_the_front_grows_from_planner_to_planner() -> None:

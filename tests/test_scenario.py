@@ -17,6 +17,7 @@ from hpop.errors import (
     MapError,
     ModelError,
     OptionError,
+    QueryError,
     ScenarioError,
     UnknownName,
 )
@@ -168,6 +169,9 @@ def test_a_fault_is_said_with_line_key_and_what_to_do(
         (("step: 0.5", "headings: 7"), OptionError, 12, "[4, 8, 16]"),
         (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be a positive number"),
         (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
+        (("radius: 0.2", "radius: 200"), ModelError, 7, "in metres, at most 20, got 200"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, 90]"), QueryError, 8, "turns of 0, got 90; write '90 deg' if these are deg"),
+        (("any]", "750 deg]"), QueryError, 9, "goal.2: a yaw is in rad, within two turns of 0, got '750 deg'"),
         (("turns,", "{obstruction: {radius: -1}},"), CriterionError, 10, "radius"),
         (("turns,", "length,"), CriterionError, 10, "length more than once"),
         (("turns,", "obstruction, {exposure: {radius: 1}},"), CriterionError, 10, "the same parameters"),

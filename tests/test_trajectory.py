@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hpop.criteria.base import make_criterion, motion_costs, trajectory_cost, trajectory_costs
-from hpop.errors import ModelError
+from hpop.errors import ModelError, OptionError
 from hpop.models import DifferentialDrive
 from hpop.motions import States
 from hpop.trajectory import Trajectory, batches
@@ -51,6 +51,30 @@ def test_a_3_4_5_triangle():
     # Exterior angles of any triangle that is walked round once add up to a full turn.
     assert costs["rotation"] == pytest.approx(2 * np.pi)
     assert trajectory.states.yaw[-1] == pytest.approx(2 * np.pi)
+
+
+@pytest.mark.parametrize("time", [np.nan, [0.0, np.nan], "soon", None, [[0.0, 1.0]]])
+def test_what_is_no_time_is_refused(time):
+    trajectory = Trajectory.from_poses(ROBOT, [(0, 0, 0), (3, 0, 0)])
+    for sample in (trajectory.at, trajectory.rates):
+        with pytest.raises(OptionError, match=r"expected a time in s, or times \(N,\)"):
+            sample(time)
+
+
+def test_before_all_time_it_stands_at_the_start_and_after_it_at_the_goal():
+    assert Trajectory.from_poses(ROBOT, [(0, 0, 0), (3, 0, 0)]).at([-np.inf, np.inf]).x.tolist() == [0.0, 3.0]
+
+
+@pytest.mark.parametrize("wrong", [[], 3, "x", [(0, 0)], [(0, 0, 0), None]])
+def test_what_are_no_poses_is_refused(wrong):
+    with pytest.raises(ModelError, match=r"at least one pose \(x m, y m, yaw rad\), got"):
+        Trajectory.from_poses(ROBOT, wrong)
+
+
+def test_a_trajectory_is_told_in_one_line():
+    trajectory = Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (5, 0, 0)])
+    assert repr(trajectory) == "<Trajectory: 2 motions (2 move), 5.000 s>"
+    assert repr(Trajectory.from_poses(ROBOT, [(1, 2, 3)])) == "<Trajectory: 0 motions (start is goal), 0.000 s>"
 
 
 def test_start_is_goal():

@@ -26,7 +26,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.history import History
 from hpop.motions import Motions, missing
-from hpop.registry import criteria
+from hpop.registry import criteria, made
 from hpop.trajectory import Trajectory, batches
 
 if TYPE_CHECKING:
@@ -74,6 +74,9 @@ class Criterion(Protocol):
         With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
         :class:`hpop.history.History`.
         """
+
+
+CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any] | None]
 
 
 def criterion(
@@ -132,30 +135,18 @@ def criterion(
     return declare
 
 
-def make_criterion(spec: str | Criterion | Mapping[str, Mapping[str, Any]]) -> Criterion:
+def make_criterion(spec: CriterionSpec) -> Criterion:
     """A criterion from its name, from ``{name: {parameter: value}}``, or itself.
 
     Raises UnknownName for a name nobody registered and CriterionError for parameters it does not have.
     """
-    if isinstance(spec, str):
-        spec = {spec: {}}
-    if not isinstance(spec, Mapping):
-        if not isinstance(spec, type) and isinstance(spec, Criterion):
-            return spec
-        raise CriterionError(
-            f"a criterion is a name or an instance such as Turns(), got {spec!r}; declare a class with @hpop.criterion"
-        )
-    if len(spec) != 1:
-        raise CriterionError(f"a criterion is given as one name with its parameters, got {dict(spec)!r}")
-    ((name, parameters),) = spec.items()
-    cls = criteria[name]
-    known = [field.name for field in dataclasses.fields(cls)]
-    strange = sorted(set(parameters or {}) - set(known))
-    if strange:
-        raise CriterionError(
-            f"criterion {name!r} has no parameter {', '.join(map(repr, strange))}; it has {', '.join(known) or 'none'}"
-        )
-    return cast(Criterion, cls(**(parameters or {})))
+    if isinstance(spec, str | Mapping):
+        return cast(Criterion, made(criteria, spec))
+    if not isinstance(spec, type) and isinstance(spec, Criterion):
+        return spec
+    raise CriterionError(
+        f"a criterion is a name or an instance such as Turns(), got {spec!r}; declare a class with @hpop.criterion"
+    )
 
 
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:

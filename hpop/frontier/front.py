@@ -230,7 +230,7 @@ provenance, problem, runs
 
         Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
         """
-        if isinstance(order, str) or len(set(order)) != len(order) or not order:
+        if isinstance(order, str) or not isinstance(order, Sequence) or len(set(order)) != len(order) or not order:
             raise FrontError(f"expected a list of distinct criteria, got {order!r:.80}")
         columns = [choosing.column_index(name, self.names) for name in order]
         return self[choosing.lexicographic(self._counts(), columns)]

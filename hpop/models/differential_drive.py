@@ -23,6 +23,7 @@ from hpop.trajectory import Trajectory
 
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m
+LONGEST = 20.0  # m: what is larger is given in another unit
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,8 @@ class DifferentialDrive:
         value = getattr(self, name)
         if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
             raise ModelError(f"{name} of a differential drive must be a positive number, got {value!r}")
+        if name not in ("speed", "acceleration", "turn_rate", "turn_acceleration") and float(value) > LONGEST:
+            raise ModelError(f"{name} of a differential drive is in metres, at most {LONGEST:g}, got {value!r}")
         object.__setattr__(self, name, float(value))
 
     @property

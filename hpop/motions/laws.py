@@ -101,6 +101,7 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
     return getattr(end, name) - getattr(start, name), 0.0
 
 
+@runtime_checkable
 class Model(Protocol):
     """A system: what moves, by which laws, and where its camera is."""
 

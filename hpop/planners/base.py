@@ -15,7 +15,7 @@ from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, Group
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
-from hpop.registry import planners
+from hpop.registry import made, planners
 from hpop.status import ProgressCallback, Status
 from hpop.trajectory import Trajectory
 
@@ -62,6 +62,9 @@ class Planner(Protocol):
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan; raises QueryError, UnsupportedCriterion or OptionError where the question is wrong."""
+
+
+PlannerSpec = str | Planner | Mapping[str, Mapping[str, Any] | None]
 
 
 class SweepingPlanner(Planner, Protocol):
@@ -119,25 +122,23 @@ def planner(name: str) -> Callable[[T], T]:
     return declare
 
 
-def make_planner(spec: str | Planner, options: Mapping[str, Any] | None = None) -> Planner:
-    """A planner from its name and options, or itself.
+def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) -> Planner:
+    """A planner from its name and options, from ``{name: {option: value}}`` as in a scenario, or itself.
 
     Raises UnknownName for a name nobody registered and OptionError for options it does not have.
     """
-    if not isinstance(spec, str):
-        if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
-            raise OptionError(f"a planner is a name or an object with solve(problem), got {spec!r}")
-        if options:
-            raise OptionError(f"options {sorted(options)} go into the planner object {spec!r} itself")
-        return spec
-    cls = planners[spec]
-    known = [option.name for option in dataclasses.fields(cls)]
-    strange = sorted(set(options or {}) - set(known))
-    if strange:
+    if isinstance(spec, str):
+        return cast(Planner, made(planners, {spec: options}))
+    if options:
+        raise OptionError(f"options {sorted(options)} go into the planner {spec!r:.200} itself")
+    if isinstance(spec, Mapping):
+        return cast(Planner, made(planners, spec))
+    if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
         raise OptionError(
-            f"planner {spec!r} has no option {', '.join(map(repr, strange))}; it has {', '.join(known) or 'none'}"
+            f"a planner is a name, one name with its options such as {{'lattice': {{'step': 0.5}}}}, or an object with "
+            f"solve(problem), got {spec!r:.200}"
         )
-    return cast(Planner, cls(**(options or {})))
+    return spec
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import Column
 from hpop.errors import MapError
+from hpop.math import not_radians
 from hpop.world.shapes import shown
 
 ZoneKind = Literal["speed", "keep-out", "one-way"]
@@ -49,6 +50,7 @@ class Person:
             raise MapError(f"{what} needs a velocity (x, y), m/s; got {shown(self.velocity)}.")
         object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in self.velocity))
         _set_numbers(self, what, "x", "y", "yaw", "radius")
+        _check_radians(what, "yaw", self.yaw)
         if not self.radius > 0:
             raise MapError(f"{what} needs a radius above 0 m; got {self.radius!r}.")
 
@@ -82,6 +84,7 @@ class Landmark:
     def __post_init__(self) -> None:
         what = _named("landmark", self.name)
         _set_numbers(self, what, "x", "y", "z", "weight", *(() if self.facing is None else ("facing",)))
+        _check_radians(what, "facing", self.facing or 0.0)
         if not self.weight > 0:
             raise MapError(f"{what} needs a weight above 0; got {self.weight!r}.")
 
@@ -229,6 +232,11 @@ def _number(what: str, name: str, value: Any) -> float:
     if not math.isfinite(number):
         raise MapError(f"{what}: {name} must be a finite number; got {shown(value)}.")
     return number
+
+
+def _check_radians(what: str, name: str, angle: float) -> None:
+    if advice := not_radians(angle):
+        raise MapError(f"{what}: {name} {advice}.")
 
 
 def _is_finite(geometry: BaseGeometry) -> bool:

@@ -42,6 +42,22 @@ def describe(world: World) -> dict[str, Any]:
     }
 
 
+def summary(world: World) -> str:
+    """One line on a world: its size, what is in it, and where it comes from."""
+    x0, y0, x1, y1 = world.bounds
+    parts = [f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"]
+    if world.raster is not None:
+        rows, columns = world.raster.cells.shape
+        parts.append(f"{columns} x {rows} cells of {world.raster.resolution:g} m")
+    content = world.content
+    things = (world.obstacles, content.people, content.landmarks, content.zones)
+    names = ("obstacles", "people", "landmarks", "zones")
+    parts += [f"{name}: {len(some)}" for name, some in zip(names, things, strict=True) if some]
+    if world.source is not None:
+        parts.append(str(world.source["path"]))
+    return f"<World: {', '.join(parts)}>"
+
+
 def build(description: Mapping[str, Any]) -> World:
     """Build the world that `describe` described, and trust none of it: it may come from anywhere."""
     kind = description.get("kind") if isinstance(description, Mapping) else None

@@ -30,6 +30,8 @@ MAX_DEPTH = 20
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
     """Return a file's bytes; `MapError` if it is missing, a directory, empty, too large or not readable."""
+    if not isinstance(path, str | os.PathLike):  # a number would be an open file's
+        raise MapError(f"{what} is named by its path; got {path!r:.80}.")
     try:
         info = os.stat(path)
     except (OSError, ValueError) as error:

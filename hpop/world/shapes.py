@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,17 @@ def shown(value: Any) -> str:
     except (ValueError, RecursionError):
         text = f"a {type(value).__name__} too large to print"
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
+    """The obstacles of a world as a tuple, or `MapError` where that is something else."""
+    prisms = tuple(obstacles) if isinstance(obstacles, Iterable) else (obstacles,)
+    if not all(isinstance(prism, Obstacle) for prism in prisms):
+        raise MapError(
+            f"obstacles must be hpop.world.Obstacle prisms; got {obstacles!r:.80}. Build a world by World.from_geojson("
+            "path), World.from_polygons([...]) or another of these methods."
+        )
+    return prisms
 
 
 def check_heights(heights: Any) -> tuple[float, float]:

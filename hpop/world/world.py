@@ -20,7 +20,7 @@ from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.field import Field
 from hpop.world.planar import FreeSpace
 from hpop.world.sampling import sample_clearance, sample_obstruction
-from hpop.world.shapes import Obstacle, Raster, check_heights, overlaps
+from hpop.world.shapes import Obstacle, Raster, check_heights, check_prisms, overlaps
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -35,7 +35,7 @@ T = TypeVar("T")
 Heights = tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class World:
     """Obstacles and free space, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
@@ -64,6 +64,7 @@ class World:
 
     def __post_init__(self) -> None:
         """Fill in the extent and check the geometries."""
+        object.__setattr__(self, "obstacles", check_prisms(self.obstacles))
         extent = self.extent
         if extent.is_empty:
             if self.raster is not None:
@@ -77,9 +78,13 @@ class World:
                 raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shape!r:.80}.")
             if not np.isfinite(shapely.get_coordinates(shape)).all():
                 raise MapError(f"{name} must have finite coordinates.")
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
         object.__setattr__(self, "extent", extent)
         object.__setattr__(self, "_cache", {})
+
+    def __repr__(self) -> str:
+        from hpop.world.description import summary
+
+        return summary(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields without what was derived from them."""
@@ -139,11 +144,7 @@ class World:
         array([0.25])
         """
         raster = Raster(occupied, resolution, origin, *check_heights(height))
-        return cls(
-            raster=raster,
-            keep_out=_or_nothing(keep_out),
-            outside_is_obstacle=outside_is_obstacle,
-        )
+        return cls(raster=raster, keep_out=_or_nothing(keep_out), outside_is_obstacle=outside_is_obstacle)
 
     @classmethod
     def from_ros_map(

@@ -37,6 +37,12 @@ def test_every_length_and_limit_must_be_a_positive_number(name, value):
         DifferentialDrive(**{name: value})
 
 
+@pytest.mark.parametrize("name", ["radius", "body_height", "camera_height", "mast_radius", "wheel_base"])
+def test_a_length_in_centimetres_is_refused(name):
+    with pytest.raises(ModelError, match=f"{name} of a differential drive is in metres, at most 20, got 120"):
+        DifferentialDrive(**{name: 120})
+
+
 @pytest.mark.parametrize("number", [1, np.int64(1), np.float32(1)])
 def test_numbers_may_come_from_numpy(number):
     robot = DifferentialDrive(speed=number)

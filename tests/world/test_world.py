@@ -92,6 +92,28 @@ def test_a_world_that_makes_no_sense_is_refused(make, message):
         make()
 
 
+@pytest.mark.parametrize("wrong", ["x", 3, [shapely.box(0, 0, 1, 1)], None])
+def test_a_world_is_not_made_of_anything(wrong):
+    with pytest.raises(MapError, match=r"obstacles must be hpop\.world\.Obstacle prisms; got .* World\.from_geojson"):
+        World(wrong)
+
+
+@pytest.mark.parametrize("path", [3, None, ["map.yaml"]])
+def test_a_map_is_named_by_its_path(path):
+    for read in (World.from_ros_map, World.from_movingai, World.from_geojson):
+        with pytest.raises(MapError, match="named by its path"):
+            read(path)
+
+
+def test_a_world_is_told_in_one_line():
+    assert (
+        repr(World.from_cells(np.eye(3, 5, dtype=bool), 0.5))
+        == "<World: 2.5 x 1.5 m from (0, 0), 5 x 3 cells of 0.5 m>"
+    )
+    world = World.from_polygons([shapely.box(4, 0, 6, 3)], extent=shapely.box(-1, 0, 10, 5))
+    assert repr(world) == "<World: 11 x 5 m from (-1, 0), obstacles: 1>"
+
+
 def test_contents_say_what_is_there(pillars):
     assert pillars.contents == {"obstacles", "keep_out"}
     assert World.from_polygons([], extent=EXTENT).contents == set()
@@ -237,6 +259,7 @@ def test_pickling_keeps_the_world_and_drops_what_was_derived(pillars, positions)
 
 
 def same(a, b):
+    assert a.describe() == b.describe()
     assert [(o.polygon, o.heights) for o in a.obstacles] == [(o.polygon, o.heights) for o in b.obstacles]
     assert a.extent == b.extent
     assert a.keep_out.equals(b.keep_out)
