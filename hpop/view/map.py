@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import cycle
+from textwrap import fill as wrapped
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -20,6 +23,7 @@ from matplotlib.patheffects import withStroke
 from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.frontier.choosing import column_index
+from hpop.frontier.union import JOINT
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -27,6 +31,7 @@ from hpop.view.content import draw_content
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import Box, Sheet
 from hpop.view.style import (
+    DASHES,
     LARGE,
     NORMAL,
     QUIET,
@@ -41,6 +46,7 @@ from hpop.view.style import (
 )
 
 WRAP = 60  # characters a line of costs in the legend
+CLAIM_WRAP = 118  # characters a line of what is claimed
 CURVE_PIECES = 12  # a motion that moves and turns at once is drawn as so many straight pieces
 # Without the palest yellow, which is lost on a light ground.
 COST_COLOURS: Colormap = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)), name="cost")
@@ -105,12 +111,13 @@ def draw_map(
         bars += _draw_all(axes, front, scale)
     field = draw_field(axes, problem.world, view, ball)
     bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
-    lines = _draw_named(axes, front, named)
+    symbols += _planners(front)
+    lines, claim = _draw_named(axes, front, named), _claim(front)
     if any(_turn_places(front.trajectories[mark.row]).size for mark in named):
         symbols.append(_dot(QUIET, label="turn in place"))
     symbols += _draw_ends(axes, problem, view)
     _draw_frame(axes, view)
-    sheet = Sheet.of(view, bars=len(bars), lines=max(_height(lines), _height(symbols)))
+    sheet = Sheet.of(view, bars=len(bars), lines=max(_height(lines), _height(symbols)), claim=claim.count("\n") + 1)
     if own:
         figure.set_size_inches(sheet.width, sheet.height)
     axes.set_position(sheet.map_box())
@@ -122,6 +129,7 @@ def draw_map(
         _draw_legend(figure, symbols, sheet.legends[1], "upper left")
     else:
         _draw_legend(figure, symbols, (0.5, sheet.legends[0][1]), "upper center")
+    figure.text(*sheet.claim, claim, fontsize=SMALL, color=QUIET, va="bottom", gid="claim")
     return figure
 
 
@@ -158,11 +166,13 @@ def _draw_all(axes: Axes, front: Front, scale: Quantity) -> list[Bar]:
     order = np.argsort(-scale.values, kind="stable")
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
     alpha = float(np.clip(7.0 / np.sqrt(len(front)), 0.15, 0.9))
+    styles = dict(zip(_counts(front), cycle(DASHES), strict=False))
     axes.add_collection(
         LineCollection(
             [path_points(front.trajectories[row]) for row in order],
             colors=COST_COLOURS(norm(scale.values[order])),
             linewidths=0.6 + alpha,
+            linestyles=[styles[front.provenance[row].get("planner")] for row in order],
             alpha=alpha,
             capstyle="round",
             zorder=3,
@@ -173,6 +183,21 @@ def _draw_all(axes: Axes, front: Front, scale: Quantity) -> list[Bar]:
     if norm.vmin == norm.vmax:
         return []
     return [Bar(ScalarMappable(norm, COST_COLOURS), f"{scale.label} of a trajectory", scale.counts)]
+
+
+def _counts(front: Front) -> dict[Any, int]:
+    """How many trajectories are of each planner, the one with most first."""
+    return dict(Counter(origin.get("planner") for origin in front.provenance).most_common())
+
+
+def _planners(front: Front) -> list[Handle]:
+    """Who found what, where several planners share a front: each has its own dashes."""
+    counts = _counts(front)
+    return [
+        Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=f"found by {name}: {count}")
+        for (name, count), dashes in zip(counts.items(), cycle(DASHES), strict=False)
+        if len(counts) > 1
+    ]
 
 
 def _draw_bar(figure: Figure, box: Box, bar: Bar) -> None:
@@ -239,9 +264,10 @@ def _dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, 
 
 
 def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
-    """Start and goal: a letter in a circle, and an arrow along the heading where there is one."""
+    """Start and goal: a letter in a circle, and an arrow along the heading; a goal at the start is a ring round it."""
     reach = 0.055 * max(view.width, view.height)
     handles: list[Handle] = []
+    same = problem.start[:2] == problem.goal[:2]
     for name, letter, pose, fill in (
         ("start", "S", problem.start, "white"),
         ("goal", "G", problem.goal, "#F0E442"),
@@ -257,12 +283,15 @@ def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
                 zorder=7,
             )
             arrow.set_gid(f"{name} heading")
-        look = {"marker": "o", "markersize": 12, "markerfacecolor": fill, "markeredgecolor": "black"}
-        axes.plot([x], [y], linestyle="none", zorder=8, gid=name, **look)  # type: ignore[arg-type]
-        axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)
+        look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
+        ring = same and name == "goal"
+        look["markersize"] = 19 if ring else 12
+        axes.plot([x], [y], linestyle="none", zorder=7.9 if ring else 8, gid=name, **look)
+        if not ring:
+            axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)
         heading = "any heading" if yaw is None else "heading along the arrow"
         look["markersize"] = 8
-        handles.append(Line2D([], [], linestyle="none", label=f"{letter}: {name}, {heading}", **look))  # type: ignore[arg-type]
+        handles.append(Line2D([], [], linestyle="none", label=f"{letter}: {name}, {heading}", **look))
     return handles
 
 
@@ -276,6 +305,11 @@ def _draw_frame(axes: Axes, view: View) -> None:
     draw_scale_bar(axes, view)
 
 
+def _claim(front: Front) -> str:
+    """What is claimed, a paragraph for each planner: a picture is passed on without its front."""
+    return "\n".join(wrapped(part, CLAIM_WRAP) for part in front.certificate.split(JOINT))
+
+
 def _title(front: Front, scale: Quantity | None) -> str:
     if scale is None:
         if front.status == Status.NO_PATH:
@@ -286,6 +320,6 @@ def _title(front: Front, scale: Quantity | None) -> str:
         ended = " (the search goes on)"
     count = f"{len(front)} trajectories{ended}, none better than another in all of"
     if len(front) == 1:
-        count = f"1 trajectory{ended}, the best in"
+        count = f"1 trajectory{ended}, none found is better in any of"
     criteria = ", ".join(column.label for column in quantities(front)[: len(front.names)])
     return f"{count}\n{criteria}"

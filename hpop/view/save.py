@@ -23,6 +23,7 @@ DPI = 200
 def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
+    A knee that stays where it is, since the start is the goal, has no trace and no places.
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
     one has no use for are removed. All are drawn before the first is written.
 
@@ -34,8 +35,10 @@ def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str]
     figures = {"map.png": draw_map(problem, front)}
     if len(front):
         figures["front.png"] = draw_front(front)
-        figures["trace.png"] = draw_trace(problem, front.knee().item, name="the knee")
-        figures["where.png"] = draw_where(problem, front.knee().item, name="the knee")
+        knee = front.knee().item
+        if len(knee):
+            figures["trace.png"] = draw_trace(problem, knee, name="the knee")
+            figures["where.png"] = draw_where(problem, knee, name="the knee")
     pictures = {name: _png(figure, dpi) for name, figure in figures.items()}
     target = Path(folder)
     try:

@@ -1,4 +1,4 @@
-"""Where the parts of a map's picture go, in inches: title, map, colour bars, legends."""
+"""Where the parts of a map's picture go, in inches: title, map, colour bars, legends, what is claimed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ MOST_WIDE, MOST_HIGH = 6.4, 6.2  # of the map
 LEAST = 1.6
 LEFT, TOP, BELOW = 0.75, 0.88, 0.62  # round the map: ticks and label, title and scale bar, ticks and label
 BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next, from the map to the first
-LEGEND = 7.6  # width of the two legends
+LEGEND = 8.0  # width of the two legends
 SYMBOLS = 4.95  # where the second one begins
 LINE = 0.205  # height of a line of the legends
+CLAIM_LINE = 0.155  # and of what is claimed
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,13 @@ class Sheet:
     bottom: float
 
     @classmethod
-    def of(cls, view: View, *, bars: int, lines: int) -> Sheet:
-        """Lay out a map of a view with so many colour bars and lines of legend."""
+    def of(cls, view: View, *, bars: int, lines: int, claim: int) -> Sheet:
+        """Lay out a map of a view with so many colour bars, lines of legend and lines of what is claimed."""
         scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
         map_width, map_height = max(LEAST, scale * view.width), max(LEAST, scale * view.height)
         with_bars = LEFT + map_width + GAP + bars * PITCH
         width = max(with_bars, LEGEND)
-        bottom = BELOW + LINE * lines + 0.1
+        bottom = BELOW + LINE * lines + 0.2 + CLAIM_LINE * claim
         left = LEFT + (width - with_bars) / 2
         return cls(width, bottom + map_height + TOP, map_width, map_height, left, bottom)
 
@@ -55,6 +56,11 @@ class Sheet:
         margin = (self.width - LEGEND) / 2 + 0.1
         top = (self.bottom - BELOW) / self.height
         return (margin / self.width, top), ((margin + SYMBOLS) / self.width, top)
+
+    @property
+    def claim(self) -> tuple[float, float]:
+        """Lower left corner of what is claimed."""
+        return self.legends[0][0], 0.08 / self.height
 
     def map_box(self) -> Box:
         """Place the map."""

@@ -73,8 +73,9 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         f"Along {name}: planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s",
         fontsize=LARGE,
     )
+    turns = [Patch(color=TURN, label="planned turn in place")] if turns_in_place(trajectory).any() else []
     handles = [
-        Patch(color=TURN, label="planned turn in place"),
+        *turns,
         Line2D([], [], label="planned", **_look(PLANNED, 2.4)),
         Line2D([], [], label="executed, from rest to rest", **_look(EXECUTED, 1.2)),
     ]

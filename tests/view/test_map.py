@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,11 @@ def part(figure: Figure, label: str):
 
 def by_gid(figure: Figure, gid: str):
     return next(artist for artist in part(figure, "map").findobj(lambda a: a.get_gid() == gid))
+
+
+def claim(figure: Figure):
+    (text,) = [text for text in figure.texts if text.get_gid() == "claim"]
+    return text
 
 
 def legend_texts(figure: Figure) -> list[str]:
@@ -225,11 +230,20 @@ def test_the_title_says_when_the_search_did_not_end(problem, make_front):
     assert "ended" not in draw_map(problem, make_front(problem)).get_suptitle()
 
 
+def test_one_trajectory_is_not_called_the_best_whatever_is_claimed_and_the_claim_is_there(problem, make_front):
+    for status in ("complete", "time limit", "unfinished"):
+        figure = draw_map(problem, make_front(problem, costs=np.ones((1, 3)), status=status))
+        assert figure.get_suptitle().startswith("1 trajectory")
+        assert "best" not in figure.get_suptitle()
+        assert claim(figure).get_text() == "made by hand"
+
+
 def test_legends_and_title_lie_outside_the_map_and_inside_the_page(problem, make_front):
     figure = draw_map(problem, make_front(problem))
     figure.canvas.draw()
     page, inner = figure.bbox, part(figure, "map").get_window_extent()
     boxes = [legend.get_window_extent() for legend in figure.legends] + [figure._suptitle.get_window_extent()]
+    boxes.append(claim(figure).get_window_extent())
     for i, box in enumerate(boxes):
         assert not box.overlaps(inner)
         assert page.x0 <= box.x0 < box.x1 <= page.x1
@@ -258,7 +272,25 @@ def test_a_start_that_is_the_goal_is_drawn(make_problem):
         [[0.0, 0.0]], [still], names=["turns", "length"], units=["1", "m"], quanta=[1, 1e-6],
         status="complete", certificate="made by hand",
     )  # fmt: skip
-    assert len(trajectories_of(draw_map(problem, front)).get_segments()) == 1
+    figure = draw_map(problem, front)
+    assert len(trajectories_of(figure).get_segments()) == 1
+    assert by_gid(figure, "goal").get_markersize() > by_gid(figure, "start").get_markersize()  # neither hides the other
+    assert by_gid(figure, "goal").get_zorder() < by_gid(figure, "start").get_zorder()
+
+
+def test_of_several_planners_each_has_its_dashes_and_its_count(problem, make_front):
+    front = make_front(problem)
+    assert not any("found by" in text for text in legend_texts(draw_map(problem, front)))
+    names = ["second", *["first"] * (len(front) - 1)]
+    shared = replace(front, provenance=[{"planner": name} for name in names])
+    figure = draw_map(problem, shared)
+    told = [text for text in legend_texts(figure) if "found by" in text]
+    assert told == [f"found by first: {len(front) - 1}", "found by second: 1"]
+    # By decreasing length on the map, so that the least is on top.
+    lengths = shared.costs[:, shared.names.index("length")]
+    drawn = [names[row] for row in np.argsort(-lengths, kind="stable")]
+    dashed = [dashes is not None for _, dashes in trajectories_of(figure).get_linestyle()]
+    assert dashed == [name == "second" for name in drawn]
 
 
 @dataclass(frozen=True)

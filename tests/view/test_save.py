@@ -37,6 +37,12 @@ def test_the_resolution_is_good_enough_for_print(problem, make_front, tmp_path):
         assert min(image.size) > 1200
 
 
+def test_who_stays_where_he_is_has_no_trace(make_problem, tmp_path):
+    problem = make_problem(["turns", "length"], goal=(1, 1, 0))
+    front = problem.solve("lattice", step=1.0)
+    assert [path.name for path in save_pictures(problem, front, tmp_path, dpi=50)] == ["map.png", "front.png"]
+
+
 def test_an_empty_front_gives_the_map_alone(problem, make_front, tmp_path):
     front = make_front(problem, costs=np.zeros((0, 3)), status="no path")
     (tmp_path / "trace.png").write_text("of an earlier front")

@@ -149,3 +149,10 @@ def test_a_trajectory_without_motions_can_be_drawn(problem):
     figure = draw_trace(problem, still, name="standing still")
     figure.canvas.draw()
     assert figure.get_suptitle() == "Along standing still: planned 0.0 s, executed 0.0 s"
+
+
+def test_the_legend_tells_of_turns_in_place_only_where_there_are_some(problem, trajectory):
+    straight = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (9, 1, 0)])
+    for drawn, there in ((trajectory, True), (straight, False)):
+        (legend,) = draw_trace(problem, drawn).legends
+        assert ("planned turn in place" in [text.get_text() for text in legend.get_texts()]) is there
