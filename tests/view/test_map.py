@@ -289,7 +289,7 @@ def test_of_several_planners_each_has_its_dashes_and_its_count(problem, make_fro
     # By decreasing length on the map, so that the least is on top.
     lengths = shared.costs[:, shared.names.index("length")]
     drawn = [names[row] for row in np.argsort(-lengths, kind="stable")]
-    dashed = [dashes is not None for _, dashes in trajectories_of(figure).get_linestyle()]
+    dashed = [bool(dashes) for _, dashes in trajectories_of(figure).get_linestyle()]
     assert dashed == [name == "second" for name in drawn]
 
 
