@@ -76,13 +76,13 @@ def not_radians(angle: float) -> str:
     """What is wrong with a heading that cannot be in radians, nothing if it can: sums of two are within two turns.
 
     >>> print(not_radians(90.0))
-    is in radians, within two turns of 0; got 90: write math.radians(90) if these are degrees, else wrap it
+    is in radians, within two turns of 0; got 90: write math.radians(90), in a scenario '90 deg', if these are degrees
     >>> not_radians(-3.2)
     ''
     """
     if abs(angle) <= 4.0 * np.pi:
         return ""
     return (
-        f"is in radians, within two turns of 0; got {angle:g}: write math.radians({angle:g}) if these are degrees, "
-        "else wrap it"
+        f"is in radians, within two turns of 0; got {angle:g}: write math.radians({angle:g}), in a scenario "
+        f"'{angle:g} deg', if these are degrees"
     )

@@ -135,10 +135,9 @@ class Faults:
             self.add((key, 2), "the yaw at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
             return x, y, 0.0
         angle = self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
-        if isinstance(angle, float | int) and not_radians(angle):
-            hint = "" if isinstance(yaw, str) else f"; write '{yaw:g} deg' if these are degrees"
-            self.add((key, 2), f"a yaw is in rad, within two turns of 0, got {yaw!r}{hint}", QueryError)
-            angle = 0.0
+        if isinstance(angle, float | int) and (advice := not_radians(angle)):
+            self.add((key, 2), f"a yaw {advice}", QueryError)
+            return x, y, 0.0
         return x, y, angle
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
