@@ -85,6 +85,14 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
     unknown criterion 'turn'; known: length, turns. Did you mean 'turns'?
     """
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{hint}")
+    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)}")
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Ask whether the nearest known name was meant; nothing where none is near.
+
+    >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
+    (" Did you mean 'length'?", '')
+    """
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f" Did you mean {near[0]!r}?" if near else ""

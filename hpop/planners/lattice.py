@@ -21,7 +21,7 @@ from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
 from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
-from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
+from hpop.planners.state_graph import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.status import Budget, Progress, ProgressCallback
 
 if TYPE_CHECKING:
@@ -148,6 +148,9 @@ class Lattice:
     ) -> GraphQuery:
         """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
         refuse_unanswerable(problem, objectives, "lattice")
+        tolerance_counts(objectives, self.tolerance or {})  # these two would only be found wrong by the last stage
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
         began = time.perf_counter()
         if progress:
             progress(Progress("graph"))

@@ -84,6 +84,8 @@ class Roadmap:
         """
         objectives = edge_objectives(problem.criteria, "roadmap")
         refuse_unanswerable(problem, objectives, "roadmap")
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
         began = time.perf_counter()
         roadmap = self.roadmap(problem)
         drawn = roadmap.options["samples"]

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.errors import GraphError, OptionError, QueryError
+from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
@@ -148,6 +148,21 @@ def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> 
         raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
 
 
+def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
+    """Tolerances (k,) in quanta, rounded down; raises OptionError for a name that is no cost, or no length."""
+    names = [criterion.name for criterion in objectives.optimised]
+    for name, value in tolerance.items():
+        if name not in names:
+            raise OptionError(
+                f"tolerance names {name!r}, but the costs that are searched for are {', '.join(names)}."
+                + did_you_mean(str(name), names)
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+            raise OptionError(f"the tolerance in {name} must be a number of at least 0, got {value!r}")
+    slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
+    return np.array([math.floor(value + 1e-9) for value in slack], dtype=np.int64)
+
+
 @dataclass(frozen=True, eq=False)
 class GraphQuery:
     """A problem on a graph of states, for whichever search: what to search, and what is said of the result.
@@ -196,7 +211,7 @@ class GraphQuery:
         Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
         in the units of the costs that it names. ``checkpoint``: as in :func:`pareto_paths`.
         """
-        counts = self._counts(tolerance or {})
+        counts = tolerance_counts(self.objectives, tolerance or {})
 
         def search(graph: Graph) -> ParetoPaths:
             slack = counts.copy()
@@ -239,18 +254,6 @@ class GraphQuery:
             "gap": paths.gap if math.isfinite(paths.gap) else None,
         }
         return self.candidates(name, paths, claim, stats=found)
-
-    def _counts(self, tolerance: Mapping[str, float]) -> IntArray:
-        """Tolerances (k,) in quanta, rounded down; raises OptionError for a name that is no cost, or no length."""
-        optimised = self.objectives.optimised
-        names = [criterion.name for criterion in optimised]
-        for name, value in tolerance.items():
-            if name not in names:
-                raise OptionError(f"tolerance names {name!r}, but the costs that are searched for are {self.names}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-                raise OptionError(f"the tolerance in {name} must be a number of at least 0, got {value!r}")
-        slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in optimised]
-        return np.array([math.floor(value + 1e-9) for value in slack], dtype=np.int64)
 
     def _at_most(self) -> list[int | None]:
         """Bounds (k,) on the costs, none where none is asked for.

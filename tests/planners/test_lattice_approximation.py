@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from hpop import DifferentialDrive, Problem, World
-from hpop.errors import OptionError
+from hpop.errors import OptionError, OutputError
 from hpop.planners import Lattice
 from hpop.status import Progress
 
@@ -82,7 +82,7 @@ def test_an_interrupted_search_proves_its_gap_too():
         ({"eps": -0.01}, "eps must be a number of at least 0"),
         ({"eps": "much"}, "eps must be a number of at least 0"),
         ({"tolerance": 0.1}, "tolerance gives amounts by the name of a cost"),
-        ({"tolerance": {"lenght": 0.1}}, "tolerance names 'lenght', but the costs that are searched for are"),
+        ({"tolerance": {"lenght": 0.1}}, "tolerance names 'lenght', but .* Did you mean 'length'"),
         ({"tolerance": {"length": -1}}, "the tolerance in length must be a number of at least 0"),
         ({"eps": 0.1, "max_detour": 1.2}, "max_detour takes no eps"),
     ],
@@ -90,3 +90,11 @@ def test_an_interrupted_search_proves_its_gap_too():
 def test_what_is_no_precision_is_refused(options, message):
     with pytest.raises(OptionError, match=message):
         problem().solve(Lattice(step=0.5, **options))
+
+
+@pytest.mark.parametrize("wrong", [{"tolerance": {"lenght": 0.1}}, {"checkpoint": "/nowhere/search.ckpt"}])
+def test_what_the_last_stage_would_refuse_is_refused_before_the_first(wrong):
+    stages, said = [], []
+    with pytest.raises((OptionError, OutputError)):
+        list(problem().fronts([Lattice(step=0.25, **wrong)], stage=stages.append, progress=said.append))
+    assert (stages, said) == ([], [])

@@ -76,16 +76,31 @@ class Checkpoint:
         return spec if isinstance(spec, Checkpoint) else cls(spec)
 
     def place(self) -> Path:
-        """Where the file is, links followed; raises CheckpointError where it cannot be written."""
+        """Where the file is, links followed; raises CheckpointError where it cannot be written, or is none of these."""
         try:
             path = Path(os.path.realpath(self.path))
+            _refuse_other(path)
             part = _part(path)
             part.open("wb").close()  # one that a killed run left goes as well
             part.unlink()
+        except CheckpointError:
+            raise
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CheckpointError(f"cannot write a checkpoint to {self.path}: {reason}; choose another file") from None
         return path
+
+
+def _refuse_other(path: Path) -> None:
+    """Raise CheckpointError where something is that is no checkpoint: it is not overwritten."""
+    if not path.exists():
+        return
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no ordinary file"
+        raise CheckpointError(f"the checkpoint {path} is {what}; give the path of a file")
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
 
 
 def _part(path: Path) -> Path:
@@ -188,10 +203,7 @@ class _Saved:
 
     @classmethod
     def read(cls, path: Path) -> _Saved:
-        """Read a checkpoint; raises CheckpointError where it is none, a damaged one, or of another version."""
-        if not path.is_file():
-            what = "a folder" if path.is_dir() else "no ordinary file"
-            raise CheckpointError(f"the checkpoint {path} is {what}; give the path of a file")
+        """Read a checkpoint; raises CheckpointError where it is a damaged one, or of another version."""
         try:
             with path.open("rb") as file:
                 return cls._of(file, path)
@@ -209,8 +221,6 @@ class _Saved:
             f"the checkpoint {path} is truncated or damaged; remove it, the search then begins anew"
         )
         begin = file.read(len(MAGIC) + LENGTH)
-        if begin[: len(MAGIC)] != MAGIC:
-            raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
         length = int.from_bytes(begin[len(MAGIC) :], "little")
         if length > min(MAX_HEADER, size - len(begin)):
             raise damaged
