@@ -14,9 +14,10 @@ import numpy as np
 
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
-from hpop.planners.epsilon_grid import Cell, Grid, Known, Roles
-from hpop.planners.epsilon_job import Outcome, PolylineJob, Task
+from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.epsilon_job import PolylineJob, Task
 from hpop.planners.nlp import require_ipopt
+from hpop.planners.outcome import Outcome
 from hpop.planners.straightened import straightened
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
@@ -58,12 +59,12 @@ class EpsilonConstraint:
 
     Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
     others are refused by name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions
-    on the exact geometry; each is a local optimum for its number of turns, near its warm start. The warm starts
-    themselves are not among the candidates. The grid of bounds is AUGMECON's (Mavrotas 2009; Mavrotas and Florios
-    2013), but spans only what the warm starts know: a bound is skipped if a looser one was answered within it, and
-    tighter ones than one that was infeasible are left out. Bounds are tried in waves, so results depend neither on the
-    executor nor on its number of workers. Cost: a program is built once a structure and process, in 30 to 200 ms, and
-    solved in 20 to 100 ms.
+    on the exact geometry; each is a local optimum for its number of turns, near its warm start, or as near to one as
+    the exact costs let it come, which a note counts. The warm starts themselves are not among the candidates. The grid
+    of bounds is AUGMECON's (Mavrotas 2009; Mavrotas and Florios 2013), but spans only what the warm starts know: a
+    bound is skipped if a looser one was answered within it, and tighter ones than one that was infeasible are left out.
+    Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
+    is built once a structure and process, in 30 to 200 ms, and solved in 20 to 100 ms.
     """
 
     step: float = 0.25
@@ -181,7 +182,7 @@ class _Run:
         return left
 
     def _try(
-        self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome], progress: ProgressCallback | None
+        self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]], progress: ProgressCallback | None
     ) -> Status:
         """Solve for each cell of a wave, the longest first; what is finished is kept whatever comes."""
         tasks: list[Task] = []
@@ -193,7 +194,7 @@ class _Run:
             else:
                 tasks.append((cell, start))
         tasks.sort(key=lambda task: -len(task[1].polyline.lengths))
-        results: dict[int, Outcome] = {}
+        results: dict[int, Outcome[Found]] = {}
         try:
             for i, outcome in sweep.run(tasks, self._late):
                 results[i] = outcome
@@ -203,7 +204,7 @@ class _Run:
                 self._keep(tasks[i][0], results[i])
         return Status.COMPLETE if len(results) == len(tasks) else Status.TIME_LIMIT
 
-    def _keep(self, cell: Cell, outcome: Outcome) -> None:
+    def _keep(self, cell: Cell, outcome: Outcome[Found]) -> None:
         """File what came of a bound."""
         self.counts["tried"] += 1
         self.waiting -= 1
@@ -221,7 +222,7 @@ class _Run:
         limit = self.options.time_limit
         return limit is not None and time.perf_counter() - self.began > limit
 
-    def _report(self, progress: ProgressCallback | None, finished: Collection[Outcome] = ()) -> None:
+    def _report(self, progress: ProgressCallback | None, finished: Collection[Outcome[Found]] = ()) -> None:
         if progress is not None:
             found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished)
             tried = self.counts["tried"] + len(finished)

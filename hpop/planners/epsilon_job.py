@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.planners.epsilon_grid import LOOSE, Cell, Found, Known, Roles
+from hpop.planners.outcome import Outcome
 from hpop.planners.polyline import PolylineProgram, Solution
 from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import PIECE, Polyline, Structure
@@ -34,22 +35,6 @@ Task = tuple[Cell, Known]  # bounds, and the trajectory to start from
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What came of one bound.
-
-    found    the candidate, or None
-    reason   why there is none, else ""
-    counts   how often something happened on the way
-    seconds  of building programs and of solving them
-    """
-
-    found: Found | None
-    reason: str
-    counts: Counter[str] = field(default_factory=Counter)
-    seconds: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
 class PolylineJob:
     """What all bounds share. Pickled without its programs: each process builds those it needs, once a structure.
 
@@ -66,13 +51,12 @@ class PolylineJob:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "programs": {}}
 
-    def solve(self, task: Task) -> Outcome:
+    def solve(self, task: Task) -> Outcome[Found]:
         """What comes of a bound; depends on the task alone."""
         attempt, began = _Attempt(self, *task), time.perf_counter()
         result = attempt.run()
         attempt.seconds["solve"] = time.perf_counter() - began - attempt.seconds["build"]
-        found, reason = (None, result) if isinstance(result, str) else (result, "")
-        return Outcome(found, reason, attempt.counts, attempt.seconds)
+        return Outcome.of(result, attempt.counts, attempt.seconds)
 
     def tolerance(self, planned: FloatArray) -> FloatArray:
         """How far planned costs (., k) may be off.

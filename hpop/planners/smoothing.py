@@ -14,7 +14,8 @@ import numpy as np
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.nlp import require_ipopt
-from hpop.planners.smoothing_job import Outcome, SmoothingJob
+from hpop.planners.outcome import Outcome
+from hpop.planners.smoothing_job import Smoothed, SmoothingJob
 from hpop.planners.straightened import straightened
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import judge
@@ -112,7 +113,7 @@ class _Run:
     polylines: Sequence[Trajectory]
     began: float
     time_limit: float | None
-    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    outcomes: dict[int, Outcome[Smoothed]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def go(self, progress: ProgressCallback | None, executor: Executor | None) -> Status:

@@ -18,6 +18,7 @@ from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
 from hpop.planners.driven_structure import Structure
 from hpop.planners.homotopy import homotopic
+from hpop.planners.outcome import Outcome
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
@@ -47,22 +48,6 @@ class Smoothed:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What came of one polyline.
-
-    found    the candidate, or None
-    reason   why there is none, else ""
-    counts   how often something happened on the way
-    seconds  of building programs and of solving them
-    """
-
-    found: Smoothed | None
-    reason: str
-    counts: Counter[str]
-    seconds: dict[str, float]
-
-
-@dataclass(frozen=True, eq=False)
 class SmoothingJob:
     """What all polylines share. Pickled without its programs: each process builds those it needs, once a structure.
 
@@ -86,13 +71,12 @@ class SmoothingJob:
         """Places of the criteria that enter the program; its structure settles the others."""
         return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
 
-    def solve(self, trajectory: Trajectory) -> Outcome:
+    def solve(self, trajectory: Trajectory) -> Outcome[Smoothed]:
         """What comes of one polyline; depends on it alone."""
         seconds, counts, began = {"build": 0.0, "solve": 0.0}, Counter[str](), time.perf_counter()
         result = self._smoothed(trajectory, counts, seconds)
         seconds["solve"] = time.perf_counter() - began - seconds["build"]
-        found, reason = (None, result) if isinstance(result, str) else (result, "")
-        return Outcome(found, reason, counts, seconds)
+        return Outcome.of(result, counts, seconds)
 
     def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:
         whole = Polyline.of(trajectory, self.problem)
