@@ -6,12 +6,12 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.lattice import Lattice
 from hpop.planners.search import supported_paths
-from hpop.planners.search.weighted_sum import check_divisions, integer_weights
 from hpop.planners.state_graph import GraphQuery
+from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.status import Budget, ProgressCallback
 
 if TYPE_CHECKING:
@@ -27,7 +27,8 @@ class WeightedSum:
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
     divisions       weights are all multiples of 1 / divisions that sum to 1
-    weights         or these: lists of one number a cost, not negative; with neither they are adaptive
+    weights         or these: lists of one number a cost, in the order of the criteria without those with memory; with
+                    neither they are adaptive
     time_limit      s      of the sweep; what is found until then is returned and called incomplete
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
@@ -45,23 +46,13 @@ class WeightedSum:
     headings: int = 8
     corner_cutting: bool = False
     divisions: int | None = None
-    weights: tuple[tuple[float, ...], ...] | None = None
+    weights: Weights | None = None
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
         self._lattice()
         Budget(self.time_limit)
-        if self.divisions is not None:
-            check_divisions(self.divisions)
-        if self.weights is None:
-            return
-        if self.divisions is not None:
-            raise OptionError(f"give divisions or weights, not both; got {self.divisions!r} and {self.weights!r}")
-        if not isinstance(self.weights, list | tuple) or not self.weights:
-            raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {self.weights!r}")
-        for row in self.weights:
-            integer_weights(row)
-        object.__setattr__(self, "weights", tuple(tuple(float(w) for w in row) for row in self.weights))
+        object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 
     def _lattice(self) -> Lattice:
         return Lattice(self.step, self.headings, self.corner_cutting)
@@ -81,6 +72,7 @@ class WeightedSum:
                 f"weighted-sum needs criteria that add up along edges; {', '.join(worst)} takes the worst edge "
                 "(aggregate 'max'). Leave it out, or use planner 'lattice'."
             )
+        check_count(self.weights, objectives.optimised)
         query = self._lattice().query(problem, objectives, progress)
         paths = supported_paths(
             query.graph,

@@ -12,17 +12,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.criteria.base import Criterion, trajectory_costs
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
-from hpop.planners.search.weighted_sum import check_divisions, integer_weights, simplex_lattice
+from hpop.planners.search.weighted_sum import check_divisions, simplex_lattice
 from hpop.planners.straightened import straightened
 from hpop.planners.treatable import settled
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
+from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 
@@ -42,7 +43,7 @@ class WeightedSumCorridor:
     step        m      of the lattice whose paths are the warm starts
     headings    4, 8 or 16 of that lattice
     divisions   count  steps of the simplex lattice of weights
-    weights     rows of one weight a convex cost, in place of the simplex lattice
+    weights     rows of one weight a convex cost, in the order of the criteria, in place of the simplex lattice
     solver      of the convex programs, by cvxpy's name; where it fails, others that are installed are tried
     warm_start  planner that gives the warm starts: a name, or ``{name: {option: value}}``
     time_limit  s      warm starts included
@@ -64,7 +65,7 @@ class WeightedSumCorridor:
     step: float = 0.25
     headings: int = 8
     divisions: int | None = None
-    weights: tuple[tuple[float, ...], ...] | None = None
+    weights: Weights | None = None
     solver: str = SOLVER
     warm_start: WarmStart = "lattice"
     time_limit: float | None = None
@@ -74,17 +75,7 @@ class WeightedSumCorridor:
         self._warm_planner(None)
         if self.solver != SOLVER:
             solvers_from(self.solver)
-        if self.divisions is not None:
-            check_divisions(self.divisions)
-        if self.weights is None:
-            return
-        if self.divisions is not None:
-            raise OptionError(f"give divisions or weights, not both; got {self.divisions!r} and {self.weights!r}")
-        if not isinstance(self.weights, list | tuple) or not self.weights:
-            raise OptionError(f"weights is a list of lists of numbers, one number a convex cost, got {self.weights!r}")
-        for row in self.weights:
-            integer_weights(row)
-        object.__setattr__(self, "weights", tuple(tuple(float(w) for w in row) for row in self.weights))
+        object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -170,10 +161,9 @@ class _Run:
         solvers = solvers_from(self.options.solver)
         return Shared(self.problem.world, self.problem.model, criteria, self._weights(k), solvers)
 
-    def _weights(self, k: int) -> tuple[tuple[float, ...], ...] | None:
+    def _weights(self, k: int) -> Weights | None:
         if self.options.weights is not None:
-            for row in self.options.weights:
-                integer_weights(row, k)
+            check_count(self.options.weights, [self.criteria[j] for j in self.convex])
             return self.options.weights
         divisions = self.options.divisions
         if k == 1:
