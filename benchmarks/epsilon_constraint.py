@@ -2,8 +2,9 @@
 
 ``python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json``
 
-Four parts: single programs from warm starts of 4, 6, 8 and 12 segments; the polylines' front against the lattice's on
-the museum and, where the data are there, on pal_office, without the lattice's points; two workers against one.
+Five parts: single programs from warm starts of 4, 6, 8 and 12 segments; the polylines' front against the lattice's on
+the museum and, where the data are there, on pal_office, without the lattice's points; the same for a worst moment, the
+clearance, with and without turns; two workers against one.
 ``jobs slower`` says by how much a job took longer with workers than alone: on cores that others use too, the speed-up
 is less by that.
 """
@@ -176,6 +177,9 @@ def main() -> None:
     museum = hpop.World.from_geojson(ROOT / "examples" / "museum.geojson")
     tour = hpop.Problem(museum, robot, (2, 10, 0), (28, 10, 0), criteria)
     result["museum"] = coverage(tour, options.step)
+    for criteria_of in (["clearance", "length"], ["clearance", "turns", "length"]):
+        asked = hpop.Problem(museum, robot, tour.start, tour.goal, criteria_of)
+        result[" ".join(criteria_of)] = coverage(asked, 2 * options.step)
     result["workers"] = workers(tour, options.step)
     office = options.data / "pal_office" / "map.yaml"
     if office.exists():
