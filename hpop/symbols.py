@@ -15,13 +15,14 @@ from hpop.motions import Motions, States
 
 
 def lift(vector: Any, size: int) -> Column:
-    """A CasADi vector (size,) as a column that NumPy functions accept.
+    """A CasADi vector (size,), of SX or MX, as a column that NumPy functions accept.
 
     Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
     """
     import casadi
 
-    return casadi.ArrayInterface.MX(vector, shape=(size,))
+    kind = casadi.ArrayInterface.SX if isinstance(vector, casadi.SX) else casadi.ArrayInterface.MX
+    return kind(vector, shape=(size,))
 
 
 def elementwise(function: Any, size: int) -> Any:

@@ -10,22 +10,22 @@ the law by which the trajectory is then evaluated. The criteria enter by their o
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.models.driven import Drive, gauss
-from hpop.motions import Motions, States
+from hpop.models.driven import Drive
+from hpop.motions import States
+from hpop.planners.driven_interval import CONTROLS, NODES, Interval, accelerations
 from hpop.planners.driven_structure import Guess, Structure
 from hpop.planners.interrupts import interrupts_held
-from hpop.planners.nlp import SparseWorld, moments, mx, reaches
-from hpop.planners.treatable import on_symbols
-from hpop.symbols import lift
+from hpop.planners.nlp import reaches
+from hpop.planners.separable import Separable
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -42,8 +42,6 @@ SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-CONTROLS = ("left", "right")
-NODES = ("x", "y", "yaw", "speed", "turn_rate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,36 +60,28 @@ class Driven:
     iterations: int
 
 
-@dataclass(frozen=True)
-class Forward(Drive):
-    """The law inside the program, where no speed changes its sign: without the kinks of absolute values.
+@dataclass(frozen=True, eq=False)
+class _Formulas:
+    """The program in CasADi's terms.
 
-    sign  (M,) of the yaw rate in each interval
+    intervals    all that is nonlinear, interval by interval
+    program      variables, parameters, objective and constraints
+    derivatives  of the program, by the names that solvers have for them
+    values       function from variables and parameters to the costs
+    sizes        numbers of constraints of each sort
     """
 
-    sign: Column = 1.0
+    intervals: Separable
+    program: dict[str, Any]
+    derivatives: dict[str, Any]
+    values: Any
+    sizes: tuple[int, ...]
 
-    nodes = gauss(4)  # errs by 1e-6 for turns of a radian in an interval
+    def solver(self, options: Mapping[str, Any]) -> Any:
+        """IPOPT; options that say nothing else take the exact second derivatives."""
+        import casadi
 
-    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        if name not in ("x", "y"):
-            return super().interpolate(name, start, end, share)
-        # The cubic with the ends' places and velocities: within 0.1 mm for turns of half a radian in half a metre.
-        way, span = np.cos if name == "x" else np.sin, getattr(end, name) - getattr(start, name)
-        first, last = ((end.clock - start.clock) * at.speed * way(at.yaw) for at in (start, end))
-        bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
-        return getattr(start, name) + span * share + bend
-
-    def travel(self, start: States, end: States, lever: float) -> Column:
-        length = 0.5 * (end.clock - start.clock) * (start.speed + end.speed)
-        return length + lever * self.swept(start, end) if lever else length
-
-    def swept(self, start: States, end: States) -> Column:
-        return self.sign * self.turned(start, end)
-
-    def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        turned = self.turned(start, end)
-        return turned, 0.0 * turned
+        return casadi.nlpsol("driven", "ipopt", self.program, {**self.derivatives, **_OPTIONS, **options})
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,99 +123,75 @@ class DrivenProgram:
         return [j for j, criterion in enumerate(self.criteria) if criterion.aggregate != "max"]
 
     @cached_property
-    def _built(self) -> tuple[Any, Any, tuple[int, ...]]:
-        """What makes a solver, the function from variables to costs, and the numbers of constraints of each sort."""
+    def _formulas(self) -> _Formulas:
         import casadi
 
-        n, phases, k = len(self.structure.phase), len(self.structure.counts), len(self.criteria)
-        model = self.problem.model
+        n, k, model = len(self.structure.phase), len(self.criteria), self.problem.model
         nodes = {name: casadi.MX.sym(name, n + 1) for name in NODES}
-        wheels = {name: casadi.MX.sym(name, n) for name in CONTROLS}
+        left, right = (casadi.MX.sym(name, n) for name in CONTROLS)
         h, slack = casadi.MX.sym("h", n), casadi.MX.sym("slack", len(self._worst))
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
-        signs, usual = casadi.MX.sym("signs", phases), casadi.MX.sym("usual")
-        each = casadi.sparsify(casadi.DM(np.eye(phases)[self.structure.phase]))  # from phases to intervals
-        law = Forward(sign=lift(each @ signs, n))
-        start = States(**{m: lift(v[:-1], n) for m, v in nodes.items()}, clock=lift(casadi.MX.zeros(n), n))
-        end = States(**{m: lift(v[1:], n) for m, v in nodes.items()}, clock=lift(h, n))
-        motions = Motions(SparseWorld.of(self.problem.world), model, law, start, end, panels=2)
-
-        half = 0.5 * model.wheel_base
-        gain, bend = 0.5 * (wheels["left"] + wheels["right"]), (wheels["right"] - wheels["left"]) / model.wheel_base
-        dynamics = [
-            nodes["speed"][1:] - nodes["speed"][:-1] - h * gain,
-            nodes["turn_rate"][1:] - nodes["turn_rate"][:-1] - h * bend,
-            *(mx(law.defect(name, start, end), n) for name in ("x", "y", "yaw")),
-        ]
-        inner = slice(1, n)
-        speeds = [nodes["speed"][inner] + side * half * nodes["turn_rate"][inner] for side in (-1.0, 1.0)]
-        ends = np.cumsum(self.structure.counts)
-        turned = [
-            signs[p] * (nodes["yaw"][int(ends[p])] - nodes["yaw"][int(ends[p]) - self.structure.counts[p]])
-            for p in np.flatnonzero(self.structure.turning).tolist()
-        ]
-
-        costs, above = [], []
-        for j, criterion in enumerate(self.criteria):
-            if criterion.aggregate == "max":
-                costs.append(slack[self._worst.index(j)])
-                values = casadi.vertcat(*(on_symbols(criterion, m) for m in moments(motions)))
-                above.append((values - costs[-1]) / scale[j])
-            else:
-                costs.append(casadi.sum1(on_symbols(criterion, motions)))
-        every = casadi.vertcat(*costs)
-        honest = casadi.vertcat(*costs)
-        for j, row in zip(self._worst, above, strict=True):  # a slack may lie above the worst sample
-            honest[j] = casadi.mmax(row * scale[j] + costs[j])
-
-        owner, share = self.samples
-        size, rows = len(owner), owner.tolist()
-        first, last = (
-            States(**{name: lift(casadi.MX(getattr(s, name))[rows], size) for name in s.names}) for s in (start, end)
-        )
-        at = [law.interpolate(axis, first, last, share) for axis in ("x", "y")]
-        clear = [mx(motions.world.clearance_field(z=z)(*at), size) for z, _ in self.spaces]
-
-        effort = casadi.dot(h, gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2)
-        objective = casadi.dot(weights, every / scale) + HASTE * casadi.sum1(h) / usual + EFFORT * effort / usual
-        variables = casadi.vertcat(*nodes.values(), *wheels.values(), h, slack)
+        signs, usual = casadi.MX.sym("signs", n), casadi.MX.sym("usual")
+        variables = casadi.vertcat(*nodes.values(), left, right, h, slack)
         parameters = casadi.vertcat(weights, scale, signs, usual)
-        even = h[np.flatnonzero(np.diff(self.structure.phase) == 0).tolist()]
-        after = h[(np.flatnonzero(np.diff(self.structure.phase) == 0) + 1).tolist()]
+        intervals = self._intervals(variables, signs)
+        defects, effort, *others = intervals.symbols
+
+        costs, honest, above = [], [], []  # a slack may lie above the worst moment
+        for j, values in enumerate(others[:k]):
+            if j in self._worst:
+                costs.append(slack[self._worst.index(j)])
+                honest.append(casadi.mmax(values))
+                above.append((casadi.vec(values) - costs[-1]) / scale[j])
+            else:
+                costs.append(casadi.sum1(values))
+                honest.append(costs[-1])
+        objective = casadi.dot(weights, casadi.vertcat(*costs) / scale)
+        objective += (HASTE * casadi.sum1(h) + EFFORT * casadi.sum1(effort)) / usual
+        half, inner = 0.5 * model.wheel_base, slice(1, n)
+        speeds = [nodes["speed"][inner] + side * half * nodes["turn_rate"][inner] for side in (-1.0, 1.0)]
+        ends = np.cumsum([0, *self.structure.counts])
+        turns = np.flatnonzero(self.structure.turning)
+        first, last = ends[turns].tolist(), ends[turns + 1].tolist()
+        turned = signs[first] * (nodes["yaw"][last] - nodes["yaw"][first])
+        even = np.flatnonzero(np.diff(self.structure.phase) == 0)
         groups = [
             casadi.vertcat(*group)
             for group in (
-                [even - after],
-                dynamics,
-                [bend],
+                [h[even.tolist()] - h[(even + 1).tolist()]],
+                [casadi.vec(defects)],
+                [accelerations(left, right, model)[1]],
                 speeds,
-                turned,
+                [turned],
                 [costs[j] / scale[j] for j in self._summed],
                 above,
-                clear,
+                [casadi.vec(values.T) for values in others[k:]],
             )
         ]
-        limits = casadi.vertcat(*groups)
-        # Group by group: costs depend on all variables, and with them CasADi would take the whole for dense.
-        slopes = casadi.vertcat(*(casadi.jacobian(group, variables) for group in groups))
-        jacobian = casadi.Function("jac_g", [variables, parameters], [limits, slopes], ["x", "p"], ["g", "jac_g_x"])
-        program = {"x": variables, "p": parameters, "f": objective, "g": limits}
-        values = casadi.Function("values", [variables, parameters], [honest])
+        program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
+        (told,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
 
-        def solver(**options: Any) -> Any:
-            return casadi.nlpsol("driven", "ipopt", program, {**_OPTIONS, "jac_g": jacobian, **options})
+        values = casadi.Function("values", [variables, parameters], [told])
+        return _Formulas(intervals, program, derivatives, values, tuple(int(group.numel()) for group in groups))
 
-        return solver, values, tuple(int(group.numel()) for group in groups)
+    def _intervals(self, variables: Any, signs: Any) -> Separable:
+        """All that is nonlinear, interval by interval."""
+        n, nodes = len(self.structure.phase), len(NODES)
+        first = np.arange(nodes)[:, None] * (n + 1) + np.arange(n)
+        own = nodes * (n + 1) + np.arange(len(CONTROLS) + 1)[:, None] * n + np.arange(n)
+        shares = tuple(self.samples[1][: len(self.samples[1]) // n].tolist())
+        interval = Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
+        return Separable.of(interval.write, np.vstack([first, first + 1, own]), variables, signs)
 
     @cached_property
     def _newton(self) -> Any:
         """The solver with exact second derivatives."""
-        return self._built[0]()
+        return self._formulas.solver({})
 
     @cached_property
     def _quasi_newton(self) -> Any:
         """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
-        return self._built[0](**_QUASI_NEWTON)
+        return self._formulas.solver(_QUASI_NEWTON)
 
     def solve(
         self,
@@ -248,7 +214,7 @@ class DrivenProgram:
         clearances : least field values (S,) at the samples, one array a height range
         exact : whether second derivatives are the exact ones
         """
-        _, values, sizes = self._built
+        values, sizes = self._formulas.values, self._formulas.sizes
         solver = self._newton if exact else self._quasi_newton
         model, n = self.problem.model, len(self.structure.phase)
         lowest, highest = self._node_bounds(guess)
@@ -340,9 +306,9 @@ class DrivenProgram:
         wheels = [gain + side * 0.5 * model.wheel_base * bend for side in (-1.0, 1.0)]
         limit = 0.9 * model.wheel_acceleration
         point = np.concatenate([guess.nodes.ravel(), *np.clip(wheels, -limit, limit), h])
-        parameters = np.concatenate([weights, scale, guess.signs, [guess.lasts.sum()]])
+        parameters = np.concatenate([weights, scale, guess.signs[phase], [guess.lasts.sum()]])
         if self._worst:
-            tops = np.array(self._built[1](np.append(point, np.zeros(len(self._worst))), parameters)).ravel()
+            tops = np.array(self._formulas.values(np.append(point, np.zeros(len(self._worst))), parameters)).ravel()
             point = np.concatenate([point, tops[self._worst]])
         return point, parameters
 
@@ -364,6 +330,8 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.max_iter": 150,
     "ipopt.tol": 1e-4,
     "ipopt.constr_viol_tol": 1e-7,
+    "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
+    "calc_lam_p": False,
 }
 
 _QUASI_NEWTON: dict[str, Any] = {

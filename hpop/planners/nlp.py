@@ -35,13 +35,13 @@ def require_ipopt(planner: str) -> None:
         )
 
 
-def mx(column: Column, size: int) -> Any:
-    """A column of symbols or numbers as a CasADi vector (size,)."""
+def vector(column: Column, size: int) -> Any:
+    """A column of numbers, or of symbols (SX, MX), as a CasADi vector (size,)."""
     import casadi
 
     if isinstance(column, int | float | np.ndarray | np.generic):
-        return casadi.MX(casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy()))
-    return casadi.vec(casadi.MX(column))
+        return casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy())
+    return casadi.vec(column.to_casadi() if isinstance(column, casadi.ArrayInterface) else column)
 
 
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:

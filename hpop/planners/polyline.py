@@ -20,7 +20,7 @@ from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.hinges import unhinged
 from hpop.planners.interrupts import interrupts_held
-from hpop.planners.nlp import SparseWorld, moments, mx, reaches
+from hpop.planners.nlp import SparseWorld, moments, reaches, vector
 from hpop.planners.polyline_motions import Pieces, sparse
 from hpop.planners.treatable import on_symbols
 from hpop.planners.vertices import Polyline, Structure
@@ -177,7 +177,7 @@ class PolylineProgram:
         clearances = []
         for z, _ in self.spaces:
             at = [lift(casadi.DM(sparse(self.pieces.sampled)) @ c, len(self.pieces.sampled)) for c in (x, y)]
-            clearances.append(mx(self._world.clearance_field(z=z)(*at), len(self.pieces.sampled)))
+            clearances.append(vector(self._world.clearance_field(z=z)(*at), len(self.pieces.sampled)))
         above = casadi.vertcat(*rows)
         gone = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
         variables, parameters = (

@@ -12,7 +12,7 @@ from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions, States
 from hpop.planners.base import Integral
-from hpop.planners.nlp import SparseWorld, mx
+from hpop.planners.nlp import SparseWorld, vector
 from hpop.symbols import SymbolicMotions
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
 def on_symbols(criterion: Criterion, motions: Motions) -> Any:
     """Costs (M,) of symbolic motions as a CasADi vector; raises UnsupportedCriterion if it works on numbers only."""
     try:
-        column = mx(criterion.cost(motions), len(motions))
+        column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
             raise ValueError(f"{column.numel()} costs for {len(motions)} motions")
     except UnsupportedCriterion as error:

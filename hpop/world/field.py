@@ -19,6 +19,7 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray, frozen
 from hpop.math import is_symbolic
+from hpop.world.looks import look
 from hpop.world.shapes import rotate
 
 PAD = 2
@@ -68,6 +69,12 @@ class Field:
         # Rounded weights may sum to 1 + 4e-16: keep the range exactly.
         return np.clip(self._evaluate(x, y)[..., 0], *self.__dict__["_range"])
 
+    @property
+    def coefficients(self) -> FloatArray:
+        """The padded samples (H + 2 PAD, W + 2 PAD), by which places are counted in grid steps."""
+        padded: FloatArray = self.__dict__["_coefficients"]
+        return padded
+
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
@@ -83,23 +90,25 @@ class Field:
     def _evaluate(self, x: FloatArray, y: FloatArray) -> FloatArray:
         u, v = self._grid(x, y)
         out = np.empty((u.size, 3))
-        _kernel()(self.__dict__["_coefficients"], np.ravel(u), np.ravel(v), out)
+        _kernel()(self.coefficients, np.ravel(u), np.ravel(v), out)
         return out.reshape(*u.shape, 3)
 
     def _symbolic(self, x: Any, y: Any) -> Any:
         import casadi
 
-        function = self.__dict__.get("_function")
-        if function is None:
-            function = self._build()
-            self.__dict__["_function"] = function
         u, v = self._grid(x, y)
         u, v = u + 0.0 * v, v + 0.0 * u  # a number beside a column becomes a column
-        rows, columns = self.__dict__["_coefficients"].shape
+        rows, columns = self.coefficients.shape
         u = np.minimum(np.maximum(u, 1.0), columns - 2.0)
         v = np.minimum(np.maximum(v, 1.0), rows - 2.0)
         size = u.shape
         u, v = casadi.vec(u.to_casadi()), casadi.vec(v.to_casadi())
+        if isinstance(u, casadi.SX):
+            return casadi.ArrayInterface.SX(look(self, u, v), shape=size)
+        function = self.__dict__.get("_function")
+        if function is None:
+            function = self._build()
+            self.__dict__["_function"] = function
         values = function.map(u.numel())(casadi.horzcat(u, v).T).T
         return casadi.ArrayInterface.MX(values, shape=size)
 
@@ -107,11 +116,10 @@ class Field:
         """Give the same coefficients to a CasADi B-spline with uniform knots (3 ms at 160 x 160)."""
         import casadi
 
-        coefficients = self.__dict__["_coefficients"]
-        rows, columns = coefficients.shape
+        rows, columns = self.coefficients.shape
         knots = [np.arange(-2.0, count + 2.0) for count in (columns, rows)]
         lookup = {"lookup_mode": ["exact", "exact"]}  # the knots are uniform
-        return casadi.Function.bspline("field", knots, coefficients.ravel(), [3, 3], 1, lookup)
+        return casadi.Function.bspline("field", knots, self.coefficients.ravel(), [3, 3], 1, lookup)
 
 
 @lru_cache(maxsize=1)

@@ -20,7 +20,8 @@ from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead
 from hpop.motions import States
 from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job
-from hpop.planners.driven_program import DrivenProgram, Forward
+from hpop.planners.driven_interval import Forward
+from hpop.planners.driven_program import DrivenProgram
 from hpop.planners.driven_structure import Structure
 from hpop.planners.smoothing import Smoothing
 from hpop.planners.smoothing_job import SmoothingJob

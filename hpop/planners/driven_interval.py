@@ -1,0 +1,116 @@
+"""One interval of a driven trajectory as a nonlinear program sees it: its law, what it keeps, what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import Criterion
+from hpop.models.driven import Drive, gauss
+from hpop.motions import Motions, States
+from hpop.planners.nlp import moments, vector
+from hpop.planners.treatable import on_symbols
+from hpop.symbols import lift
+from hpop.world.world import Heights
+
+if TYPE_CHECKING:
+    from hpop.models import DifferentialDrive
+    from hpop.problem import Problem
+
+NODES = ("x", "y", "yaw", "speed", "turn_rate")
+CONTROLS = ("left", "right")
+PANELS = 2  # of an interval, for what criteria integrate
+
+
+@dataclass(frozen=True)
+class Forward(Drive):
+    """The law inside the program, where no speed changes its sign: without the kinks of absolute values.
+
+    sign  (M,) of the yaw rate in each interval
+    """
+
+    sign: Column = 1.0
+
+    nodes = gauss(4)  # errs by 1e-6 for turns of a radian in an interval
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        if name not in ("x", "y"):
+            return super().interpolate(name, start, end, share)
+        # The cubic with the ends' places and velocities: within 0.1 mm for turns of half a radian in half a metre.
+        way, span = np.cos if name == "x" else np.sin, getattr(end, name) - getattr(start, name)
+        first, last = ((end.clock - start.clock) * at.speed * way(at.yaw) for at in (start, end))
+        bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
+        return getattr(start, name) + span * share + bend
+
+    def travel(self, start: States, end: States, lever: float) -> Column:
+        length = 0.5 * (end.clock - start.clock) * (start.speed + end.speed)
+        return length + lever * self.swept(start, end) if lever else length
+
+    def swept(self, start: States, end: States) -> Column:
+        return self.sign * self.turned(start, end)
+
+    def bends(self, start: States, end: States) -> tuple[Column, Column]:
+        turned = self.turned(start, end)
+        return turned, 0.0 * turned
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """What is nonlinear in one interval.
+
+    Its variables are the nodes at its start, those at its end, the wheel accelerations and the duration; its parameter
+    is the sign of the yaw rate.
+
+    criteria  (k)
+    heights   ranges with different obstacles
+    shares    of the interval's time, at which the clearance is read
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    heights: tuple[Heights, ...]
+    shares: tuple[float, ...]
+
+    def write(self, z: Any, p: Any) -> list[Any]:
+        """Columns of values, SX: the law's defects, the effort, each criterion's costs, the clearances of each range.
+
+        A criterion that takes the worst moment has a value for each moment that is looked at.
+        """
+        model, world, count = self.problem.model, self.problem.world, len(NODES)
+        left, right, duration = (z[2 * count + i] for i in range(3))
+        gain, bend = accelerations(left, right, model)
+        start, end = (
+            States(**{name: lift(z[first + i], 1) for i, name in enumerate(NODES)}, clock=lift(clock, 1))
+            for first, clock in ((0, 0.0 * duration), (count, duration))
+        )
+        law = Forward(sign=lift(p, 1))
+        speeds = [vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate")]
+        defects = [
+            speeds[0] - duration * gain,
+            speeds[1] - duration * bend,
+            *(vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")),
+        ]
+        effort = duration * (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2)
+        motions = Motions(world, model, law, start, end, panels=PANELS)
+        costs = [
+            [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
+            for criterion in self.criteria
+        ]
+        places = [[law.interpolate(axis, start, end, share) for axis in ("x", "y")] for share in self.shares]
+        fields = [world.clearance_field(z=z) for z in self.heights]
+        clear = [[vector(field(*place), 1) for place in places] for field in fields]
+        return [_column(group) for group in (defects, [effort], *costs, *clear)]
+
+
+def accelerations(left: Any, right: Any, model: DifferentialDrive) -> tuple[Any, Any]:
+    """Acceleration, m/s², and angular acceleration, rad/s², of wheels that accelerate by so much, m/s²."""
+    return 0.5 * (left + right), (right - left) / model.wheel_base
+
+
+def _column(values: list[Any]) -> Any:
+    import casadi
+
+    return casadi.vertcat(*values)

@@ -1,0 +1,43 @@
+"""The quadratics of a field as a CasADi function: many times as fast as three of CasADi's own splines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.world._spline import quadratics
+
+
+class Quadratics(casadi.Callback):
+    """From places (2, size) to second-order expansions (8, size), see :func:`hpop.world._spline.quadratics`.
+
+    CasADi holds no reference to it: whoever uses it in an expression keeps it.
+    """
+
+    def __init__(self, coefficients: FloatArray, size: int) -> None:
+        casadi.Callback.__init__(self)
+        self._coefficients, self._size = coefficients, size
+        self.construct("quadratics", {})
+
+    def get_n_in(self) -> int:
+        return 1
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, _: int) -> Any:
+        return casadi.Sparsity.dense(2, self._size)
+
+    def get_sparsity_out(self, _: int) -> Any:
+        return casadi.Sparsity.dense(8, self._size)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arguments: Any, results: Any) -> int:
+        places = np.frombuffer(arguments[0], dtype=np.float64).reshape(self._size, 2)
+        quadratics(self._coefficients, places, np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8))
+        return 0
