@@ -117,7 +117,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
     if Status.INTERRUPTED in front.status:
         sys.exit(INTERRUPTED)
     if not len(front):
-        click.echo("error: nothing was found within the planner's limits; raise them, or take a larger step", err=True)
+        click.echo(f"error: nothing was found: {_why_nothing(front.status)}", err=True)
         sys.exit(NOTHING_FOUND)
 
 
@@ -272,6 +272,23 @@ def _tidy(checkpoint: str, front: Front) -> None:
             file.unlink(missing_ok=True)
     elif file.exists():
         click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {checkpoint} to go on")
+
+
+def _why_nothing(status: str) -> str:
+    """What ended the searches of a front without points, and what to do about it."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    ways: dict[str, str] = {
+        Status.TIME_LIMIT: "raise time_limit, or take a larger step",
+        Status.LABEL_LIMIT: "raise max_labels, or take a larger step",
+        Status.MEMORY_LIMIT: "raise max_memory, or take a larger step",
+        Status.POINT_LIMIT: "raise max_points",
+        Status.RUN_LIMIT: "give it more runs, or another seed",
+        Status.NO_PATH: "the notes say what is in the way",
+        Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
+    }
+    return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))
 
 
 def _check_writable(out: Path) -> None:

@@ -13,7 +13,8 @@ from hpop.errors import OptionError
 class Status(StrEnum):
     """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing.
 
-    UNFINISHED is what is found while the search still goes on: the stages of a planner before its last.
+    POINT_LIMIT is ``max_points`` of a planner, RUN_LIMIT that none of its runs arrived. UNFINISHED is what is found
+    while the search still goes on: the stages of a planner before its last.
     """
 
     COMPLETE = "complete"
@@ -21,6 +22,8 @@ class Status(StrEnum):
     TIME_LIMIT = "time limit"
     LABEL_LIMIT = "label limit"
     MEMORY_LIMIT = "memory limit"
+    POINT_LIMIT = "point limit"
+    RUN_LIMIT = "run limit"
     INTERRUPTED = "interrupted"
     UNFINISHED = "unfinished"
 

@@ -165,7 +165,7 @@ class _Run:
                 left = self._unanswered(cells)
                 while left:
                     if self.counts["tried"] == cap:
-                        return Status.LABEL_LIMIT
+                        return Status.POINT_LIMIT
                     wave = self.grid.wave(left)[: None if cap is None else cap - self.counts["tried"]]
                     status = self._try(wave, sweep, progress)
                     self.notes = tuple(sweep.notes)
@@ -239,7 +239,7 @@ class _Run:
         epsilon = np.array([one.cell.epsilon for one in found]).reshape(size)
         judged = judge(job.problem, criteria, trajectories, epsilon=epsilon, planned=planned, tolerance=tolerance)
         told = [*objectives.notes, *notes, *self.notes]
-        if status in (Status.TIME_LIMIT, Status.LABEL_LIMIT) and self.waiting:
+        if status in (Status.TIME_LIMIT, Status.POINT_LIMIT) and self.waiting:
             limit = "time limit" if status is Status.TIME_LIMIT else "max_points"
             told.append(f"{limit}: {self.waiting} bounds were not tried")
         told += [f"{count} bounds without a candidate: {why}" for why, count in sorted(self.failures.items())]

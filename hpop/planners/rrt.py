@@ -157,7 +157,7 @@ class _Ended:
             # A tree adds up no costs; these are what its trajectories were judged by.
             planned=judged.costs[chosen],
             tolerance=np.zeros((len(chosen), len(optimised))),
-            status=Status.LABEL_LIMIT if self.status is Status.COMPLETE and not chosen else self.status,
+            status=Status.RUN_LIMIT if self.status is Status.COMPLETE and not chosen else self.status,
             certificate=self._claim(len(trusted)),
             provenance=tuple(
                 {

@@ -331,14 +331,16 @@ def test_seven_costs_are_more_than_the_exact_search_takes(
     refused(plan(room), 10, "at most 6 costs, got 7")
 
 
-def test_a_limit_that_leaves_nothing_found_is_no_success(
-    plan: Callable[..., Result], room: Path, no_pictures: None
+@pytest.mark.parametrize(("limit", "value"), [("time_limit", "1.0e-9"), ("max_memory", "1")])
+def test_a_limit_that_leaves_nothing_found_is_no_success_and_is_named(
+    plan: Callable[..., Result], room: Path, no_pictures: None, limit: str, value: str
 ) -> None:
     text = (room / "room.yaml").read_text()
     assert "lattice: {" in text
-    (room / "room.yaml").write_text(text.replace("lattice: {", "lattice: {time_limit: 1.0e-9, "))
+    (room / "room.yaml").write_text(text.replace("lattice: {", f"lattice: {{{limit}: {value}, "))
     result = plan(room)
     assert result.exit_code == 13
-    assert "nothing was found within the planner's limits" in result.stderr
-    assert "time limit" in result.stdout
+    status = limit.replace("max_memory", "memory_limit").replace("_", " ")
+    assert f"nothing was found: {status}: raise {limit}, " in result.stderr
+    assert status in result.stdout
     assert (room / "out/front.json").exists()

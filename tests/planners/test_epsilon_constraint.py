@@ -353,7 +353,7 @@ def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
 
 def test_the_cap_on_points_is_said_when_it_binds(paper):
     candidates = EpsilonConstraint(step=0.5, max_points=2).solve(PAPER)
-    assert candidates.status is Status.LABEL_LIMIT
+    assert candidates.status is Status.POINT_LIMIT
     assert candidates.stats["tried"] == 2
     assert any(note.startswith("max_points") for note in candidates.notes)
     assert paper[0].status is Status.COMPLETE

@@ -246,7 +246,7 @@ def test_no_solution_within_the_extensions_is_said_and_is_no_proof():
     problem = Problem(wall, ROBOT, (1, 1, 0), (5, 1, 0), ["length"])
     candidates = RRT(runs=2, max_extensions=200).solve(problem)
     assert candidates.trajectories == ()
-    assert candidates.status is Status.LABEL_LIMIT
+    assert candidates.status is Status.RUN_LIMIT
     assert candidates.stats["failed"] == {"did not reach the goal": 2}
     assert "rrt: 2 of 2 runs did not reach the goal" in candidates.notes
     assert any("does not mean that there is no path" in note for note in candidates.notes)
