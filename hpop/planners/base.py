@@ -94,13 +94,15 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     """What is found once a stage is done: a final answer alone, else its candidates and those of the stages before."""
     if before is None or now.status.is_final:
         return now
+    stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
+    what = f" ({', '.join(stages)})" if stages else ""
     return replace(
         now,
         trajectories=now.trajectories + before.trajectories,
         planned=np.concatenate([now.planned, before.planned]),
         tolerance=np.concatenate([now.tolerance, before.tolerance]),
         provenance=now.provenance + before.provenance,
-        certificate=f"{now.certificate}; with the points of {before.certificate}",
+        certificate=f"{now.certificate}; with the points of earlier stages{what}",
     )
 
 

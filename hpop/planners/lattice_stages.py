@@ -44,9 +44,12 @@ def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None
         yield purse.paid(first)
         if first.status is Status.INTERRUPTED:
             return
+    covered = math.inf
     if part is not None and planner.eps < COARSE:
         coarse = query.exact("lattice", purse.budget(query.build_seconds), progress, eps=COARSE)
-        yield purse.paid(_unfinished(coarse))
+        covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
+        stage = {"stage": f"within a factor {1 + COARSE:g}"}
+        yield purse.paid(_unfinished(replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance))))
         if coarse.status is Status.INTERRUPTED:
             return
     yield query.exact(
@@ -56,6 +59,7 @@ def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None
         eps=planner.eps,
         tolerance=planner.tolerance,
         checkpoint=planner.checkpoint,
+        covered=covered,
     )
 
 

@@ -23,6 +23,7 @@ from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, quantised
+from hpop.planners.claims import at_memory_limit, missing, within
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.status import Budget, ProgressCallback, Status
@@ -205,11 +206,13 @@ class GraphQuery:
         eps: float = 0.0,
         tolerance: Mapping[str, float] | None = None,
         checkpoint: CheckpointSpec | None = None,
+        covered: float = math.inf,
     ) -> Candidates:
         """All non-dominated paths as the candidates of the planner ``name``, or some within ``eps`` of them all.
 
         Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
-        in the units of the costs that it names. ``checkpoint``: as in :func:`pareto_paths`.
+        in the units of the costs that it names. ``checkpoint``: as in :func:`pareto_paths`. ``covered``: points at hand
+        already, of an earlier stage, cover every optimal vector within the factor 1 + covered.
         """
         counts = tolerance_counts(self.objectives, tolerance or {})
 
@@ -233,15 +236,15 @@ class GraphQuery:
         where = f"{self.space.words} for ({self.names})"
         if self.max_turns is not None:
             where += f" and at most {self.max_turns} turns"
-        within = _within(eps, tolerance or {})
+        factor, gap = within(eps, tolerance or {}), min(paths.gap, covered)
         if not paths.status.is_final:
             optimal = "every point is optimal"
             each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
-            each = f"points are within {within} of optimal" if within else each
-            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{_missing(paths.gap)}"
-        elif within:
+            each = f"points are within {factor} of optimal" if factor else each
+            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{missing(gap)}"
+        elif factor:
             claim = (
-                f"every optimal cost vector on {where} is covered within {within}, edge costs rounded to their quanta; "
+                f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "
                 "points need not be optimal themselves"
             )
         else:
@@ -250,10 +253,11 @@ class GraphQuery:
             "method": paths.stats.method,
             "labels_generated": paths.stats.labels_generated,
             "labels_expanded": paths.stats.labels_expanded,
+            "labels_open": paths.stats.labels_open,
             "peak_memory": paths.stats.peak_memory,
-            "gap": paths.gap if math.isfinite(paths.gap) else None,
+            "gap": gap if math.isfinite(gap) else None,
         }
-        return self.candidates(name, paths, claim, stats=found)
+        return self.candidates(name, paths, claim, notes=at_memory_limit(paths), stats=found)
 
     def _at_most(self) -> list[int | None]:
         """Bounds (k,) on the costs, none where none is asked for.
@@ -374,20 +378,6 @@ class GraphQuery:
             for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
             if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
         ]
-
-
-def _within(eps: float, tolerance: Mapping[str, float]) -> str:
-    """In words, how far a point may be from what it covers; nothing if it may not."""
-    parts = [f"a factor {1 + eps:g}"] if eps else []
-    parts += [f"{value:g} in {name}" for name, value in tolerance.items() if value]
-    return " and ".join(parts)
-
-
-def _missing(gap: float) -> str:
-    """In words, how much better than the points at hand a missing one may be."""
-    if not math.isfinite(gap):
-        return "; how much better they may be is not known"
-    return f"; for each of them, a point here is at most {100 * gap:.2g} % worse in every cost"
 
 
 def _summed(graph: Graph) -> list[int]:

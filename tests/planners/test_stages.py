@@ -278,7 +278,7 @@ def test_a_final_answer_stands_alone_and_another_keeps_what_was_found_before(exa
         assert both.status is status
         assert both.planned.tolist() == exact.planned[[3, 0, 1]].tolist()
         assert both.trajectories == tuple(exact.trajectories[i] for i in (3, 0, 1))
-        assert both.certificate == "stopped; with the points of first"
+        assert both.certificate == "stopped; with the points of earlier stages"
 
 
 @pytest.mark.parametrize("solved", [True, False])
@@ -332,6 +332,21 @@ def test_ctrl_c_while_the_lattice_is_built_or_searched_keeps_the_first_answer(
     assert front.status == "interrupted"
     assert points(front) == points(told[-1])
     assert len(told) == [1, 3][at - 1]
+
+
+@pytest.mark.usefixtures("large")
+def test_a_limit_in_the_exact_stage_makes_one_claim_which_counts_on_the_coarse_front() -> None:
+    """A tenth is what the coarse front is within, far less than a search without points of its own could say."""
+    labels = [Lattice(step=STEP, eps=eps).solve(problem()).stats["labels_generated"] for eps in (0.1, 0.0)]
+    assert labels[0] < labels[1]
+    front = problem().solve(Lattice(step=STEP, max_labels=sum(labels) // 2))
+    claim = front.certificate
+    assert front.status == "label limit"
+    assert claim.count("lattice: ") == 1
+    assert claim.count("on the lattice of step") == 1
+    assert "for each of them, a point here is at most 10 % worse in every cost" in claim
+    assert claim.endswith("; with the points of earlier stages (within a factor 1.1, supported points)")
+    assert front.runs[-1]["gap"] <= 0.1
 
 
 def test_a_limit_in_the_exact_stage_loses_nothing() -> None:

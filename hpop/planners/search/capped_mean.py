@@ -157,8 +157,9 @@ class _Run:
         first, counts = self.first.stats, {}
         front, solutions = self.front[: self.size], self.solutions[: self.size]
         if self.search is not None:
-            front, solutions, generated, expanded = self.search.found()
-            counts = {"labels_generated": generated, "labels_expanded": first.labels_expanded + expanded}
+            front, solutions, generated, expanded, waiting = self.search.found()
+            expanded += first.labels_expanded
+            counts = {"labels_generated": generated, "labels_expanded": expanded, "labels_open": waiting}
         costs = np.empty((len(front), self.graph.criteria), np.int64)
         costs[:, list(self.columns)] = front
         costs.setflags(write=False)

@@ -32,6 +32,7 @@ class SearchStats:
     order             columns of the costs in the order of the search
     labels_generated  count  partial paths put into the heap
     labels_expanded   count  partial paths closed
+    labels_open       count  partial paths that were waiting when it ended
     peak_memory       bytes  arrays of the search
     seconds_bounds    s      lower bounds
     seconds_search    s      the search itself, tables included
@@ -42,6 +43,7 @@ class SearchStats:
     order: tuple[int, ...] = ()
     labels_generated: int = 0
     labels_expanded: int = 0
+    labels_open: int = 0
     peak_memory: int = 0
     seconds_bounds: float = 0.0
     seconds_search: float = 0.0
@@ -247,13 +249,13 @@ class _Run:
         counts: dict[str, Any] = {}
         end = clock.seconds()
         if self.search is not None:
-            found, labels, generated, expanded = self.search.found()
+            found, labels, generated, expanded, waiting = self.search.found()
             costs = np.empty((len(found), k), np.int64)
             costs[:, list(self.order)] = found[:, : len(self.order)]
             rows = np.lexsort(costs.T[::-1])
             costs = costs[rows]
             paths = tuple(self.search.paths(labels[rows], clock))
-            counts = {"labels_generated": generated, "labels_expanded": expanded}
+            counts = {"labels_generated": generated, "labels_expanded": expanded, "labels_open": waiting}
         costs.setflags(write=False)
         gap = self.precision.eps
         if not status.is_final:

@@ -152,11 +152,11 @@ class Search(ABC):
         self.front.resize((2 * len(self.front), self.front.shape[1]), refcheck=False)
         self.solutions.resize(2 * len(self.solutions), refcheck=False)
 
-    def found(self) -> tuple[IntArray, IntArray, int, int]:
-        """Costs (n, k) and labels (n,) of the front so far; labels generated and expanded."""
+    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """Costs (n, k) and labels (n,) of the front so far; labels generated, expanded and open."""
         n = int(self.counters[N_FRONT])
-        generated, expanded = int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
-        return self.front[:n], self.solutions[:n], generated, expanded
+        generated, expanded, waiting = (int(self.counters[c]) for c in (N_GENERATED, N_EXPANDED, N_OPEN))
+        return self.front[:n], self.solutions[:n], generated, expanded, waiting
 
     @abstractmethod
     def estimates(self) -> IntArray:
