@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import njit
 
 
 @njit(cache=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import njit
 
 
 @njit(cache=True)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from hpop.arrays import FloatArray
+from hpop.compiled import njit
 
 Four = tuple[float, float, float, float]
 

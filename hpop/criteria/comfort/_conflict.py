@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from hpop.arrays import FloatArray
+from hpop.compiled import njit
 
 
 @njit(cache=True)

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-import numba
 import numpy as np
 
 from hpop.arrays import IntArray
+from hpop.compiled import numba
 
 WORD_BITS = 62  # of a key word: non-negative as int64
 
