@@ -72,9 +72,10 @@ class SparseField(Field):
 
     @classmethod
     def of(cls, field: Field) -> Field:
-        """The same samples."""
+        """The same samples, all of them."""
         sparse = object.__new__(cls)
-        sparse.__dict__.update({name: value for name, value in field.__dict__.items() if name != "_function"})
+        shared = {name: value for name, value in field.__dict__.items() if name != "_function"}
+        sparse.__dict__.update({**shared, "values": field.values})
         return sparse
 
 

@@ -90,8 +90,13 @@ class Field:
     def _evaluate(self, x: FloatArray, y: FloatArray) -> FloatArray:
         u, v = self._grid(x, y)
         out = np.empty((u.size, 3))
-        _kernel()(self.coefficients, np.ravel(u), np.ravel(v), out)
-        return out.reshape(*u.shape, 3)
+        u, v, shape = np.ravel(u), np.ravel(v), u.shape
+        _kernel()(self._coefficients_at(u, v), u, v, out)
+        return out.reshape(*shape, 3)
+
+    def _coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """The coefficients; those at points (M,) in grid steps must be there."""
+        return self.coefficients
 
     def _symbolic(self, x: Any, y: Any) -> Any:
         import casadi

@@ -109,12 +109,18 @@ def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: 
     >>> polygon_obstruction([wall], 0.0, 0.0, 0.0, 2.0).round(9)
     array([0.15625])
     """
+    return prism_obstruction(*disjoint_prisms(obstacles), x, y, z, radius)
+
+
+def prism_obstruction(
+    parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
+) -> FloatArray:
+    """`polygon_obstruction` of disjoint prisms, as :func:`disjoint_prisms` gives them."""
     from hpop.world._ball import ball_volumes
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))
     volume = np.zeros(x.shape)
-    parts, heights = disjoint_prisms(obstacles)
     if not parts:
         return volume
     tree = shapely.STRtree(parts)

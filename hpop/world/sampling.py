@@ -10,7 +10,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hpop.world.field import Field, grid_points
-from hpop.world.obstruction import polygon_obstruction, raster_obstruction
+from hpop.world.lazy_field import LazyField
+from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, prism_obstruction, raster_obstruction
 from hpop.world.planar import FreeSpace
 from hpop.world.shapes import Obstacle, Raster
 
@@ -51,15 +52,14 @@ def _spacing(world: World, limit: float) -> float:
 def _sample_polygons(world: World, radius: float, z: float) -> Field:
     spacing = _spacing(world, radius / FINENESS)
     xs, ys = grid_points(world.bounds, spacing)
-    x, y = np.meshgrid(xs, ys)
     obstacles = list(world.obstacles)
     if world.outside_is_obstacle:
         inside = [(shapely.intersection(o.polygon, world.extent), o) for o in obstacles]
         obstacles = [part for geometry, o in inside for part in _prisms(geometry, o.z_min, o.z_max)]
         around = shapely.box(*world.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
         obstacles += _prisms(shapely.difference(around, world.extent))
-    values = polygon_obstruction(obstacles, x.ravel(), y.ravel(), z, radius).reshape(x.shape)
-    return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
+    prisms = disjoint_prisms(obstacles)
+    return LazyField(xs, ys, spacing, lambda x, y: prism_obstruction(*prisms, x, y, z, radius))
 
 
 def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Field:

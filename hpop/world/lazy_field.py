@@ -1,0 +1,101 @@
+"""A field that is sampled where somebody looks: the first answer in a large building needs a small part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.world.field import PAD, Field
+
+BLOCK = 32  # nodes along a side of what is sampled together
+
+
+class LazyField(Field):
+    """A `Field` of samples from 0 to 1 that are computed block by block, each when a point in it is first asked for.
+
+    Values are those of the field sampled as a whole. Who takes ``values``, pickles it or asks with symbols gets all.
+
+    >>> asked = []
+    >>> def sample(x, y):
+    ...     asked.append(x.size)
+    ...     return np.full(x.shape, 0.5)
+    >>> field = LazyField(np.arange(900.0), np.arange(900.0), 1.0, sample)
+    >>> field(np.array([450.0]), np.array([450.0])), asked[0] < 2000
+    (array([0.5]), True)
+    """
+
+    def __init__(
+        self,
+        xs: FloatArray,
+        ys: FloatArray,
+        spacing: float,
+        sample: Callable[[FloatArray, FloatArray], FloatArray],
+    ) -> None:
+        """Sample nothing yet; (ys, xs) are the places of the nodes, m, ``sample`` gives the values (N,) at some."""
+        whole = np.zeros((ys.size + 2 * PAD, xs.size + 2 * PAD))
+        shown = whole.view()
+        shown.setflags(write=False)
+        self.__dict__.update(
+            spacing=float(spacing),
+            origin=(float(xs[0]), float(ys[0]), 0.0),
+            _range=(0.0, 1.0),
+            _whole=whole,
+            _coefficients=shown,
+            _axes=(xs, ys),
+            _sample=sample,
+            _done=np.zeros((ys.size, xs.size), dtype=bool),
+            _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
+        )
+
+    @property
+    def values(self) -> FloatArray:
+        """All samples (H, W)."""
+        return self.coefficients[PAD:-PAD, PAD:-PAD]
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """All samples, with the border repeated."""
+        self._fill(np.ones_like(self.__dict__["_asked"]))
+        return super().coefficients
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle all samples."""
+        return Field, (self.values, self.spacing, self.origin)
+
+    def _coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Sample what the spline takes at points in grid steps."""
+        asked: Any = self.__dict__["_asked"]
+        if not asked.all():
+            rows, columns = self.__dict__["_coefficients"].shape
+            # As the spline clamps; fmin and fmax turn NaN into a number.
+            j, i = (
+                np.fmax(np.fmin(at, count - 3.0), 1.0).astype(np.int64) // BLOCK
+                for at, count in ((u, columns), (v, rows))
+            )
+            wanted = np.zeros_like(asked)
+            wanted[i, j] = True
+            self._fill(wanted)
+        return super().coefficients
+
+    def _fill(self, wanted: Any) -> None:
+        """Sample the nodes of blocks (of coefficients) that are wanted and not there."""
+        asked, done, whole = (self.__dict__[name] for name in ("_asked", "_done", "_whole"))
+        wanted = wanted & ~asked
+        if not wanted.any():
+            return
+        todo = np.zeros_like(done)
+        for i, j in np.argwhere(wanted) * BLOCK - PAD:
+            # A point takes the coefficients from one before its own to two after it.
+            todo[max(i - 1, 0) : i + BLOCK + 2, max(j - 1, 0) : j + BLOCK + 2] = True
+        todo &= ~done
+        rows, columns = np.nonzero(todo)
+        xs, ys = self.__dict__["_axes"]
+        inside = whole[PAD:-PAD, PAD:-PAD]
+        inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
+        done |= todo
+        asked |= wanted
+        whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = inside[:, :1], inside[:, -1:]
+        whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]
