@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, unknown_name
@@ -44,6 +45,8 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def add(self, name: str, item: T) -> None:
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
+        if name not in self._types:
+            self._load_home(name)
         taken = self._types.get(name)
         if taken is not None and _origin(taken) != _origin(item):
             raise self.error(
@@ -52,6 +55,8 @@ class Registry(Mapping[str, T], Generic[T]):
         self._types[name] = item
 
     def __getitem__(self, name: str) -> T:
+        if name not in self._types:
+            self._load_home(name)
         if name not in self._types:
             self._load()
         if name not in self._types:
@@ -70,10 +75,19 @@ class Registry(Mapping[str, T], Generic[T]):
         self._load()
         return len(self._types)
 
+    def _load_home(self, name: str) -> None:
+        """Import the one module at home that is called as the type is, if there is one."""
+        home = str(name).replace("-", "_")
+        package = import_module(self._module)
+        if home.isidentifier() and hasattr(package, "__path__") and find_spec(f"{self._module}.{home}"):
+            import_module(f"{self._module}.{home}")
+
     def _load(self) -> None:
         if self._loaded:
             return
-        import_module(self._module)
+        package = import_module(self._module)
+        for name in getattr(package, "__all__", ()):
+            getattr(package, name)  # a package may import what it names on first use
         for point in entry_points(group=self._group):
             try:
                 item = point.load()

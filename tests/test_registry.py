@@ -1,6 +1,7 @@
 """Names: unique, suggested when mistyped, and found in installed packages by their entry points."""
 
 import importlib
+import subprocess
 import sys
 
 import pytest
@@ -55,6 +56,35 @@ def test_an_unknown_name_lists_the_known_ones_and_suggests_the_nearest(names, wr
     ):
         names[wrong]
     assert wrong not in names
+
+
+def fresh(code):
+    """What a process of its own prints, in which no planner is imported yet."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_a_planner_is_imported_alone_and_all_of_them_when_they_are_listed():
+    code = """
+import sys
+from hpop.registry import planners
+print(planners["weighted-sum"].__name__, "hpop.planners.smoothing" in sys.modules, *planners)
+"""
+    name, others, *known = fresh(code)
+    assert (name, others) == ("WeightedSum", "False")
+    assert {"any-angle", "lattice", "rrt", "smoothing", "weighted-sum-corridor"} <= set(known)
+
+
+def test_a_name_of_hpop_is_taken_before_its_module_is_imported():
+    code = """
+from hpop.errors import OptionError
+from hpop.registry import planners
+class Mine: ...
+try:
+    planners.add("smoothing", Mine)
+except OptionError as error:
+    print("taken" in str(error), planners["smoothing"].__name__)
+"""
+    assert fresh(code) == ["True", "Smoothing"]
 
 
 def test_a_name_that_another_type_has_is_refused_and_the_first_one_stays():
