@@ -7,6 +7,7 @@ those of :mod:`hpop.errors`.
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 SAVED = "front.json"
 PICTURES = ("map.png", "front.png", "trace.png", "where.png")
 MOST_FAULTS = 20
+OBJECTS = 100_000  # new ones between two collections of garbage: what is imported stays, looking through it costs
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
@@ -93,6 +95,7 @@ def main() -> None:
 @_user_errors
 def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
+    gc.set_threshold(OBJECTS)
     from hpop import report
     from hpop.scenario import load_scenario
     from hpop.status import Status

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from hpop.planners.lattice import Lattice
     from hpop.problem import Problem
 
-MOST = 8_000  # positions of the first stage: their edges are built in half a second
-QUICK = 0.2  # s, of a search before the exact one, at least
+MOST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
+QUICK = 0.1  # s, of a search before the exact one, at least
 SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
 COARSE = 0.1  # relative precision of the last stage before the exact one
 
