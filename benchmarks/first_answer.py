@@ -4,8 +4,8 @@
 
 Each map at a step of 0.25 m, criteria obstruction, turns, length, start and goal far apart. A process runs until its
 first front is on the disk, and is then ended; `cpu_s` is the processor time that it had taken, which depends less on
-what else the machine does. The first process of all, which may have to compile, is not counted. Maps whose files are
-not there are left out.
+what else the machine does. Of each map the least of three runs counts, after one that may have to compile. Maps whose
+files are not there are left out.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import yaml
 ROOT = Path(__file__).parents[1]
 STEP = 0.25  # m
 PATIENCE = 600  # s
+RUNS = 3
 # World, radius of the robot, start, goal.
 MAPS: dict[str, tuple[dict[str, Any], float, list[Any], list[Any]]] = {
     "pal_office": ({"ros_map": {"path": "pal_office/map.yaml"}}, 0.3, [6.0, -8.0, "90 deg"], [-10.0, 1.0, "any"]),
@@ -83,9 +84,9 @@ def main() -> None:
             if scenario is None:
                 print(f"{name}: its files are not in {arguments.data}")
                 continue
-            if not rows:
-                first_answer(scenario)
-            rows.append({"map": name, **first_answer(scenario)})
+            first_answer(scenario)
+            runs = [first_answer(scenario) for _ in range(RUNS)]
+            rows.append({"map": name, **min(runs, key=lambda run: run["first_front_s"])})
             print(json.dumps(rows[-1]))
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
@@ -126,7 +127,11 @@ def first_answer(scenario: Path) -> dict[str, Any]:
             "--out",
             str(saved.parent),
         ]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        # As where hpop is installed, Python keeps what it has compiled.
+        kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+        with subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=kept
+        ) as process:
             try:
                 while not saved.exists():
                     seconds = time.perf_counter() - began
