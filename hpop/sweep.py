@@ -1,7 +1,7 @@
 """Sweeps: many small jobs over the same data, on any ``concurrent.futures.Executor`` or none.
 
 Serial, process pools and Dask (``Client.get_executor()``) give the same results. What a job needs beside its own
-task is shipped once a worker: a worker on this machine reads it from a file, one elsewhere asks for it and gets it
+task is shipped once: workers on this machine map one file into their memory, each elsewhere asks for it and gets it
 with the job. A worker that dies loses only what it was at: that is done again, in this process.
 """
 
@@ -22,6 +22,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager
 from importlib import import_module
+from mmap import ACCESS_COPY, mmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -36,6 +37,7 @@ R = TypeVar("R")
 
 POLL = 0.1  # s between two looks at whether to stop
 CONNECT = 10  # s to wait for a scheduler
+ALIGNED = 64  # bytes: arrays begin at multiples, as compiled code wants them
 
 _held: dict[str, Any] = {}  # in a worker: the data of the sweep it works for
 
@@ -44,15 +46,45 @@ def _work(key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], 
     """Do some tasks in a worker: a list of results, or None where the shared data did not come and are not here."""
     shared = _held.get(key)
     if shared is None:
-        if payload is None:
+        if payload is not None:
+            shared = pickle.loads(payload)
+        else:
             try:
-                payload = Path(file).read_bytes()
+                shared = _mapped(Path(file))
             except OSError:
                 return None
-        shared = pickle.loads(payload)
         _held.clear()
         _held[key] = shared
     return [job(shared, task) for task in tasks]
+
+
+def _write(shared: Any, file: Path) -> None:
+    """Write a value for :func:`_mapped`: its arrays as they are in memory, at the end of the file."""
+    arrays: list[pickle.PickleBuffer] = []
+    rest = pickle.dumps(shared, protocol=5, buffer_callback=arrays.append)
+    parts: list[bytes | memoryview] = [rest, *(array.raw() for array in arrays)]
+    begin, spans = 0, []
+    for part in parts:
+        spans.append((begin, begin + len(part)))
+        begin += -(-len(part) // ALIGNED) * ALIGNED
+    head = pickle.dumps(spans)
+    with file.open("wb") as out:
+        out.write(len(head).to_bytes(ALIGNED, "little"))
+        out.write(head.ljust(-(-len(head) // ALIGNED) * ALIGNED))
+        for part in parts:
+            out.write(part)
+            out.write(bytes(-len(part) % ALIGNED))
+
+
+def _mapped(file: Path) -> Any:
+    """The value in a file; its arrays stay there, in memory that all workers share until one writes to it."""
+    with file.open("rb") as source:
+        whole = memoryview(mmap(source.fileno(), 0, access=ACCESS_COPY))
+    size = int.from_bytes(whole[:ALIGNED], "little")
+    begin = ALIGNED - (-size // ALIGNED) * ALIGNED
+    spans = pickle.loads(whole[ALIGNED : ALIGNED + size])
+    rest, *arrays = (whole[begin + first : begin + last] for first, last in spans)
+    return pickle.loads(rest, buffers=arrays)
 
 
 class Sweep(Generic[S, T, R]):
@@ -126,6 +158,7 @@ class Sweep(Generic[S, T, R]):
                         lost.extend(places)
                         continue
                     if results is None:
+                        self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
                         send(places, self._payload)
                     else:
                         yield from zip(places, results, strict=True)
@@ -139,9 +172,8 @@ class Sweep(Generic[S, T, R]):
         if self.executor is None:
             return None
         if self._folder is None:
-            self._payload = pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
-            self._folder = TemporaryDirectory(prefix="hpop-sweep-")
-            (Path(self._folder.name) / self._key).write_bytes(self._payload)
+            self._folder = TemporaryDirectory(prefix="hpop-sweep-", ignore_cleanup_errors=True)
+            _write(self.shared, Path(self._folder.name) / self._key)
         file = str(Path(self._folder.name) / self._key)
         try:
             return self.executor.submit(_work, self._key, file, payload, self.job, tasks)

@@ -72,6 +72,38 @@ def test_every_task_is_done_once(chunk: int) -> None:
             assert sweep.notes == []
 
 
+def seen(shared: dict[str, Any], task: str) -> tuple[Any, ...]:
+    """What a job finds: values, type, whether it may write, and whether compiled code can take the array as it is."""
+    array = shared[task]
+    was = array.tolist()
+    if array.flags.writeable and array.size:
+        array.flat[0] = 99
+    return was, array.shape, str(array.dtype), array.flags.writeable, array.flags.aligned
+
+
+def test_arrays_arrive_as_they_are_and_what_a_worker_writes_stays_there() -> None:
+    def shared() -> dict[str, Any]:
+        read_only = np.arange(6.0)
+        read_only.setflags(write=False)
+        return {
+            "odd bytes": np.array([1, 2, 3], np.uint8),
+            "matrix": np.arange(12, dtype=np.int32).reshape(4, 3),
+            "transposed": np.arange(6.0).reshape(2, 3).T,
+            "none": np.zeros((0, 3), np.int64),
+            "read only": read_only,
+            "scattered": np.arange(10)[::3],
+        }
+
+    names = list(shared())
+    given = shared()
+    with processes(1) as pool, Sweep(seen, given, pool) as sweep:
+        there = dict(sweep.run(names))
+    expected = shared()
+    assert sweep.notes == []
+    assert [there[i] for i in range(len(names))] == [seen(expected, name) for name in names]
+    assert given["matrix"][0, 0] == 0
+
+
 def test_shared_data_are_sent_once_a_chunk_at_most_and_kept() -> None:
     far = Elsewhere()
     with Sweep(operator.mul, 7, far, chunk=5) as sweep:
