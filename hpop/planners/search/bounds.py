@@ -206,9 +206,9 @@ def lower_bounds(
         how = (j, bool(is_max[j]), group, groups.rows, groups.dearest, bool(groups.alike[j]), groups.turns)
         return (begin, tails, weights[j], *how, ends, h[j], parents[j])
 
-    clock.call(cost_to_go, *arguments(0))  # compiles, if need be; the others run side by side
+    clock.prepare(cost_to_go, *arguments(0))
     with ThreadPoolExecutor() as threads:
-        list(threads.map(lambda j: cost_to_go(*arguments(j)), range(1, k)))
+        list(threads.map(lambda j: cost_to_go(*arguments(j)), range(k)))
     samples = []
     for j in range(k):
         onward = parents[j]

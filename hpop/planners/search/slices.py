@@ -49,11 +49,15 @@ class Clock:
         c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
         self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
 
-    def call(self, compiled: Any, *arguments: Any) -> Any:
-        """Call a kernel; report and measure its compilation first."""
+    def prepare(self, compiled: Any, *arguments: Any) -> None:
+        """Compile a kernel for arguments of these types; report and measure that."""
         if not is_ready(compiled, *arguments):
             self.report("compiling")
             self.compiled += make_ready(compiled, *arguments)
+
+    def call(self, compiled: Any, *arguments: Any) -> Any:
+        """Call a kernel; report and measure its compilation first."""
+        self.prepare(compiled, *arguments)
         return compiled(*arguments)
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:

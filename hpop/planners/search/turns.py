@@ -18,6 +18,7 @@ Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -31,6 +32,7 @@ from hpop.planners.search.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
+PARTS = 4  # of the nodes, that are checked side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +78,8 @@ class Groups:
         group = np.empty(graph.nodes, np.int64)
         worst = np.array([how == "max" for how in graph.aggregates])
         tables = (graph.indptr, graph.heads, graph.costs)
-        count, step, turns = clock.call(number_groups, *tables, column, worst, group)
-        if step == 0:
+        count, step, turns = clock.call(number_groups, *tables, column, group)
+        if step == 0 or not _no_dearer_than_two(tables, column, worst, clock):
             return None
         nodes = np.argsort(group, kind="stable") if (np.diff(group) < 0).any() else np.arange(graph.nodes)
         rows = np.zeros((count, GROUP_COLUMNS), np.int64)
@@ -112,23 +114,27 @@ class Groups:
         return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
+def _no_dearer_than_two(tables: Any, column: int, worst: NDArray[np.bool_], clock: Clock) -> bool:
+    """Whether no turn costs more than two turns on the same way; parts of the nodes side by side."""
+    nodes = len(tables[0]) - 1
+    cuts = np.linspace(0, nodes, PARTS + 1).astype(np.int64).tolist()
+    clock.prepare(one_or_two, *tables, column, worst, 0, nodes)
+    with ThreadPoolExecutor() as threads:
+        parts = threads.map(lambda i: one_or_two(*tables, column, worst, cuts[i], cuts[i + 1]), range(PARTS))
+        return all(parts)
+
+
 @kernel
 def number_groups(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
-    costs: IntArray,
-    index: int,
-    worst: NDArray[np.bool_],
-    group: IntArray,
+    indptr: IntArray, heads: NDArray[np.int32], costs: IntArray, index: int, group: IntArray
 ) -> tuple[int, Any, int]:
     """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many."""
-    n, k = len(indptr) - 1, costs.shape[1]
+    n = len(indptr) - 1
     group[:] = -1
     size = np.zeros(n, np.int64)
     count, turns = 0, 0
     step: Any = np.int64(0)
     seen = np.full(n, -1, np.int64)
-    by = np.zeros(n, np.int64)
     for u in range(n):
         new = group[u] < 0
         if new:
@@ -136,8 +142,6 @@ def number_groups(
             size[count] = 1
             count += 1
         found = 1
-        one = -1
-        alike = True
         for a in range(indptr[u], indptr[u + 1]):
             v = heads[a]
             if costs[a, index] == 0 or v == u:
@@ -151,15 +155,38 @@ def number_groups(
             if costs[a, index] != step or group[v] != group[u] or seen[v] == u:
                 return 0, 0, 0
             seen[v] = u
-            by[v] = a
             found += 1
+        if found != size[group[u]]:
+            return 0, 0, 0
+        turns += found - 1
+    return count, step, turns
+
+
+@kernel
+def one_or_two(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    worst: NDArray[np.bool_],
+    first: int,
+    last: int,
+) -> bool:
+    """Whether no turn of the nodes from first to last costs more than two turns on the same way, in groups."""
+    n, k = len(indptr) - 1, costs.shape[1]
+    by = np.zeros(n, np.int64)
+    for u in range(first, last):
+        one = -1
+        alike = True
+        for a in range(indptr[u], indptr[u + 1]):
+            v = heads[a]
+            if costs[a, index] == 0 or v == u:
+                continue
+            by[v] = a
             if one >= 0:
                 for j in range(k):
                     alike = alike and costs[a, j] == costs[one, j]
             one = a
-        if found != size[group[u]]:
-            return 0, 0, 0
-        turns += found - 1
         if alike:  # then two turns cost no less than one
             continue
         for a in range(indptr[u], indptr[u + 1]):
@@ -172,13 +199,11 @@ def number_groups(
                     continue
                 if w == u:
                     continue
-                if seen[w] != u:
-                    return 0, 0, 0
                 for j in range(k):
                     two = max(costs[a, j], costs[b, j]) if worst[j] else costs[a, j] + costs[b, j]
                     if costs[by[w], j] > two:
-                        return 0, 0, 0
-    return count, step, turns
+                        return False
+    return True
 
 
 @kernel
