@@ -106,11 +106,13 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
     _check_writable(out)
     if checkpoint is not None:
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
+        if Path(checkpoint).exists():
+            click.echo(f"going on from {checkpoint}")
     with _executor(workers, dask) as executor:
-        fronts = _solved(loaded, out, executor)
+        fronts, first = _solved(loaded, out, executor)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
-    report.print_contributions([planner.name for planner in loaded.planners], fronts)
+    report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
     pictures = _draw(loaded.problem, front, out)
     click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
     if checkpoint is not None:
@@ -210,8 +212,8 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
         yield None
 
 
-def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> list[Front]:
-    """The front of a scenario after each of its planners, the last one whole; each is saved as it comes.
+def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> tuple[list[Front], Front | None]:
+    """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
 
     So are the fronts of a planner's stages, and other processes draw them while the search goes on.
     """
@@ -243,7 +245,7 @@ def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> list[Fr
             if say.last is not None:
                 click.echo(f"what was found before is saved in {out / SAVED}", err=True)
             raise
-    return fronts
+    return fronts, say.first
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:

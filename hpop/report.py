@@ -126,12 +126,10 @@ class Contribution:
     after: float
 
 
-def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
+def contributions(planners: Sequence[str], fronts: Sequence[Front], first: Front | None = None) -> list[Contribution]:
     """What each planner added, from the front after each: ``fronts[i]`` holds all that planners 0 to i found.
 
-    Hypervolumes are of costs scaled so that the last front's ideal is 0 and its nadir 1; the reference point is 1.1,
-    the nadir and a tenth of the range. A criterion that is the same all over the last front is scaled by its range over
-    all fronts.
+    Hypervolumes are those of the lines of a run: in the scale of ``first``, the first front that it arrived at.
     """
     known: set[tuple[int, ...]] = set()
     last = set(map(tuple, fronts[-1].integers.tolist()))
@@ -140,7 +138,8 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
         new = set(map(tuple, front.integers.tolist())) - known
         points.append(len(new & last))
         known |= new
-    volumes = [0.0, *_hypervolumes(fronts, fronts[-1])]
+    scale = next((front for front in (first, *fronts) if front is not None and len(front)), fronts[-1])
+    volumes = [0.0, *_hypervolumes(fronts, scale)]
     return [
         Contribution(name, points[i], len(front), volumes[i], volumes[i + 1])
         for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
@@ -148,40 +147,38 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
 
 
 def _hypervolumes(fronts: Sequence[Front], scale: Front) -> list[float]:
-    """Hypervolume of each front, costs scaled so that the ideal of ``scale`` is 0 and its nadir 1.
+    """Hypervolume of each front, costs scaled so that the ideal of ``scale`` is 0 and its nadir 1, up to 1.1 in each.
 
-    Not a number where it would take minutes.
+    A cost that is the same all over ``scale`` is only shifted. Not a number where it would take minutes.
     """
     if not len(scale):
         return [0.0] * len(fronts)
     if len(scale.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(scale.names), 0):
         return [math.nan] * len(fronts)
     ideal, span = scale.ideal(), scale.nadir() - scale.ideal()
-    everything = np.concatenate([front.costs for front in fronts])
-    span = np.where(span > 0, span, everything.max(axis=0) - ideal)
     span = np.where(span > 0, span, 1.0)
     reference = np.full(len(scale.names), 1.1)
     return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
 
 
 class StageLines:
-    """Prints a line for each front that a run arrives at, so that a user sees it grow; ``last`` is the latest.
+    """Prints a line for each front that a run arrives at, so that a user sees it grow: ``first`` to ``last``.
 
-    Hypervolumes are of costs scaled so that the first front's ideal is 0 and its nadir 1, with 1.1 as the reference
-    point: what the first front covers is the unit, and a front that is no worse covers no less.
+    Hypervolumes are of costs scaled so that the ideal of the first front with points is 0 and its nadir 1, with 1.1 as
+    the reference point: a front that is no worse covers no less.
     """
 
     def __init__(self) -> None:
         self.last: Front | None = None
-        self._first: Front | None = None
+        self.first: Front | None = None
         self._began = perf_counter()
 
     def __call__(self, front: Front) -> None:
         """Print what there is now."""
         self.last = front
-        if self._first is None or not len(self._first):
-            self._first = front
-        (volume,) = _hypervolumes([front], self._first)
+        if self.first is None or not len(self.first):
+            self.first = front
+        (volume,) = _hypervolumes([front], self.first)
         planner = front.runs[-1].get("planner", "planner")
         measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
         # Plain text: a live progress line on the terminal makes room for it.
@@ -190,8 +187,10 @@ class StageLines:
         )
 
 
-def print_contributions(planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None) -> None:
-    """Print what each of several planners added to the front; nothing for one planner."""
+def print_contributions(
+    planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None, *, first: Front | None = None
+) -> None:
+    """Print what each of several planners added to the front; nothing for one planner. ``first``: of its stages."""
     if len(planners) < 2 or not fronts:
         return
     console = console or Console()
@@ -199,11 +198,11 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
     table.add_column("planner", no_wrap=True)
     for column in ("first to\nfind", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
         table.add_column(column, justify="right", no_wrap=True)
-    for row in contributions(planners, fronts):
+    for row in contributions(planners, fronts, first):
         volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))
         cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
         table.add_row(Text(row.planner), *cells)
-    console.print("\nWhat each planner added (hypervolume: ideal 0, nadir 1, reference 1.1 in each cost)")
+    console.print("\nWhat each planner added (hypervolume in the scale of the first front, as in the lines above)")
     _print_wide(console, table)
     for name in planners[len(fronts) :]:
         console.print(f"{name} was not run", highlight=False, markup=False)

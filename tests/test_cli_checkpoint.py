@@ -67,7 +67,10 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
     assert f"plan again with --checkpoint {file} to go on" in " ".join(stopped.stdout.split())
     assert file.is_file()
     whole = write(tmp_path, {planner: options})
-    assert plan(whole, "resumed", "--checkpoint", file).exit_code == 0
+    assert "going on from" not in stopped.stdout
+    resumed = plan(whole, "resumed", "--checkpoint", file)
+    assert resumed.exit_code == 0
+    assert resumed.stdout.startswith(f"going on from {file}\n")
     assert plan(whole, "whole").exit_code == 0
     assert front(tmp_path / "resumed") == front(tmp_path / "whole")
     assert not file.exists()
