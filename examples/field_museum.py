@@ -63,7 +63,7 @@ def main(data: Path, folder: Path = Path("out/field_museum"), step: float = 0.5)
         ],
     )
     front = problem.solve(planner="lattice", step=step, time_limit=60.0)
-    print(f"{len(front)} optimal trajectories ({front.status}); {front.certificate}")
+    print(f"{len(front)} trajectories ({front.status}); {front.certificate}")
     for name in front.names:
         best = front.best(name)
         print(f"least {name}:", ", ".join(f"{key} {value:.3g}" for key, value in best.costs.items()))
@@ -74,6 +74,6 @@ def main(data: Path, folder: Path = Path("out/field_museum"), step: float = 0.5)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
         sys.exit(__doc__)
     main(Path(sys.argv[1]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -24,6 +25,15 @@ def example(name: str) -> ModuleType:
     sys.modules[spec.name] = module  # pickling a criterion needs an importable module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.mark.parametrize("name", ["02_ros_map.py", "field_museum.py"])
+@pytest.mark.parametrize("arguments", [[], ["--help"]])
+def test_an_example_that_needs_data_says_how_it_is_run(name, arguments):
+    done = subprocess.run([sys.executable, EXAMPLES / name, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"python examples/{name} " in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_the_museum_tour_has_a_complete_front_and_its_pictures(tmp_path):
