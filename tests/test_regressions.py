@@ -147,16 +147,20 @@ def test_a_stopped_search_whose_ties_turns_break_claims_no_more_than_it_may():
         front = problem.solve("lattice", step=0.5, max_labels=labels)
         if front.status == "complete":
             continue
+        assert "every point is optimal" not in front.certificate
+        if "the search itself found none" in front.certificate:
+            continue
         stopped += 1
         assert "no path is better in every cost" in front.certificate
-        assert "every point is optimal" not in front.certificate
         for point in front.integers:
             assert not (exact < point).all(axis=1).any()
     assert stopped > 0
 
 
 def test_a_stopped_search_in_which_turns_cost_finds_optimal_points_only():
-    problem = hpop.Problem(HALL, ROBOT, (1, 4, 0), (9, 4, np.pi), ["turns", "length"])
-    front = problem.solve("lattice", step=0.5, max_labels=20)
+    problem = hpop.Problem(HALL, ROBOT, (1, 4, 0), (9, 4, np.pi), ["turns", "length", "obstruction"])
+    front = problem.solve("lattice", step=0.5, max_labels=800)
     assert front.status == "label limit"
     assert "every point is optimal" in front.certificate
+    exact = problem.solve("lattice", step=0.5).integers.tolist()
+    assert all(point in exact for point in front.integers.tolist())

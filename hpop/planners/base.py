@@ -92,7 +92,7 @@ def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
     """What is found once a stage is done: a final answer alone, else its candidates and those of the stages before."""
-    if before is None or now.status.is_final:
+    if before is None or now.status.is_final or not before.trajectories:
         return now
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
     what = f" ({', '.join(stages)})" if stages else ""

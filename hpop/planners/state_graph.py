@@ -241,6 +241,7 @@ class GraphQuery:
             optimal = "every point is optimal"
             each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
             each = f"points are within {factor} of optimal" if factor else each
+            each = each if len(paths) else "the search itself found none"
             claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{missing(gap)}"
         elif factor:
             claim = (

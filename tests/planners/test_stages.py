@@ -356,9 +356,16 @@ def test_a_limit_in_the_exact_stage_loses_nothing() -> None:
     assert front.status == "label limit"
     assert is_nondominated(first.planned).all()
     assert front.costs == pytest.approx(first.planned, abs=1e-4)
-    assert "label limit" in front.certificate
-    assert "supported points" in front.certificate
+    assert front.certificate.startswith(
+        "lattice: incomplete (label limit): the search itself found none on the lattice"
+    )
+    assert front.certificate.endswith("; with the points of earlier stages (supported points)")
     assert {origin["stage"] for origin in front.provenance} == {"supported points"}
+
+
+def test_a_stage_without_points_is_not_spoken_of(exact: Candidates) -> None:
+    stopped = rows(exact, [3], Status.TIME_LIMIT, "stopped")
+    assert joined(rows(exact, [], Status.UNFINISHED, "nothing"), stopped) is stopped
 
 
 def test_a_search_that_goes_on_from_a_checkpoint_has_no_first_answers(tmp_path):
