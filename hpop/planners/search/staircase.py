@@ -42,7 +42,8 @@ from hpop.planners.search.slices import (
     Clock,
     Search,
 )
-from hpop.planners.search.staircase_kernel import ARC_COLUMNS, NODE_COLUMNS, advance, fill_tables, trace, widen
+from hpop.planners.search.staircase_kernel import advance
+from hpop.planners.search.staircase_tables import ARC_COLUMNS, NODE_COLUMNS, fill_tables, trace, widen
 from hpop.planners.search.turn_bounds import LAYERS, costs_by_turns
 from hpop.planners.search.turns import OFFSET, SIZE, Groups
 

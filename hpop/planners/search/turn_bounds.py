@@ -32,12 +32,10 @@ def costs_by_turns(
 ) -> NDArray[Any] | None:
     """Least rest (n, LAYERS) from each node with at most m turns, in column m; the last one with any number.
 
-    None where plain arcs are not chains. The tables are the staircase search's, the column is of the rest cost.
+    None where plain arcs are not chains, or these not in order. The tables are the staircase search's, the column is of the rest cost.
     """
-    if column < 0 or not len(arcs) or np.diff(start).max() > 1:
-        return None
-    order = np.empty(len(nodes), np.int64)
-    if not clock.call(order_chains, start, arcs, order):
+    order = chain_order(start, arcs, clock) if column >= 0 else None
+    if order is None:
         return None
     far = min(np.iinfo(nodes.dtype).max, int(UNREACHABLE))  # as an empty staircase says
     layers = np.empty((LAYERS, len(nodes)), nodes.dtype)
@@ -51,25 +49,35 @@ def costs_by_turns(
     return np.ascontiguousarray(layers.T)
 
 
+def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> IntArray | None:
+    """Order the nodes that have a plain arc, each after the one that it leads to; None where arcs are no chains."""
+    if not len(arcs) or np.diff(start).max() > 1:
+        return None
+    order = np.empty(len(arcs), np.int64)
+    return order if clock.call(order_chains, start, arcs, order) else None
+
+
 @kernel
 def order_chains(start: IntArray, arcs: NDArray[Any], order: IntArray) -> bool:
-    """Order the nodes (n,) along their chains; False where chains join or close."""
-    n = len(order)
-    entered = np.zeros(n, np.uint8)
-    for a in range(len(arcs)):
-        if entered[arcs[a, 0]]:
-            return False
-        entered[arcs[a, 0]] = 1
+    """Order nodes along chains (m,) that lead steadily up or down in number; False where one does not.
+
+    Those with arcs that lead up come first, from the last one on, then those with arcs that lead down. So a sweep goes
+    through memory twice, whatever the directions of the chains: chain after chain took twice to three times as long.
+    """
+    n = len(start) - 1
     k = 0
-    for u in range(n):
-        if entered[u]:
-            continue
-        v = np.int64(u)
-        while v >= 0:
+    for v in range(n - 1, -1, -1):
+        if start[v + 1] > start[v] and arcs[start[v], 0] > v:
+            u = np.int64(arcs[start[v], 0])
+            if start[u + 1] > start[u] and arcs[start[u], 0] < u:
+                return False
             order[k] = v
             k += 1
-            v = np.int64(arcs[start[v], 0]) if start[v + 1] > start[v] else np.int64(-1)
-    return k == n
+    for v in range(n):
+        if start[v + 1] > start[v] and arcs[start[v], 0] < v:
+            order[k] = v
+            k += 1
+    return True
 
 
 @kernel
@@ -112,10 +120,8 @@ def sweep(
             for v in range(n):
                 if is_target[v]:
                     now[v] = 0
-        for i in range(n - 1, -1, -1):
-            v = order[i]
-            if start[v + 1] > start[v]:
-                a = start[v]
-                now[v] = min(np.int64(now[v]), now[np.int64(arcs[a, 0])] + np.int64(arcs[a, 3]))
+        for v in order:
+            a = start[v]
+            now[v] = min(np.int64(now[v]), now[np.int64(arcs[a, 0])] + np.int64(arcs[a, 3]))
         layers[m] = now
     layers[count - 1] = nodes[:, 2]

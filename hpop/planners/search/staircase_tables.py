@@ -1,0 +1,124 @@
+"""Tables of nodes and arcs that the staircase search reads, staircases that get wider, and the way back from labels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.planners.search.bounds import UNREACHABLE
+from hpop.planners.search.kernels import kernel
+from hpop.planners.search.turns import OFFSET, SIZE
+
+HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
+# Columns of the table of nodes: lower bounds, group, where its staircases begin (-1: nowhere yet), their number, the
+# node's own, and the dearest turn of the group.
+H_FIRST, H_INDEX, H_REST, GROUP, ROW, SLOTS, SLOT, DEAREST, NODE_COLUMNS = range(9)
+
+
+@kernel
+def fill_tables(
+    costs: IntArray,
+    order: IntArray,
+    h: IntArray,
+    groups: Any,
+    table: NDArray[Any],
+    start: IntArray,
+    arcs: NDArray[Any],
+    arc_heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+) -> int:
+    """Fill the tables of nodes (n, 8), and of the plain arcs (m, 4) that lead somewhere; returns m.
+
+    start (n + 1,) receives where the arcs of a node begin, arc_heads (m,) where they lead, origin (m,) which they are.
+    """
+    nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
+    m = 0
+    for g in range(len(rows)):
+        for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
+            for j in range(3):
+                known = order[j] >= 0 and h[order[j], nodes[p]] < UNREACHABLE
+                table[p, j] = h[order[j], nodes[p]] if known else 0
+            table[p, GROUP] = g
+            table[p, ROW] = -1
+            table[p, SLOTS] = rows[g, SIZE]
+            table[p, SLOT] = p - rows[g, OFFSET]
+            table[p, DEAREST] = dearest[g, order[2]] if order[2] >= 0 else 0
+            start[p] = m
+            for a in range(plain_start[p], plain_start[p + 1]):
+                v = plain_heads[a]
+                if h[order[0], nodes[v]] >= UNREACHABLE:
+                    continue
+                arcs[m, HEAD] = v
+                arc_heads[m] = v
+                origin[m] = plain_origin[a]
+                for j in range(3):
+                    arcs[m, j + 1] = costs[plain_origin[a], order[j]] if order[j] >= 0 else 0
+                m += 1
+    start[len(nodes)] = m
+    return m
+
+
+@kernel
+def widen(old: NDArray[Any], new: NDArray[Any], nodes: NDArray[Any], groups: IntArray, width: int) -> int:
+    """Copy the staircases to twice their width; beyond it one goes on as it ends. Returns how much is used."""
+    used = 0
+    for g in range(len(groups)):
+        first, slots = groups[g, OFFSET], groups[g, SIZE]
+        row = np.int64(nodes[first, ROW])
+        if row < 0:
+            continue
+        for i in range(2 * width):
+            for j in range(slots):
+                new[used + i * slots + j] = old[row + min(i, width - 1) * slots + j]
+        for u in range(first, first + slots):
+            nodes[u, ROW] = used
+        used += 2 * width * slots
+    return used
+
+
+@kernel
+def trace(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    start: IntArray,
+    arc_heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    nodes: IntArray,
+    closed: IntArray,
+    source: int,
+    labels: IntArray,
+) -> tuple[IntArray, IntArray]:
+    """Follow labels back to the source; where the arcs do not join, the turn between them is put in.
+
+    Returns where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on.
+    """
+    ends = np.empty(len(labels), np.int64)
+    steps = np.empty(1024, np.int64)
+    size = 0
+    for i in range(len(labels)):
+        label = labels[i]
+        while label != 0:
+            if size + 2 > len(steps):
+                steps = np.concatenate((steps, np.empty_like(steps)))
+            a = (label & 0xFFFFFFFF) - 1
+            if a >= len(arc_heads):
+                tail = a - len(arc_heads)
+            else:
+                steps[size] = origin[a]
+                size += 1
+                tail = np.searchsorted(start, a, side="right") - 1
+            label = closed[(label >> 32) - 1]
+            at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
+            if at != tail:
+                u, v = nodes[at], nodes[tail]
+                for b in range(indptr[u], indptr[u + 1]):
+                    if heads[b] == v and costs[b, index] > 0:
+                        steps[size] = b
+                size += 1
+        ends[i] = size
+    return ends, steps[:size]
