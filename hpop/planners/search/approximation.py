@@ -55,6 +55,23 @@ EXACT = Precision()
 ANYTHING = 2**60  # no cost of a path is larger
 
 
+def thinned(costs: IntArray, kept: IntArray, eps: float, tolerance: IntArray) -> IntArray:
+    """Choose rows of costs (n, k), in lexicographic order, that with those kept (m, k) already cover all of them.
+
+    The first that is uncovered is covered by the last one that can, and so on.
+    """
+    most = costs + np.floor(eps * costs).astype(np.int64) + tolerance
+    left = np.ones(len(costs), np.bool_)
+    for row in kept:
+        left &= (row > most).any(axis=1)
+    rows = []
+    while left.any():
+        best = np.flatnonzero((costs <= most[left.argmax()]).all(axis=1))[-1]
+        rows.append(best)
+        left &= (costs[best] > most).any(axis=1)
+    return np.array(rows, np.int64)
+
+
 def proven_gap(front: IntArray, estimates: IntArray) -> float:
     """How much better a missing vector may be: some vector of the front is below (1 + gap) times any estimate.
 

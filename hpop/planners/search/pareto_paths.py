@@ -205,9 +205,8 @@ class _Run:
             if groups.column != index:
                 groups = Groups.none(self.graph, clock)
             try:
-                return Staircase(
-                    self.graph, self.source, self.targets, h, three, groups, clock, self.precision, self.at_most
-                )
+                how = (groups, clock, self.precision, self.at_most)
+                return Staircase(self.graph, self.source, self.targets, h, three, *how, jointly=self.keeper is None)
             except TooWide:
                 self.method = "general"
         from hpop.planners.search.general import General

@@ -38,6 +38,12 @@ class Clock:
         self.compiled = 0.0
         self.peak = 0
 
+    def silent(self) -> Clock:
+        """A clock of the same budget for a part of the search that reports nothing."""
+        clock = Clock(self.budget, None)
+        clock.begin = self.begin + self.compiled
+        return clock
+
     def seconds(self) -> float:
         """Seconds since the search began, without compiling."""
         return perf_counter() - self.begin - self.compiled
@@ -124,8 +130,8 @@ class Search(ABC):
                     break
                 with whole():
                     grow()
-                memory = self.memory()
-            else:
+            memory = self.memory()
+            if code == SLICE:
                 clock.report("search", self.counters, memory)
             if keep is not None:
                 keep()

@@ -15,6 +15,11 @@ Where the arcs that raise the index make groups of nodes (turns in place, see :m
 where other arcs arrive, and one staircase a group tells what any of its nodes could turn into. The staircases of a
 group lie side by side, so that one line of the processor's cache answers for all its nodes. Once a search has proved
 long, bounds that know how many turns are left prune more (:mod:`.turn_bounds`).
+
+A search within a precision takes joint bounds of both other costs instead (:mod:`.turn_hull`). The ways that they find
+run through few nodes; the front on these alone is soon known, and near the whole one. A part of it that covers the rest
+of it within a share of the precision goes into the front, and the search is left with what the bounds cannot tell to be
+covered (:mod:`.corners`): often some thousands of labels for millions.
 """
 
 from __future__ import annotations
@@ -26,9 +31,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.approximation import ANYTHING, EXACT, Precision
-from hpop.planners.search.bounds import UNREACHABLE
+from hpop.frontier import is_nondominated
+from hpop.planners.search.approximation import ANYTHING, EXACT, Precision, thinned
+from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
 from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, OPEN, QUEUE
+from hpop.planners.search.corners import Corners
+from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.slices import (
     BUCKETS,
@@ -37,20 +45,26 @@ from hpop.planners.search.slices import (
     INT32_LIMIT,
     KEYS,
     N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
     N_ROWS,
     ROWS,
     Clock,
     Search,
 )
 from hpop.planners.search.staircase_kernel import advance
-from hpop.planners.search.staircase_tables import ARC_COLUMNS, NODE_COLUMNS, fill_tables, trace, widen
+from hpop.planners.search.staircase_tables import ARC_COLUMNS, H_FIRST, H_REST, NODE_COLUMNS, fill_tables, trace, widen
 from hpop.planners.search.turn_bounds import LAYERS, costs_by_turns
+from hpop.planners.search.turn_hull import LANES, ROOM, directions, turn_hull
 from hpop.planners.search.turns import OFFSET, SIZE, Groups
 
 INDEX_BITS = 14
 KEY_BITS = 62
 BUCKET_BITS = 15  # the first cost of the whole way, or of a long arc, is so many bits of buckets
 LONG = 4  # a search is long once it has expanded that many labels a node
+SOON = 0.1  # the same where joint bounds help: few searches end between this and what they cost
+NEAR = 4  # the front on the ways found, and the bounds by turns, are as near as eps / NEAR
+THIN = 3  # and the part of it that is kept covers it within eps / THIN
 
 
 class TooWide(Exception):
@@ -72,16 +86,19 @@ class Staircase(Search):
         precision: Precision = EXACT,
         at_most: Sequence[int] = (),
         width: int = 16,
+        jointly: bool = True,
     ) -> None:
+        """Set up the tables; `jointly` allows joint bounds, which no checkpoint holds."""
         self.precision, self.tolerance = precision, precision.of(order)
-        self.graph, self.order, self.groups = graph, order, groups
+        worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
+        self.jointly = jointly and not precision.is_exact and groups.step == 1 and order[2] >= 0 and not any(worst)
+        self.graph, self.order, self.groups, self.at_most = graph, order, groups, tuple(at_most)
         reached = h[0] < UNREACHABLE
         most = [int(graph.largest[j]) if j >= 0 else 0 for j in order]
         far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
         rise = [2 * c + b for c, b in zip(most, far, strict=True)]
         self.rise = np.array(rise, np.int64)
         f = [int(h[j, source]) if j >= 0 else 0 for j in order]
-        worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
         self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
         priced = [j for j in (order[0], order[2]) if j >= 0]
         shared = groups.step > 0 and not groups.dearest[:, order[0]].any()
@@ -103,6 +120,9 @@ class Staircase(Search):
         self.stairs = self._empty(1 << 14)
         self.layers = np.zeros((1, 0), self.dtype)
         self.looked_ahead = False
+        self.hull: tuple[Any, ...] = ()  # joint bounds and corners, as the kernel takes them
+        self.cornered = 0  # size of the front that the corners are of
+        self.ways: tuple[IntArray, ...] = ()  # arcs of the solutions that no label led to
         sizes = self.groups.rows[:, SIZE]
         degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
         super().__init__(3, int((degrees + sizes).max()))
@@ -143,8 +163,10 @@ class Staircase(Search):
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
-        if not self.looked_ahead and self.counters[N_EXPANDED] > LONG * len(self.nodes):
+        if not self.looked_ahead and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
             self._look_ahead(clock)
+        if self.hull and self.cornered < self.counters[N_FRONT]:
+            self._take_corners(clock)
         groups = self.groups
         tables = (
             self.nodes,
@@ -171,6 +193,7 @@ class Staircase(Search):
             self.goal,
             self.width,
             self.layers,
+            self.hull or None,
             self.queue,
             (self.tops, self.below, self.entries),
             (self.keys, self.values),
@@ -187,6 +210,8 @@ class Staircase(Search):
     def _look_ahead(self, clock: Clock) -> None:
         """Take bounds that know how many turns are left, where there are any and memory allows."""
         self.looked_ahead = True
+        if self.jointly and self._look_jointly(clock):
+            return
         limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
         if limit is not None and self.memory() + 2 * size > limit:
             return
@@ -196,6 +221,75 @@ class Staircase(Search):
         if layers is not None:
             self.layers = layers
             self._lengthen_goal()
+
+    def _look_jointly(self, clock: Clock) -> bool:
+        """Take joint bounds, and solutions to begin with; False where there are none, or no room for them."""
+        limit = clock.budget.max_memory
+        room = ROOM if limit is None else limit - self.memory()
+        columns = (self.order[0], self.order[2])
+        weights = directions((int(self.nodes[:, H_FIRST].max()), int(self.nodes[:, H_REST].max())))
+        best = self.nodes[self.source, [H_FIRST, H_REST]]
+        enough = best * (1 + self.precision.eps / NEAR) + self.tolerance[[0, 2]] // NEAR
+        tables = (self.nodes, self.start, self.arcs, self.is_target, self.source)
+        hull = turn_hull(self.groups, columns, weights, *tables, (enough[0], enough[1]), room, clock)
+        if hull is None:
+            return False
+        costs, ways = self._front_on(hull.passed, clock)
+        found = int(self.counters[N_FRONT])
+        rows = thinned(costs, self.front[:found], self.precision.eps / THIN, self.tolerance // THIN)
+        self.ways = tuple(ways[row] for row in rows)
+        self.front = np.concatenate([self.front[:found], costs[rows], np.zeros((64, 3), np.int64)])
+        self.solutions = np.concatenate([self.solutions[:found], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
+        self.counters[N_FRONT] += len(rows)
+        ahead = self._covered(costs[rows])
+        ahead = ahead[ahead[:, 0].argsort()]
+        self.hull = (hull.layers, weights, np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64), ahead)
+        self.hull += (np.zeros(1, np.int64), np.zeros((2, LANES), np.int32))
+        return True
+
+    def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
+        graph = self.graph
+        nodes = np.sort(self.groups.nodes[passed])
+        place = np.full(graph.nodes, -1)
+        place[nodes] = np.arange(len(nodes))
+        arcs = np.concatenate([np.arange(graph.indptr[u], graph.indptr[u + 1]) for u in nodes])
+        tails = np.repeat(np.arange(len(nodes)), graph.indptr[nodes + 1] - graph.indptr[nodes])
+        heads = place[graph.heads[arcs]]
+        arcs, tails, heads = arcs[heads >= 0], tails[heads >= 0], heads[heads >= 0]
+        part = Graph.from_arcs(len(nodes), tails, heads, graph.costs[arcs])
+        source, targets = int(place[self.groups.nodes[self.source]]), place[self.groups.nodes[self.is_target > 0]]
+        targets = targets[targets >= 0]
+        silent = clock.silent()
+        groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+        h, _, _ = lower_bounds(part, source, targets, silent, groups)
+        if h[0, source] >= UNREACHABLE:  # where steps are too coarse to tell ways apart
+            return np.zeros((0, 3), np.int64), []
+        near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
+        search = Staircase(part, source, targets, h, self.order, groups, silent, near, self.at_most, jointly=False)
+        search.run(silent)
+        costs, labels, generated, expanded, _ = search.found()
+        self.counters[N_GENERATED] += generated
+        self.counters[N_EXPANDED] += expanded
+        ways = [arcs[part.arc[way]] for way in search.paths(labels, silent)]
+        clock.compiled += silent.compiled
+        return costs, ways
+
+    def _covered(self, costs: IntArray) -> IntArray:
+        """The least estimates (n, 3) that costs cover."""
+        eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
+        table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
+        return np.array(table, np.int64).reshape(-1, 3)
+
+    def _take_corners(self, clock: Clock) -> None:
+        """Tell the kernel what the front leaves uncovered, within what no solution may exceed."""
+        self.cornered = int(self.counters[N_FRONT])
+        covered = self._covered(self.front[: self.cornered])
+        if self.at_most:
+            beyond = np.diag([self.at_most[j] + 1 for j in self.order])
+            covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
+        corners = Corners.of(covered, self.hull[1], clock)
+        self.hull = (*self.hull[:2], corners.values, corners.last, *self.hull[4:])
 
     def _lengthen_goal(self) -> None:
         more = self.width + self.layers.shape[1] - len(self.goal)
@@ -207,7 +301,7 @@ class Staircase(Search):
         tables = [self.nodes, self.start, self.arcs, self.heads, self.origin, self.is_target]
         grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
         queue: list[NDArray[Any]] = [self.tops, self.below, self.entries, self.keys, self.values, self.fresh]
-        return [*tables, *grouped, self.stairs, self.share, self.goal, self.layers, *queue]
+        return [*tables, *grouped, *self.hull, self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
         """Double the rows or the width of the staircases, or the room of the queue."""
@@ -273,9 +367,18 @@ class Staircase(Search):
         first = ((np.concatenate(buckets) + origin) << shift) | (key >> top)
         return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
 
+    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """As of any search; a solution known before may be worse than one found later."""
+        front, labels, generated, expanded, waiting = super().found()
+        if self.ways:
+            best = is_nondominated(front.astype(np.float64))
+            front, labels = front[best], labels[best]
+        return front, labels, generated, expanded, waiting
+
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""
         graph, groups = self.graph, self.groups
-        arrays = (self.start, self.heads, self.origin, groups.nodes, self.closed, self.source, labels)
+        arrays = (self.start, self.heads, self.origin, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
         ends, steps = clock.call(trace, graph.indptr, graph.heads, graph.costs, self.order[1], *arrays)
-        return [part[::-1] for part in np.split(steps, ends[:-1])]
+        ways = [part[::-1] for part in np.split(steps, ends)[:-1]]
+        return [self.ways[-1 - label] if label < 0 else way for label, way in zip(labels, ways, strict=True)]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next
+from hpop.planners.search.corners import may_improve
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.kernels import kernel
 from hpop.planners.search.slices import (
@@ -62,6 +63,7 @@ def advance(
     goal: NDArray[Any],
     width: int,
     layers: NDArray[Any],
+    hull: Any,
     queue: IntArray,
     waiting: Any,
     heap: tuple[IntArray, IntArray],
@@ -151,6 +153,12 @@ def advance(
         keys[i] = sinking
         values[i] = its
 
+        if hull is not None:  # where it is None, numba leaves this out
+            h_layers, h_weights, corners, last_corner, ahead, reached, scratch = hull
+            while reached[0] < len(ahead) and ahead[reached[0], 0] <= f0:
+                for m in range(ahead[reached[0], 1], len(goal)):
+                    goal[m] = min(np.int64(goal[m]), ahead[reached[0], 2])
+                reached[0] += 1
         if goal[(f1 if f1 < end else end) & BELOW] <= f2:
             continue
         arc = (value & 0xFFFFFFFF) - 1
@@ -182,6 +190,11 @@ def advance(
             for m in range(n_layers):
                 alive |= goal[n + m] > layers[v, m] + d
             if not alive:
+                continue
+        if hull is not None and not final:
+            work -= 8 * len(h_layers)
+            fewest = np.int64(nodes[v, H_INDEX])
+            if not may_improve(v, n, f0, f2, fewest, h_layers, h_weights, corners, last_corner, scratch):
                 continue
         counters[N_EXPANDED] += 1
         if final:

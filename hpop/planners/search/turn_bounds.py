@@ -32,7 +32,7 @@ def costs_by_turns(
 ) -> NDArray[Any] | None:
     """Least rest (n, LAYERS) from each node with at most m turns, in column m; the last one with any number.
 
-    None where plain arcs are not chains, or these not in order. The tables are the staircase search's, the column is of the rest cost.
+    None where plain arcs are no chains in order. The tables are the staircase search's, the column is of the rest cost.
     """
     order = chain_order(start, arcs, clock) if column >= 0 else None
     if order is None:
