@@ -41,7 +41,8 @@ class Smoothing:
 
     step        m      of the lattice whose paths are smoothed
     headings    4, 8 or 16 of that lattice
-    minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the polyline's
+    minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the polyline's,
+                but worst moments a hundredth of that: they are bounded first of all
     intervals   count  of constant wheel accelerations a trajectory; more where its turns need them
     warm_start  planner that gives the polylines: a name, or ``{name: {option: value}}``
     time_limit  s      warm starts included

@@ -30,6 +30,7 @@ LOOSE = 0.02  # relative: bounds are looser than what the polyline costs when it
 QUADRATURE = 0.01  # relative: a program's sums over its intervals against sums over field cells
 REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
+OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
 POINTS = 20  # of each interval, by which its way is compared with the polyline
 
 
@@ -119,38 +120,40 @@ class SmoothingJob:
     def _solve(
         self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
     ) -> tuple[Driven, Trajectory] | str:
-        """A solution that does not collide, or why there is none."""
+        """A solution that neither collides nor has too bad a moment on exact geometry, or why there is none."""
         smooth, model = self.smooth, self.problem.model
-        weights = np.full(len(smooth), 1.0 / len(smooth))
+        worst = np.array([self.criteria[j].aggregate == "max" for j in smooth])
+        weights = np.where(worst, SPREAD, 1.0) / len(smooth)
         if self.minimise is not None:
             weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
         bounds, aim = clearances(polyline, program), epsilon[smooth]
         scale = np.where(aim > 1e-3, aim, 1.0)
         guess = first_guess(polyline, program.structure, model)
-        exact = True
-        solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds)
-        counts["programs"] += 1
-        if solution.trajectory is None:
-            exact = False
-            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+
+        def solve(exact: bool) -> Driven:
             counts["programs"] += 1
+            return program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+
+        solution = solve(exact := True)
+        if solution.trajectory is None:
+            solution = solve(exact := False)
             counts["saved by quasi-Newton"] += solution.trajectory is not None
-        collided = ""
+        repaired = ""
         while solution.trajectory is not None:
-            if self._free(solution.trajectory):
+            judged = judge(self.problem, self.criteria, [solution.trajectory], epsilon=epsilon[None])
+            excess = np.where(worst, judged.costs[0][smooth] - epsilon[smooth], 0.0)
+            if judged.reasons[0] != "collides" and not (excess > 0).any():
                 return solution, solution.trajectory
             if counts["repairs"] == REPAIRS:
-                return "collides"
-            collided = "collides; "
+                return judged.reasons[0]
+            repaired = f"{judged.reasons[0]}; "
             counts["repairs"] += 1
-            counts["programs"] += 1
-            bounds = program.raised(bounds, solution.trajectory)
+            if judged.reasons[0] == "collides":
+                bounds = program.raised(bounds, solution.trajectory)
+            aim = np.where(excess > 0, solution.costs - OVERSHOOT * excess, aim)
             guess = program.again(guess, solution.trajectory)
-            solution = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
-        return f"{collided}not converged ({solution.status})"
-
-    def _free(self, trajectory: Trajectory) -> bool:
-        return judge(self.problem, self.criteria[:1], [trajectory]).reasons[0] != "collides"
+            solution = solve(exact)
+        return f"{repaired}not converged ({solution.status})"
 
     def _checked(
         self,

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import Length, OrientationRetention, Turns
+from hpop.criteria import Clearance, Length, OrientationRetention, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.front import Front
 from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead
 from hpop.motions import States
-from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job
+from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job, trust
 from hpop.planners.driven_interval import Forward
 from hpop.planners.driven_program import DrivenProgram
 from hpop.planners.driven_structure import Structure
@@ -275,11 +275,23 @@ def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(
 
 
 def test_solutions_that_keep_colliding_are_dropped(monkeypatch):
-    monkeypatch.setattr(SmoothingJob, "_free", lambda job, trajectory: False)
+    monkeypatch.setattr(trust, "is_free", lambda problem, trajectory: False)
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
     outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
     assert outcome.reason == "collides"
     assert outcome.counts["repairs"] == smoothing_job.REPAIRS
+
+
+@pytest.mark.parametrize("minimise", [None, 1])
+@pytest.mark.parametrize("height", [2.95, 3.1, 3.3])
+def test_a_worst_moment_keeps_its_bound_on_the_exact_geometry(height, minimise):
+    """Round the block at its corners, nearer than a metre; the program itself knows a field and three moments."""
+    way = polyline((1, 2, 0), (2.6, height, 0), (3.6, height, 0), (5, 2, 0))
+    clearance, length = Clearance(enough=2.0), Length()
+    outcome = job(BLOCK, clearance, length, start=(1, 2, 0), goal=(5, 2, 0), minimise=minimise).solve(way)
+    assert outcome.reason == ""
+    before, after = (trajectory_costs([clearance], [one], BLOCK)[0, 0] for one in (way, outcome.found.trajectory))
+    assert after <= 1.021 * before + clearance.quantum
 
 
 def test_what_goes_nowhere_is_said():
