@@ -245,6 +245,7 @@ class Staircase(Search):
         ahead = ahead[ahead[:, 0].argsort()]
         self.hull = (hull.layers, weights, np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64), ahead)
         self.hull += (np.zeros(1, np.int64), np.zeros((2, LANES), np.int32))
+        self._take_corners(clock)
         return True
 
     def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:

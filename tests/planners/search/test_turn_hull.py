@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -135,11 +137,15 @@ def soon(monkeypatch):
     monkeypatch.setattr(slices, "WORK", 30)
     taken: list[int] = []
     look = Staircase._look_jointly
-    monkeypatch.setattr(
-        Staircase,
-        "_look_jointly",
-        lambda self, clock: [done := look(self, clock), done and taken.append(len(self.ways))][0],
-    )
+
+    def watched(self, clock):
+        done = look(self, clock)
+        if done:
+            taken.append(len(self.ways))
+            assert self.hull[3].size  # corners, be there a solution or not: the kernel reads the last of them
+        return done
+
+    monkeypatch.setattr(Staircase, "_look_jointly", watched)
     return taken
 
 
@@ -176,6 +182,18 @@ def test_every_exact_vector_within_bounds_is_covered(lattice, soon, column):
         assert (paths.costs[:, column] <= most[column]).all()
         assert covered(inside, paths.costs, 0.05, np.zeros(3))
     assert any(soon)
+
+
+def test_bounds_that_no_path_keeps_together_leave_nothing(lattice, soon):
+    for seed in range(8):
+        graph = rich(lattice, seed, 9)
+        exact = pareto_paths(graph, 0, graph.nodes - 1, method="general").costs  # cost 0 rises
+        best = [row for i, row in enumerate(exact) if (row[2] < exact[:i, 2]).all()]
+        for one, other in pairwise(best):
+            most = [int(other[0]) - 1, None, int(one[2]) - 1]
+            paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase", eps=0.05, at_most=most)
+            assert (len(paths), paths.status) == (0, Status.NO_PATH)
+    assert 0 in soon
 
 
 @pytest.mark.parametrize("seed", [2, 3])
