@@ -3,16 +3,20 @@
     python benchmarks/weighted_sum.py [--museum m160] [--weights 50] [--workers 2] [--out FILE]
 
 Two sweeps: weights drawn at random (uniform on the simplex, fixed seed), and the adaptive one, which finds all extreme
-supported points. Seconds hold bounds, reduction and shipping, not the building of the graph nor the start of workers;
-`over_dijkstra` divides them by one scipy shortest-path tree on the same graph. Counts depend on no machine.
+supported points. The run without workers is kept on one core. Seconds hold bounds, reduction and shipping, not the
+building of the graph nor the start of workers; `over_dijkstra` divides them by one scipy shortest-path tree on the same
+graph. Counts depend on no machine.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
+from collections.abc import Iterator
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +61,8 @@ def measured(name: str, count: int, workers: int) -> dict[str, Any]:
     with processes(workers) as pool:
         warm_up(pool, workers)
         for sweep, options in sweeps.items():
-            one, alone = best(graph, start, goals, None, options)
+            with one_core():
+                one, alone = best(graph, start, goals, None, options)
             many, there = best(graph, start, goals, pool, options)
             if (alone.costs != there.costs).any() or there.notes:
                 raise AssertionError(f"workers change the result: {there.notes}")
@@ -80,6 +85,20 @@ def warm_up(pool: Executor, workers: int) -> None:
     graph = Graph.from_arcs(2, [0] * 500, [1] * 500, costs)
     for executor in (None, *[pool] * (2 * workers)):
         supported_paths(graph, 0, 1, divisions=40, executor=executor)
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Keep this process on one core: the bounds would take all of them, with workers and without."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 def best(
