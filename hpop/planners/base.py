@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 T = TypeVar("T", bound=type)
+WHOLE = 1e-6  # of a quantum: so much above a whole number is still that number
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,11 +262,15 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
-    """Edge costs (M,) as integers of the criterion's quantum, rounded once; GraphError comes later if sums overflow."""
+    """Edge costs (M,) as integers of the criterion's quantum; GraphError comes later if sums overflow.
+
+    Rounded up, so that a turn that costs no more than two on the same way still does: the search takes all turns at
+    a place together only where that holds everywhere, and to the nearest 0.4 and 0.4 make 0, but 0.8 makes 1.
+    """
     largest = float(costs.max(initial=0.0)) / criterion.quantum
     if largest > 2**52:
         raise OptionError(
             f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of "
             f"{criterion.quantum}; declare a coarser quantum"
         )
-    return np.rint(costs / criterion.quantum).astype(np.int64)
+    return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)

@@ -119,7 +119,7 @@ def exact_mean(
             "duration_cap": paths.cap * quanta[DURATION],
         },
     )
-    # In the place of S and T their ratio. Both are rounded by half a quantum an edge at most, and T by half of itself.
+    # In the place of S and T their ratio. Both are rounded up by less than a quantum an edge.
     unit, time = quanta[INTEGRAL] / quanta[DURATION], np.maximum(found.planned[:, DURATION], quanta[DURATION])
     mean = paths.means * unit
     rounding = (found.tolerance[:, INTEGRAL] + mean * found.tolerance[:, DURATION]) / time

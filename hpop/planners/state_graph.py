@@ -371,7 +371,7 @@ class GraphQuery:
         """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
         if not len(paths):
             return []
-        error = 0.5 * rounds.max(axis=0) * self.quanta
+        error = rounds.max(axis=0) * self.quanta
         size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * self.quanta
         return [
             f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "

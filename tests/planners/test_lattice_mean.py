@@ -63,7 +63,9 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
     edges: dict[int, list[tuple[int, tuple[int, ...]]]] = {}
     back: dict[int, list[tuple[int, int]]] = {}
     for tails, heads, motions in lattice.batches():
-        columns = [np.rint(motion_costs(c, motions) / c.quantum).astype(int) for c in (mean, Duration(), *others)]
+        columns = [
+            np.ceil(motion_costs(c, motions) / c.quantum - 1e-6).astype(int) for c in (mean, Duration(), *others)
+        ]
         for tail, head, *costs in zip(*(column.tolist() for column in (tails, heads, *columns)), strict=True):
             edges.setdefault(tail, []).append((head, tuple(costs)))
             back.setdefault(head, []).append((tail, costs[1]))
