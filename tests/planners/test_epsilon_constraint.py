@@ -9,19 +9,16 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-import casadi
 import numpy as np
 import pytest
 import shapely
 
 import hpop
-from hpop.criteria import Clearance, Exposure, Length, Turns
+from hpop.criteria import Clearance, Exposure, Length
 from hpop.criteria.base import trajectory_costs
-from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.frontier import hypervolume
 from hpop.models import DifferentialDrive
-from hpop.planners import EpsilonConstraint, Lattice, make_planner
-from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
+from hpop.planners import EpsilonConstraint, Lattice
 from hpop.planners.polyline import PolylineProgram
 from hpop.problem import Problem
 from hpop.status import Status
@@ -185,169 +182,6 @@ def test_what_needs_a_finer_sum_is_solved_with_one():
     assert verify(problem, problem.front(candidates)) == []
 
 
-# The grid of bounds
-
-ROLES = Roles((Exposure(), Turns(), Length()), 2, (0, 2))
-
-
-def grid(*costs, divisions=0):
-    """A grid over warm starts of these costs; what they look like does not matter to it."""
-    warm = [Known(None, np.array(row, float)) for row in costs]
-    return Grid(ROLES, warm, np.full(3, np.inf), divisions)
-
-
-def answer(cell, *costs):
-    return Found(cell, Known(None, np.array(costs, float)), np.array(costs, float), {})
-
-
-def test_a_wave_has_the_loosest_bound_of_each_count_and_more_of_each_evenly_spaced():
-    few = grid(*[(e, n, 10 - e) for n in (2, 3) for e in (1, 2, 3, 4, 5, 6, 7, 8)])
-    wave = {tuple(cell.epsilon[:2]) for cell in few.wave(few.levels[0])}
-    assert wave == {(e, n) for n in (2, 3) for e in (8, 6, 4, 2)}
-    many = grid(*[(e, n, 10 - e) for n in range(20) for e in (1, 2, 3)])
-    wave = {tuple(cell.epsilon[:2]) for cell in many.wave(many.levels[0])}
-    assert wave == {(3, n) for n in range(20)}
-    assert few.wave([]) == []
-
-
-def test_a_bound_is_answered_only_by_a_looser_one_whose_answer_keeps_it():
-    one = grid((3, 2, 5), (2, 2, 6), (1, 2, 7), (2.5, 1, 8))
-    loose, middle, tight, few = one.levels[0]
-    assert [cell.of for cell in one.levels[0]] == [0, 1, 2, 3]
-    one.found.append(answer(loose, 1.5, 2, 5))  # keeps middle's bounds too
-    assert one.unanswered([loose, middle, tight, few]) == [tight, few]  # an exposure of 1, one turn
-    one.found.append(answer(tight, 0.5, 1, 7))  # keeps few's bounds, but was asked for more than they do
-    assert one.unanswered([loose, middle, tight, few]) == [few]
-
-
-def test_further_bounds_lie_evenly_down_to_the_next_better_cost_and_end_where_there_is_no_answer():
-    one = grid((3, 2, 5), (1, 2, 7), divisions=3)
-    cells = [cell for level in one.levels[1:] for cell in level]
-    assert [cell.epsilon[0] for cell in cells] == [2.5, 2.0, 1.5]
-    assert all(math.isinf(cell.epsilon[2]) and cell.epsilon[1] == 2 for cell in cells)
-    one.infeasible.append(cells[1])
-    assert one.unanswered(cells) == cells[:1]
-
-
-def test_a_bound_starts_from_the_nearest_known_trajectory_with_counts_that_keep_it():
-    one = grid((3, 2, 5), (1, 4, 4), divisions=1)
-    cell = one.levels[1][0]
-    assert cell.epsilon.tolist() == [2, 2, math.inf]
-    assert one.start(cell) is one.warm[0]  # the other is within the exposure, but turns too often
-    one.found.append(answer(cell, 1.9, 2, 6))
-    assert one.start(cell) is one.found[0].known
-    assert one.start(Cell(np.array([2.0, 1.0, np.inf]), 0, 1)) is None
-
-
-# What it refuses, and what it says when there is nothing
-
-
-def test_a_cost_that_no_structure_settles_is_refused_by_name():
-    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["orientation_retention", "length"])
-    with pytest.raises(UnsupportedCriterion, match=r"'orientation_retention' has no gradient.*planner 'lattice'"):
-        EpsilonConstraint(step=0.5).solve(problem)
-
-
-def test_programs_that_are_not_kept_are_built_again_and_find_the_same(paper, monkeypatch):
-    monkeypatch.setattr("hpop.planners.epsilon_job.KEPT", 1)
-    again = EpsilonConstraint(step=0.5).solve(PAPER)
-    np.testing.assert_array_equal(again.planned, paper[0].planned)
-    assert again.stats["programs"] > paper[0].stats["programs"]
-
-
-def test_nothing_to_minimise():
-    problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), ["turns"])
-    with pytest.raises(UnsupportedCriterion, match="smooth criterion to minimise"):
-        EpsilonConstraint(step=0.5).solve(problem)
-
-
-@pytest.mark.parametrize(
-    ("options", "match"),
-    [
-        ({"divisions": -1}, "divisions"),
-        ({"divisions": 1.5}, "divisions"),
-        ({"divisions": True}, "divisions"),
-        ({"divisions": 10**9}, "divisions must be a whole number of 0 to 1,000"),
-        ({"rounds": 0}, "rounds"),
-        ({"epsilon": {"length": True}}, "epsilon"),
-        ({"warm_start": {"lattice": 5}}, "options of 'lattice' by their names"),
-        ({"max_points": 0}, "max_points"),
-        ({"step": 0.0}, "step"),
-        ({"headings": 5}, "headings"),
-        ({"time_limit": 0.0}, "time_limit"),
-        ({"epsilon": {"length": "x"}}, "epsilon"),
-        ({"epsilon": 3.0}, "epsilon"),
-        ({"epsilon": {"length": -1}}, "none of them below 0"),
-        ({"epsilon": {"length": math.nan}}, "none of them below 0"),
-        ({"warm_start": {"lattice": {}, "other": {}}}, "warm_start"),
-        ({"warm_start": {"lattice": {"size": 1}}}, "no option 'size'"),
-    ],
-)
-def test_wrong_options_are_refused(options, match):
-    with pytest.raises(OptionError, match=match):
-        make_planner("epsilon-constraint", options)
-
-
-@pytest.mark.parametrize(
-    ("options", "match"),
-    [({"minimise": "time"}, "time"), ({"minimise": "turns"}, "smooth"), ({"epsilon": {"depth": 1.0}}, "depth")],
-)
-def test_costs_that_are_not_there_are_refused(options, match):
-    with pytest.raises(OptionError, match=match):
-        EpsilonConstraint(step=0.5, **options).solve(PAPER)
-
-
-def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
-    candidates = EpsilonConstraint(step=0.5, epsilon={"length": 4.1}, max_points=6).solve(PAPER)
-    assert candidates.trajectories == ()
-    ideal = Lattice(step=0.5).solve(PAPER).planned[:, 2].min()
-    said = (
-        f"no polyline was found within epsilon {{'length': 4.1}}: the ideal of the warm starts is length {ideal:.4g} m"
-    )
-    assert said in candidates.notes
-    assert any("infeasible" in note for note in candidates.notes)
-    assert sum(candidates.stats["failed"].values()) > 0
-
-
-def test_an_epsilon_below_the_straight_way_is_refused_at_once(monkeypatch):
-    monkeypatch.setattr(Lattice, "solve", None)
-    with pytest.raises(OptionError, match=r"bounds length by 3.9 m, but no trajectory .* less than 4 m"):
-        EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(PAPER)
-    to_any = dataclasses.replace(PAPER, goal=(5, 2, None))
-    with pytest.raises(OptionError, match="less than 4 m"):
-        EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(to_any)
-
-
-def test_an_epsilon_that_can_be_kept_is_kept():
-    front = PAPER.solve("epsilon-constraint", step=0.5, epsilon={"turns": 4})
-    assert len(front)
-    assert (front.costs[:, front.names.index("turns")] <= 4).all()
-
-
-def test_no_path_is_said():
-    wall = World.from_polygons([shapely.box(2.9, 0, 3.3, 5)], extent=shapely.box(0, 0, 6, 5))
-    candidates = EpsilonConstraint(step=0.5).solve(Problem(wall, ROBOT, (1, 2, 0), (5, 2, 0), ["length"]))
-    assert candidates.status is Status.NO_PATH
-    assert candidates.trajectories == ()
-    assert any("no warm start" in note for note in candidates.notes)
-
-
-def test_a_start_in_collision_is_refused_as_by_the_lattice():
-    problem = Problem(OPEN, ROBOT, (3.1, 2, 0), (5, 2, 0), ["length"])
-    said = []
-    for planner in (Lattice(step=0.5), EpsilonConstraint(step=0.5)):
-        with pytest.raises(QueryError, match="start") as refused:
-            planner.solve(problem)
-        said.append(str(refused.value))
-    assert said[0] == said[1]
-
-
-def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
-    monkeypatch.setattr(casadi, "has_nlpsol", lambda name: name != "ipopt")
-    with pytest.raises(OptionError, match=r"IPOPT.*install.*or use planner 'lattice'"):
-        EpsilonConstraint(step=0.5).solve(PAPER)
-
-
 # Budgets
 
 
@@ -455,6 +289,13 @@ def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost
 
 
 # What goes wrong
+
+
+def test_programs_that_are_not_kept_are_built_again_and_find_the_same(paper, monkeypatch):
+    monkeypatch.setattr("hpop.planners.epsilon_job.KEPT", 1)
+    again = EpsilonConstraint(step=0.5).solve(PAPER)
+    np.testing.assert_array_equal(again.planned, paper[0].planned)
+    assert again.stats["programs"] > paper[0].stats["programs"]
 
 
 def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch):
