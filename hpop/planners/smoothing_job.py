@@ -142,13 +142,14 @@ class SmoothingJob:
         while solution.trajectory is not None:
             judged = judge(self.problem, self.criteria, [solution.trajectory], epsilon=epsilon[None])
             excess = np.where(worst, judged.costs[0][smooth] - epsilon[smooth], 0.0)
-            if judged.reasons[0] != "collides" and not (excess > 0).any():
+            reason = judged.reasons[0]
+            if not reason or (reason != "collides" and not (excess > 0).any()):
                 return solution, solution.trajectory
             if counts["repairs"] == REPAIRS:
-                return judged.reasons[0]
-            repaired = f"{judged.reasons[0]}; "
+                return reason
+            repaired = f"{reason}; "
             counts["repairs"] += 1
-            if judged.reasons[0] == "collides":
+            if reason == "collides":
                 bounds = program.raised(bounds, solution.trajectory)
             aim = np.where(excess > 0, solution.costs - OVERSHOOT * excess, aim)
             guess = program.again(guess, solution.trajectory)
