@@ -96,6 +96,6 @@ class LazyField(Field):
         inside = whole[PAD:-PAD, PAD:-PAD]
         inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
         done |= todo
-        asked |= wanted
         whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = inside[:, :1], inside[:, -1:]
         whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]
+        asked |= wanted  # last: neither Ctrl-C nor another thread finds a block that is only half there
