@@ -13,7 +13,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.planners.epsilon_grid import LOOSE, Cell, Found, Known, Roles
-from hpop.planners.outcome import Outcome
+from hpop.planners.outcome import ALONE, Outcome
 from hpop.planners.polyline import PolylineProgram, Solution
 from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import PIECE, Polyline, Structure
@@ -53,9 +53,11 @@ class PolylineJob:
 
     def solve(self, task: Task) -> Outcome[Found]:
         """What comes of a bound; depends on the task alone."""
-        attempt, began = _Attempt(self, *task), time.perf_counter()
-        result = attempt.run()
-        attempt.seconds["solve"] = time.perf_counter() - began - attempt.seconds["build"]
+        attempt = _Attempt(self, *task)
+        with ALONE:
+            began = time.perf_counter()
+            result = attempt.run()
+            attempt.seconds["solve"] = time.perf_counter() - began - attempt.seconds["build"]
         return Outcome.of(result, attempt.counts, attempt.seconds)
 
     def tolerance(self, planned: FloatArray) -> FloatArray:

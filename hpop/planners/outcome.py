@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Generic, TypeVar
 
 F = TypeVar("F")
+
+# Held by a job at work. An executor may have threads, as a Dask worker has unless told otherwise, and neither CasADi's
+# symbols nor the linear solver of IPOPT bear them: two programs at once end the process.
+ALONE = Lock()
 
 
 @dataclass(frozen=True, eq=False)

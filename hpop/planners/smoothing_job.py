@@ -18,7 +18,7 @@ from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
 from hpop.planners.driven_structure import Structure
 from hpop.planners.homotopy import homotopic
-from hpop.planners.outcome import Outcome
+from hpop.planners.outcome import ALONE, Outcome
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
@@ -74,9 +74,11 @@ class SmoothingJob:
 
     def solve(self, trajectory: Trajectory) -> Outcome[Smoothed]:
         """What comes of one polyline; depends on it alone."""
-        seconds, counts, began = {"build": 0.0, "solve": 0.0}, Counter[str](), time.perf_counter()
-        result = self._smoothed(trajectory, counts, seconds)
-        seconds["solve"] = time.perf_counter() - began - seconds["build"]
+        seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
+        with ALONE:
+            began = time.perf_counter()
+            result = self._smoothed(trajectory, counts, seconds)
+            seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
     def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:

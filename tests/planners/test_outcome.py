@@ -1,0 +1,38 @@
+"""Jobs of planners that solve programs, on any executor."""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import pytest
+import shapely
+
+from hpop.models import DifferentialDrive
+from hpop.planners import EpsilonConstraint, Smoothing, driven_program, polyline
+from hpop.problem import Problem
+from hpop.world import World
+
+BLOCK = World.from_polygons([shapely.box(2.8, 1.4, 3.4, 2.6)], extent=shapely.box(0, 0, 6, 4))
+ROUND = Problem(BLOCK, DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ("turns", "length", "exposure"))
+
+
+@pytest.mark.parametrize(
+    ("planner", "module"), [(Smoothing(step=1.0), driven_program), (EpsilonConstraint(step=1.0), polyline)]
+)
+def test_threads_of_a_process_solve_one_program_at_a_time(planner, module, monkeypatch):
+    """Two at once end the process: a Dask worker has as many threads as cores."""
+    busy, together = [], []
+
+    @contextmanager
+    def watched():
+        busy.append(None)
+        together.append(len(busy))
+        time.sleep(0.3)  # for another to come
+        yield
+        busy.pop()
+
+    monkeypatch.setattr(module, "interrupts_held", watched)
+    with ThreadPoolExecutor(2) as threads:
+        found = planner.solve(ROUND, executor=threads)
+    assert len(found.trajectories) > 1
+    assert set(together) == {1}
