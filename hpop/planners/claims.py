@@ -11,16 +11,24 @@ from hpop.status import Status
 
 def within(eps: float, tolerance: Mapping[str, float]) -> str:
     """In words, how far a point may be from what it covers; nothing if it may not."""
-    parts = [f"a factor {1 + eps:g}"] if eps else []
-    parts += [f"{value:g} in {name}" for name, value in tolerance.items() if value]
-    return " and ".join(parts)
+    return " and ".join([f"a factor {1 + eps:g}"] * bool(eps) + _amounts(tolerance))
 
 
-def missing(gap: float) -> str:
-    """In words, how much better than the points at hand a missing one may be."""
+def missing(gap: float, tolerance: Mapping[str, float]) -> str:
+    """In words, how much better than the points at hand a missing one may be.
+
+    >>> missing(0.1, {"turns": 2.0})
+    '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
+    """
     if not math.isfinite(gap):
         return "; how much better they may be is not known"
-    return f"; for each of them, a point here is at most {_percent(gap)} % worse in every cost"
+    worse = f"; for each of them, a point here is at most {_percent(gap)} % worse in every cost"
+    amounts = " and ".join(_amounts(tolerance))
+    return f"{worse}, besides {amounts}" if amounts else worse
+
+
+def _amounts(tolerance: Mapping[str, float]) -> list[str]:
+    return [f"{value:g} in {name}" for name, value in tolerance.items() if value]
 
 
 def _percent(gap: float) -> str:

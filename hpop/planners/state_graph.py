@@ -242,7 +242,7 @@ class GraphQuery:
             each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
             each = f"points are within {factor} of optimal" if factor else each
             each = each if len(paths) else "the search itself found none"
-            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{missing(gap)}"
+            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{missing(gap, tolerance or {})}"
         elif factor:
             claim = (
                 f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "

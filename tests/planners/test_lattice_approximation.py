@@ -65,6 +65,17 @@ def test_a_stopped_search_tells_how_much_better_what_is_missing_may_be():
     assert 100 * gap <= float(told[1]) * (1 + 1e-6) <= 110 * gap  # rounded up, to two digits
 
 
+def test_a_stopped_search_with_a_tolerance_claims_no_less_than_that():
+    """Found by trying: a way with three turns less is missing, whose other costs no point comes so near."""
+    exact, tolerance = problem().solve("lattice", step=0.25), {"turns": 3.0}
+    made = Lattice(step=0.25, tolerance=tolerance).solve(problem()).stats["labels_generated"]
+    stopped = problem().front(Lattice(step=0.25, tolerance=tolerance, max_labels=int(0.95 * made)).solve(problem()))
+    gap = stopped.runs[0]["gap"]
+    assert covers(stopped, exact, gap, [0.0, 3.0, 0.0])
+    assert not covers(stopped, exact, gap, 0.0)
+    assert stopped.certificate.endswith("% worse in every cost, besides 3 in turns")
+
+
 def test_an_interrupted_search_proves_its_gap_too():
     def stop(progress: Progress) -> None:
         if progress.stage == "search" and progress.front > 3:

@@ -232,15 +232,6 @@ class _Run:
                 )
         return min(fit, key=lambda j: int(reach[j])) if fit else -1
 
-    def _gap(self, found: IntArray) -> float:
-        """How much better what is missing may be, costs (n, k) in the order of the search."""
-        if self.search is None:
-            return math.inf
-        open_ = self.search.estimates()[:, : self.graph.criteria]
-        if self.at_most:
-            open_ = open_[(open_ <= np.array([self.at_most[j] for j in self.order])).all(axis=1)]
-        return proven_gap(found, open_)
-
     def result(self, clock: Clock, status: Status) -> ParetoPaths:
         k = self.graph.criteria
         costs = np.zeros((0, k), np.int64)
