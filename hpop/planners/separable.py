@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.world.looks import Looks, looking, quadratics
+
+if TYPE_CHECKING:
+    from hpop.world.field import Field
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +60,15 @@ class Separable:
             groups = [casadi.densify(group) for group in write(one, given)]
         y = casadi.vertcat(*groups)
         rates, numbers = casadi.SX.sym("rates", y.numel()), casadi.vertcat(*looks.numbers)
-        jacobians = [casadi.jacobian(group, one) for group in groups]
-        hessian = casadi.triu(casadi.hessian(casadi.dot(rates, y), one)[0])
+        jacobians: list[Any] = [casadi.jacobian(group, one) for group in groups]
+        hessian: Any = casadi.triu(casadi.hessian(casadi.dot(rates, y), one)[0])
 
         columns = [[x[places.tolist()] for places in where], casadi.horzsplit(p)]
         fields = _Fields(looks, n)
-        columns.append(
-            fields.numbers(casadi.Function("places", [one, given], [casadi.vertcat(*looks.places)]), columns)
-        )
+        columns.append(fields.numbers([one, given], columns))
         mu = [casadi.MX.sym("mu", n, group.numel()) for group in groups]
         columns.append([column for group in mu for column in casadi.horzsplit(group)])
-        parts = [*groups, *(_column(slopes.nonzeros()) for slopes in (*jacobians, hessian))]
+        parts = [*groups, *(casadi.vertcat(*slopes.nonzeros()) for slopes in (*jacobians, hessian))]
         together = casadi.Function("part", [one, given, numbers, rates], parts, {"cse": True})
         *entries, bends = on_columns(together, columns, n)
         values, slopes = entries[: len(groups)], entries[len(groups) :]
@@ -131,14 +132,32 @@ class _Fields:
         self.callbacks: list[Any] = []
         self._looks, self._n = looks, n
 
-    def numbers(self, places: Any, columns: list[list[Any]]) -> list[Any]:
-        """The columns (n,) of the numbers of each look, one look after the other."""
+    def numbers(self, variables: list[Any], columns: list[list[Any]]) -> list[Any]:
+        """The columns (n,) of the numbers of each look, one look after the other.
+
+        Together are read all looks up to the first whose place depends on one of them.
+        """
         import casadi
 
-        fields, n = self._looks.fields, self._n
-        if not fields:
-            return []
-        at = casadi.horzsplit(on_columns(places, columns, n)[0])
+        places, known = self._looks.places, self._looks.numbers
+        found: list[list[Any]] = []
+        while len(found) < len(places):
+            begin = end = len(found)
+            later = casadi.vertcat(*known[begin:])
+            while end < len(places) and (end == begin or not casadi.depends_on(places[end], later)):
+                end += 1
+            given = [*columns, [column for numbers in found for column in numbers]]
+            at = casadi.Function(
+                "places", [*variables, casadi.vertcat(*known[:begin])], [casadi.vertcat(*places[begin:end])]
+            )
+            found += self._read(self._looks.fields[begin:end], casadi.horzsplit(on_columns(at, given, self._n)[0]))
+        return [column for numbers in found for column in numbers]
+
+    def _read(self, fields: list[Field], at: list[Any]) -> list[list[Any]]:
+        """The columns (n,) of the numbers of some looks, whose places are columns u and v in turns."""
+        import casadi
+
+        n = self._n
         found: list[list[Any]] = [[] for _ in fields]
         for field in {id(field): field for field in fields}.values():
             mine = [k for k, other in enumerate(fields) if other is field]
@@ -148,7 +167,7 @@ class _Fields:
             numbers = casadi.horzsplit(function(casadi.horzcat(u, v).T).T)
             for i, k in enumerate(mine):
                 found[k] = [number[i * n : (i + 1) * n] for number in numbers]
-        return [column for numbers in found for column in numbers]
+        return found
 
 
 def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
@@ -189,9 +208,3 @@ def scattered(entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int,
         which.ravel().tolist(), list(range(which.size)), casadi.DM.ones(which.size), len(places), which.size
     )
     return casadi.MX(sparsity, casadi.mtimes(add, casadi.vec(entries)))
-
-
-def _column(entries: Any) -> Any:
-    import casadi
-
-    return casadi.vertcat(*entries)

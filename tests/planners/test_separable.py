@@ -75,6 +75,26 @@ def test_parts_that_share_variables_have_the_derivatives_of_the_whole():
     assert (by_parts(parts, x, p, point)[-1] != 0).any()
 
 
+def test_a_place_may_depend_on_what_is_read_elsewhere():
+    x, p = casadi.MX.sym("x", 2 * N), casadi.MX.sym("p", N, 1)
+    where = np.arange(2 * N).reshape(2, N)
+
+    def formula(a, b, p):
+        near = FIELD(a, b + p)
+        far = OTHER(near * a, b)
+        return [near + FIELD(a + 0.3 * far, b - near) ** 2, OTHER(b, a)]
+
+    def write(z, given):
+        return [casadi.vertcat(*(vector(column, 1) for column in formula(*(lift(s, 1) for s in (z[0], z[1], given)))))]
+
+    parts = Separable.of(write, where, x, p)
+    columns = [lift(x[places.tolist()], N) for places in where]
+    whole = [casadi.horzcat(*(vector(column, N) for column in formula(*columns, lift(p, N))))]
+    rng = np.random.default_rng(4)
+    point = rng.uniform(1.0, 2.5, x.numel()), 0.1 * rng.normal(size=p.shape)
+    assert_same(by_parts(parts, x, p, point), as_a_whole(whole, x, p, point))
+
+
 def test_constants_and_zeros_are_values_too():
     x, p = casadi.MX.sym("x", 3), casadi.MX.sym("p", 3, 1)
     parts = Separable.of(lambda z, _: [casadi.vertcat(7.0, 0.0 * z), z], np.arange(3)[None], x, p)
