@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -38,9 +39,15 @@ class Clock:
         self.compiled = 0.0
         self.peak = 0
 
-    def silent(self) -> Clock:
-        """A clock of the same budget for a part of the search that reports nothing."""
-        clock = Clock(self.budget, None)
+    def silent(self, labels: int, memory: int) -> Clock:
+        """A clock for a part of the search that reports nothing: it may take what these leave of the budget."""
+        most, room = self.budget.max_labels, self.budget.max_memory
+        left = replace(
+            self.budget,
+            max_labels=None if most is None else max(1, most - labels),
+            max_memory=None if room is None else max(1, room - memory),
+        )
+        clock = Clock(left, None)
         clock.begin = self.begin + self.compiled
         return clock
 

@@ -261,7 +261,8 @@ class Staircase(Search):
         part = Graph.from_arcs(len(nodes), tails, heads, graph.costs[arcs])
         source, targets = int(place[self.groups.nodes[self.source]]), place[self.groups.nodes[self.is_target > 0]]
         targets = targets[targets >= 0]
-        silent = clock.silent()
+        memory = self.memory()
+        silent = clock.silent(int(self.counters[N_GENERATED]), memory)
         groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
         h, _, _ = lower_bounds(part, source, targets, silent, groups)
         if h[0, source] >= UNREACHABLE:  # where steps are too coarse to tell ways apart
@@ -274,6 +275,7 @@ class Staircase(Search):
         self.counters[N_EXPANDED] += expanded
         ways = [arcs[part.arc[way]] for way in search.paths(labels, silent)]
         clock.compiled += silent.compiled
+        clock.peak = max(clock.peak, memory + silent.peak)
         return costs, ways
 
     def _covered(self, costs: IntArray) -> IntArray:

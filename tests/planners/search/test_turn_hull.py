@@ -208,6 +208,15 @@ def test_a_larger_lattice_takes_far_fewer_labels(lattice, seed):
     assert paths.stats.labels_expanded < exact.stats.labels_expanded / 2
 
 
+def test_the_front_to_begin_with_takes_labels_of_the_same_limit(lattice, soon, monkeypatch):
+    monkeypatch.setattr(staircase, "SOON", 0.1)  # a good part of the limit is gone by then
+    graph = rich(lattice, 2, 28)
+    paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase", eps=0.002, budget=Budget(max_labels=2000))
+    assert soon
+    assert paths.status is Status.LABEL_LIMIT
+    assert 2000 <= paths.stats.labels_generated < 2064
+
+
 def test_without_room_for_them_the_search_does_without(lattice, soon):
     graph = rich(lattice, 2, 9)
     exact = pareto_paths(graph, 0, graph.nodes - 1, method="general")
