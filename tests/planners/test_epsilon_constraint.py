@@ -247,9 +247,10 @@ def test_ctrl_c_in_the_warm_starts_ends_the_plan(monkeypatch):
 
 def test_warm_starts_that_are_not_all_are_said(monkeypatch):
     first = Lattice(step=0.5).solve(PAPER)
-    stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT)
+    two = {name: getattr(first, name)[:2] for name in ("trajectories", "planned", "tolerance", "provenance")}
+    stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT, **two)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
-    candidates = EpsilonConstraint(step=0.5, max_points=4).solve(PAPER)
+    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
     assert "the warm starts are not all there are: label limit" in candidates.notes
 
