@@ -13,7 +13,7 @@ from hpop.frontier import FrontFileError
 from hpop.frontier.storage import checked_path
 from hpop.registry import GROUPS, make_model
 from hpop.trajectory import Trajectory
-from hpop.world.description import found_from, seen_from
+from hpop.world.description import found_from, seen_from, without_places
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +38,12 @@ class Front(frontier.Front[Trajectory]):
             return ()
         same = (self.integers == self.integers[0]).all(axis=0)
         return tuple(name for name, constant in zip(self.names, same, strict=True) if constant)
+
+    @property
+    def question(self) -> dict[str, Any] | None:
+        """The problem, wherever its files lie: what is in them is known by its hash."""
+        problem = self.problem
+        return problem and {k: without_places(v) if k == "world" else v for k, v in problem.items()}
 
     def by_group(self) -> dict[str, dict[str, FloatArray]]:
         """Costs (n,) by group and criterion: performance P, comfort C, robot R, others O; a group may be empty."""

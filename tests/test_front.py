@@ -14,7 +14,7 @@ import shapely
 import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import MapError
-from hpop.frontier import FrontFileError
+from hpop.frontier import FrontError, FrontFileError
 from hpop.problem import Problem
 
 
@@ -91,6 +91,18 @@ def test_a_front_and_its_map_can_be_moved_together(tour: Path) -> None:
     assert problem.world.describe()["path"] == str(moved / "hall.map")
     front = hpop.Front.load(moved / "out" / "front.json")
     assert len(front | problem.solve(step=0.5)) == len(front) > 0
+
+
+def test_fronts_of_copies_of_a_map_join_and_of_another_map_do_not(tour: Path) -> None:
+    copy = Path(shutil.copytree(tour, tour.parent / "copy"))
+    here, there = (hpop.Front.load(folder / "out" / "front.json") for folder in (tour, copy))
+    assert here.problem != there.problem
+    assert len(here | there) == len(here) > 0
+    saved = json.loads((copy / "out" / "front.json").read_text())
+    saved["problem"]["world"]["sha256"] = ["0" * 64]
+    (copy / "out" / "front.json").write_text(json.dumps(saved))
+    with pytest.raises(FrontError, match="problems"):
+        _ = here | hpop.Front.load(copy / "out" / "front.json")
 
 
 def test_a_front_can_be_moved_away_from_its_map(tour: Path) -> None:

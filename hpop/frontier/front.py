@@ -197,6 +197,11 @@ provenance, problem, runs
         criteria = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
         return f"<Front: {len(self)} points of {criteria}; {self.status}; {self.certificate}>"
 
+    @property
+    def question(self) -> dict[str, Any] | None:
+        """What of the problem two fronts must have in common to be joined."""
+        return self.problem
+
     def __or__(self, other: Self) -> Self:
         """Join two fronts of the same problem: the non-dominated points of both, see :func:`hpop.frontier.union.join`.
 

@@ -36,10 +36,10 @@ def join(first: F, second: F) -> F:
     mine = dict(zip(first.reported_names, first.reported_units, strict=True))
     theirs = dict(zip(second.reported_names, second.reported_units, strict=True))
     _require_same("reported values", sorted(mine.items()), sorted(theirs.items()))
-    if first.problem is not None and second.problem is not None:
-        keys = sorted(first.problem.keys() | second.problem.keys())
-        differing = [k for k in keys if first.problem.get(k, ...) != second.problem.get(k, ...)]
-        _require_same("problems", *({k: p.get(k) for k in differing} for p in (first.problem, second.problem)))
+    asked, other = first.question, second.question
+    if asked is not None and other is not None:
+        differing = [k for k in sorted(asked.keys() | other.keys()) if asked.get(k, ...) != other.get(k, ...)]
+        _require_same("problems", *({k: p.get(k) for k in differing} for p in (asked, other)))
     columns = [second.reported_names.index(name) for name in first.reported_names]
     runs = first.runs + second.runs
     return type(first).of(

@@ -107,6 +107,18 @@ def found_from(folder: str, description: Any) -> Any:
     return described
 
 
+def without_places(description: Any) -> Any:
+    """A description that does not say where its files are, if it has their hashes."""
+    paths = _paths(description)
+    if "sha256" not in (description if isinstance(description, Mapping) else ()):
+        return description
+    rest = {key: value for key, value in description.items() if key not in ("path", "relative")}
+    options = rest.get("options")
+    if isinstance(options, Mapping):
+        rest["options"] = {key: None if key in paths else value for key, value in options.items()}
+    return rest
+
+
 def _paths(description: Any) -> dict[str, str]:
     """The files that a description names: its map, and options that are whole paths, such as a mask."""
     if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
