@@ -105,7 +105,7 @@ def print_front(
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
-    say(f"{len(front):,} trajectories; status: {front.status}")
+    say(f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}; status: {front.status}")
     say(f"certificate: {front.certificate}")
 
 
