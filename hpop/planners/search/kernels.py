@@ -49,8 +49,29 @@ def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def is_ready(compiled: Any, *arguments: Any) -> bool:
-    """Say whether a kernel is in memory for arguments of these types."""
-    return signature(arguments) in compiled.overloads
+    """Say whether a kernel is in memory for arguments of these types.
+
+    numba takes a third of a millisecond to tell the types of a search's arguments, and slices are short: what was once
+    ready is known by the layout of its arguments.
+    """
+    known = compiled, _layout(arguments)
+    if known in _ready:
+        return True
+    if signature(arguments) not in compiled.overloads:
+        return False
+    _ready.add(known)
+    return True
+
+
+_ready: set[tuple[Any, Any]] = set()
+
+
+def _layout(argument: Any) -> Any:
+    if isinstance(argument, tuple):
+        return tuple(map(_layout, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
 
 
 def make_ready(compiled: Any, *arguments: Any) -> float:

@@ -18,6 +18,7 @@ from hpop.status import Budget, ProgressCallback, Status
 if TYPE_CHECKING:
     from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
     from hpop.planners.search.slices import Clock, Search
+    from hpop.planners.search.turns import Groups
 
 METHODS = ("auto", "staircase", "general")
 SMALL = 1024  # an index cost is small if some good path stays below it (others may dawdle where turns are free)
@@ -198,8 +199,7 @@ class _Run:
             from hpop.planners.search.staircase import Staircase, TooWide
 
             others = [j for j in by_spread if j != index]
-            turns = self.graph.costs[:, index] > 0
-            others.sort(key=lambda j: bool(self.graph.costs[:, j].max(where=turns, initial=0)))  # free first
+            others.sort(key=lambda j: self._is_raised(j, index, groups))  # free turns first
             self.order = (others[0], index, *others[1:])
             three = (others[0], index, others[1] if len(others) > 1 else -1)
             if groups.column != index:
@@ -213,6 +213,13 @@ class _Run:
 
         self.order = tuple(by_spread)
         return General(self.graph, self.source, self.targets, h, self.order, clock, self.precision, self.at_most)
+
+    def _is_raised(self, j: int, index: int, groups: Groups) -> bool:
+        """Whether any turn, an arc with a positive index, raises cost j."""
+        if groups.column == index:
+            return bool(groups.dearest[:, j].any())
+        turns = self.graph.costs[:, index] > 0
+        return bool(self.graph.costs[:, j].max(where=turns, initial=0))
 
     def _index(self, samples: IntArray) -> int:
         """Column of the smallest small-integer cost, -1 if there is none."""

@@ -100,6 +100,9 @@ def trace(
     ends = np.empty(len(labels), np.int64)
     steps = np.empty(1024, np.int64)
     size = 0
+    tails = np.empty(len(arc_heads), np.int32)
+    for u in range(len(nodes)):
+        tails[start[u] : start[u + 1]] = u
     for i in range(len(labels)):
         label = labels[i]
         while label != 0:
@@ -111,7 +114,7 @@ def trace(
             else:
                 steps[size] = origin[a]
                 size += 1
-                tail = np.searchsorted(start, a, side="right") - 1
+                tail = np.int64(tails[a])
             label = closed[(label >> 32) - 1]
             at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
             if at != tail:
