@@ -53,7 +53,16 @@ from hpop.planners.search.slices import (
     Search,
 )
 from hpop.planners.search.staircase_kernel import advance
-from hpop.planners.search.staircase_tables import ARC_COLUMNS, H_FIRST, H_REST, NODE_COLUMNS, fill_tables, trace, widen
+from hpop.planners.search.staircase_tables import (
+    ARC_COLUMNS,
+    GROUP_COLUMNS,
+    H_FIRST,
+    H_REST,
+    NODE_COLUMNS,
+    fill_tables,
+    trace,
+    widen,
+)
 from hpop.planners.search.turn_bounds import LAYERS, costs_by_turns
 from hpop.planners.search.turn_hull import LANES, ROOM, directions, turn_hull
 from hpop.planners.search.turns import OFFSET, SIZE, Groups
@@ -105,16 +114,17 @@ class Staircase(Search):
         self.turn = (groups.step, shared, bool(groups.alike[priced].all()), worst[0], worst[2])
         self.source = int(groups.place[source])
         self.start = np.empty(graph.nodes + 1, np.int64)
+        self.is_target = np.zeros(graph.nodes, np.uint8)
+        self.is_target[self.groups.place[targets]] = 1
         self.nodes = np.empty((graph.nodes, NODE_COLUMNS), self.dtype)
+        self.group_table = np.empty((len(groups.rows), GROUP_COLUMNS), self.dtype)
         m = len(groups.heads)
         self.arcs = np.empty((m, ARC_COLUMNS), self.dtype)
         self.heads, self.origin = np.empty(m, np.int32), np.empty(m, np.int32)
         plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, groups.origin)
-        tables = (self.nodes, self.start, self.arcs, self.heads, self.origin)
+        tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
         m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
         self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
-        self.is_target = np.zeros(graph.nodes, np.uint8)
-        self.is_target[self.groups.place[targets]] = 1
         self._bound(at_most, width)
         self.share = np.full((len(self.groups.rows), self.width), self._empty(1)[0])
         self.stairs = self._empty(1 << 14)
@@ -173,10 +183,10 @@ class Staircase(Search):
             self.start,
             self.arcs,
             self.heads,
+            self.group_table,
             groups.rows,
             groups.dearest,
             groups.turns,
-            self.is_target,
         )
         graph = (*tables, self.source, self.order[0], self.order[2])
         code = clock.call(
@@ -301,7 +311,7 @@ class Staircase(Search):
     def arrays(self) -> list[NDArray[Any]]:
         """List the tables of the graph, the staircases and the queue."""
         groups = self.groups
-        tables = [self.nodes, self.start, self.arcs, self.heads, self.origin, self.is_target]
+        tables = [self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin, self.is_target]
         grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
         queue: list[NDArray[Any]] = [self.tops, self.below, self.entries, self.keys, self.values, self.fresh]
         return [*tables, *grouped, *self.hull, self.stairs, self.share, self.goal, self.layers, *queue]
@@ -327,7 +337,7 @@ class Staircase(Search):
         old = np.iinfo(self.dtype).max
         self.dtype = np.int64
         self.packing[-1] = (1 << int(self.packing[1])) - 1
-        for name in ("nodes", "arcs", "stairs", "share", "goal", "layers"):
+        for name in ("nodes", "group_table", "arcs", "stairs", "share", "goal", "layers"):
             array = getattr(self, name).astype(np.int64)
             array[array == old] = UNREACHABLE
             setattr(self, name, array)
@@ -350,7 +360,7 @@ class Staircase(Search):
     def _grow_width(self) -> None:
         old = self.stairs
         self.stairs = self._empty(2 * len(old))
-        self.counters[N_ROWS] = widen(old, self.stairs, self.nodes, self.groups.rows, self.width)
+        self.counters[N_ROWS] = widen(old, self.stairs, self.group_table, self.width)
         self.share = np.concatenate([self.share, np.repeat(self.share[:, -1:], self.width, axis=1)], axis=1)
         self.width *= 2
         self._lengthen_goal()

@@ -31,6 +31,7 @@ from hpop.planners.search.slices import (
     WIDTH,
 )
 from hpop.planners.search.staircase_tables import (
+    BEGIN,
     DEAREST,
     FIRST,
     GROUP,
@@ -41,7 +42,6 @@ from hpop.planners.search.staircase_tables import (
     INDEX,
     REST,
     ROW,
-    SLOT,
     SLOTS,
 )
 from hpop.planners.search.turns import TURNS
@@ -76,7 +76,7 @@ def advance(
     bound: int,
 ) -> int:
     """Expand labels until the work is done or an array is full; return why."""
-    nodes, start, arcs, arc_heads, groups, dearest, turns, is_target, source, first, rest = graph
+    nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, shared, alike, max_first, max_rest = turn
     tops, below, entries = waiting
     keys, values = heap
@@ -170,17 +170,18 @@ def advance(
             v = np.int64(arc_heads[arc]) & BELOW
         n = (f1 - nodes[v, H_INDEX]) & BELOW
         d = f2 if max_rest else f2 - nodes[v, H_REST]
-        final = is_target[v]
-        base = np.int64(nodes[v, ROW])
-        group = np.int64(nodes[v, GROUP]) & BELOW
-        slots = np.int64(nodes[v, SLOTS]) & BELOW
-        slot = np.int64(nodes[v, SLOT]) & BELOW
+        group = np.int64(nodes[v, GROUP])
+        final = group < 0
+        group = (~group if final else group) & BELOW
+        base = np.int64(groups[group, ROW])
+        slots = np.int64(groups[group, SLOTS]) & BELOW
+        slot = (v - np.int64(groups[group, BEGIN])) & BELOW
         crowded = False
         if base >= 0:
             crowded = share[group, n] <= d
             if shared and n >= step and not final:
                 e = np.int64(share[group, (n - step) & BELOW])
-                most = np.int64(nodes[v, DEAREST])
+                most = np.int64(groups[group, DEAREST])
                 if (max(e, most) if max_rest else e + most) <= d:
                     continue
             if stairs[(base + n * slots + slot) & BELOW] <= d:
@@ -213,8 +214,7 @@ def advance(
         if base < 0:
             base = counters[N_ROWS]
             counters[N_ROWS] = base + width * slots
-            for u in range(v - slot, v - slot + slots):
-                nodes[u, ROW] = base
+            groups[group, ROW] = base
         at = (base + n * slots + slot) & BELOW
         for _ in range(n, width):
             if stairs[at] <= d:
@@ -239,16 +239,16 @@ def advance(
             if u != v:
                 un = n + step
                 turn_first = dearest[group, first]
-                turn_rest = np.int64(nodes[v, DEAREST])
+                turn_rest = np.int64(groups[group, DEAREST])
                 if not alike:
-                    price = groups[group, TURNS] + slot * slots + slot + u - v
+                    price = rows[group, TURNS] + slot * slots + slot + u - v
                     turn_first = turns[price, first]
                     turn_rest = turns[price, rest] if rest >= 0 else np.int64(0)
                 u0 = max(g0, turn_first, nodes[u, H_FIRST]) if max_first else g0 + turn_first
                 ud = max(d, turn_rest, nodes[u, H_REST]) if max_rest else d + turn_rest
                 if stairs[(above + slot + u - v) & BELOW] <= ud:
                     continue
-                if is_target[u]:
+                if nodes[u, GROUP] < 0:
                     f1 = un + nodes[u, H_INDEX]
                     f2 = ud if max_rest else ud + nodes[u, H_REST]
                     if goal[f1 if f1 < end else end] > f2:
@@ -266,14 +266,17 @@ def advance(
                 f2 = xd if max_rest else xd + nodes[x, H_REST]
                 if goal[(f1 if f1 < end else end) & BELOW] <= f2:
                     continue
-                bx = np.int64(nodes[x, ROW])
-                if bx >= 0:
-                    if shared and xn >= step and not is_target[x]:
-                        e = np.int64(share[np.int64(nodes[x, GROUP]) & BELOW, min(xn - step, last) & BELOW])
-                        most = np.int64(nodes[x, DEAREST])
-                        if (max(e, most) if max_rest else e + most) <= xd:
-                            continue
-                    elif stairs[bx + min(xn, last) * nodes[x, SLOTS] + nodes[x, SLOT]] <= xd:
+                at_x = np.int64(nodes[x, GROUP])
+                if shared and xn >= step and at_x >= 0:
+                    e = np.int64(share[at_x & BELOW, min(xn - step, last) & BELOW])
+                    most = np.int64(groups[at_x & BELOW, DEAREST])
+                    if (max(e, most) if max_rest else e + most) <= xd:
+                        continue
+                else:
+                    at_x = (~at_x if at_x < 0 else at_x) & BELOW
+                    row = np.int64(groups[at_x, ROW])
+                    own = x - np.int64(groups[at_x, BEGIN])
+                    if row >= 0 and stairs[row + min(xn, last) * groups[at_x, SLOTS] + own] <= xd:
                         continue
                 h0 = np.int64(nodes[x, H_FIRST])
                 fresh[made, 0] = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0

@@ -13,9 +13,11 @@ from hpop.planners.search.kernels import kernel
 from hpop.planners.search.turns import OFFSET, SIZE
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
-# Columns of the table of nodes: lower bounds, group, where its staircases begin (-1: nowhere yet), their number, the
-# node's own, and the dearest turn of the group.
-H_FIRST, H_INDEX, H_REST, GROUP, ROW, SLOTS, SLOT, DEAREST, NODE_COLUMNS = range(9)
+# Columns of the table of nodes: lower bounds, and the group, ~group for a target. (16 bytes, as memory is what a
+# search waits for.)
+H_FIRST, H_INDEX, H_REST, GROUP, NODE_COLUMNS = range(5)
+# Columns of the table of groups: where the staircases begin (-1: nowhere yet), first node, nodes, dearest turn.
+ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
 
 
 @kernel
@@ -24,28 +26,30 @@ def fill_tables(
     order: IntArray,
     h: IntArray,
     groups: Any,
+    is_target: NDArray[np.uint8],
     table: NDArray[Any],
+    group_table: NDArray[Any],
     start: IntArray,
     arcs: NDArray[Any],
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
 ) -> int:
-    """Fill the tables of nodes (n, 8), and of the plain arcs (m, 4) that lead somewhere; returns m.
+    """Fill the tables of nodes (n, 4), of groups (g, 4) and of the plain arcs (m, 4) that lead somewhere; returns m.
 
     start (n + 1,) receives where the arcs of a node begin, arc_heads (m,) where they lead, origin (m,) which they are.
     """
     nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
     m = 0
     for g in range(len(rows)):
+        group_table[g, ROW] = -1
+        group_table[g, BEGIN] = rows[g, OFFSET]
+        group_table[g, SLOTS] = rows[g, SIZE]
+        group_table[g, DEAREST] = dearest[g, order[2]] if order[2] >= 0 else 0
         for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
             for j in range(3):
                 known = order[j] >= 0 and h[order[j], nodes[p]] < UNREACHABLE
                 table[p, j] = h[order[j], nodes[p]] if known else 0
-            table[p, GROUP] = g
-            table[p, ROW] = -1
-            table[p, SLOTS] = rows[g, SIZE]
-            table[p, SLOT] = p - rows[g, OFFSET]
-            table[p, DEAREST] = dearest[g, order[2]] if order[2] >= 0 else 0
+            table[p, GROUP] = ~g if is_target[p] else g
             start[p] = m
             for a in range(plain_start[p], plain_start[p + 1]):
                 v = plain_heads[a]
@@ -62,21 +66,19 @@ def fill_tables(
 
 
 @kernel
-def widen(old: NDArray[Any], new: NDArray[Any], nodes: NDArray[Any], groups: IntArray, width: int) -> int:
+def widen(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
     """Copy the staircases to twice their width; beyond it one goes on as it ends. Returns how much is used."""
-    used = 0
+    used = np.int64(0)
     for g in range(len(groups)):
-        first, slots = groups[g, OFFSET], groups[g, SIZE]
-        row = np.int64(nodes[first, ROW])
+        row, slots = np.int64(groups[g, ROW]), np.int64(groups[g, SLOTS])
         if row < 0:
             continue
         for i in range(2 * width):
             for j in range(slots):
                 new[used + i * slots + j] = old[row + min(i, width - 1) * slots + j]
-        for u in range(first, first + slots):
-            nodes[u, ROW] = used
+        groups[g, ROW] = used
         used += 2 * width * slots
-    return used
+    return int(used)
 
 
 @kernel

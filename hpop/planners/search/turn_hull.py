@@ -228,6 +228,7 @@ def mark_ways(
                 if m < 0:  # a target
                     break
                 group = np.int64(nodes[v, GROUP])
+                group = max(group, ~group)
                 begin, size = groups[group, OFFSET], groups[group, SIZE]
                 least, to = np.inf, np.int64(v)
                 for u in np.arange(begin, begin + size):
