@@ -91,11 +91,14 @@ class SymbolicMotions:
         )
         return cls(vector, symbolic, np.concatenate(numbers))
 
-    def values_and_jacobian(self, column: Column) -> tuple[FloatArray, FloatArray]:
-        """A column (M,) computed from the symbols, and its Jacobian (M, 2 * states * M), at the numbers."""
+    def function(self, column: Column) -> Any:
+        """CasADi function of numbers for the symbols: a column (M,) computed from them, and its Jacobian."""
         import casadi
 
         expression = casadi.MX(column) if not isinstance(column, np.ndarray) else casadi.MX(casadi.DM(column))
-        function = casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
-        value, jacobian = function(self.point)
+        return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
+
+    def values_and_jacobian(self, column: Column) -> tuple[FloatArray, FloatArray]:
+        """A column (M,) computed from the symbols, and its Jacobian (M, 2 * states * M), at the numbers."""
+        value, jacobian = self.function(column)(self.point)
         return np.array(value).ravel(), np.array(jacobian)

@@ -339,16 +339,13 @@ def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
 def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
     from hpop.symbols import SymbolicMotions
 
-    for motions in (replace(_part(m, slice(0, 3)), panels=3) for m in batches):
+    for motions in (replace(_part(m, slice(0, 4)), panels=3) for m in batches if len(m) > 1):
         symbols = SymbolicMotions.of(motions)
-        cost = criterion.cost(symbols.motions)
-        value, jacobian = symbols.values_and_jacobian(cost)
+        function = symbols.function(criterion.cost(symbols.motions))
+        value, jacobian = (np.array(part) for part in function(symbols.point))
         scale = max(float(np.abs(part).max()) for part in (value, jacobian))  # differences are as exact as the values
-        for column in range(symbols.point.size):
-            ends = [symbols.point.copy() for _ in range(2)]
-            ends[0][column] -= GRADIENT_STEP
-            ends[1][column] += GRADIENT_STEP
-            below, above = (replace(symbols, point=point).values_and_jacobian(cost)[0] for point in ends)
+        for column, step in enumerate(GRADIENT_STEP * np.eye(symbols.point.size)):
+            below, above = (np.array(function(symbols.point + ahead)[0]).ravel() for ahead in (-step, step))
             slope = (above - below) / (2 * GRADIENT_STEP)
             fault = _differ(
                 f"d cost/d state of a {motions.kind}", slope, jacobian[:, column], GRADIENT_TOLERANCE, scale
