@@ -125,7 +125,7 @@ class Staircase(Search):
         tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
         m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
         self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
-        self._bound(at_most, width)
+        self._bound(width)
         self.share = np.full((len(self.groups.rows), self.width), self._empty(1)[0])
         self.stairs = self._empty(1 << 14)
         self.layers = np.zeros((1, 0), self.dtype)
@@ -139,9 +139,13 @@ class Staircase(Search):
         self.fresh = np.zeros((self.fan, 3), np.int64)
         self._queue(f)
 
-    def _bound(self, at_most: Sequence[int], width: int) -> None:
+    def _no_more_than(self) -> list[int]:
+        """What no solution may exceed, in the order of the search."""
+        return [self.at_most[j] if self.at_most and j >= 0 else ANYTHING for j in self.order]
+
+    def _bound(self, width: int) -> None:
         """Begin the front with what no solution may exceed, as if something better were known."""
-        first, index, rest = (at_most[j] if at_most and j >= 0 else ANYTHING for j in self.order)
+        first, index, rest = self._no_more_than()
         self.most, self.width = first, width
         while index < 1 << INDEX_BITS and self.width < index + 2:
             self.width *= 2
@@ -341,6 +345,7 @@ class Staircase(Search):
             array = getattr(self, name).astype(np.int64)
             array[array == old] = UNREACHABLE
             setattr(self, name, array)
+        self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # 32 bits may have been too few for that
 
     def _grow_heap(self) -> None:
         self.keys, self.values = (np.resize(a, 2 * len(a)) for a in (self.keys, self.values))

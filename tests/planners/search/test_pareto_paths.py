@@ -207,6 +207,18 @@ def test_keys_and_numbers_widen_while_the_search_runs(method):
     assert paths.costs.tolist() == [[i, i, dear * (steps - i)] for i in range(steps + 1)]
 
 
+@pytest.mark.parametrize("method", ["staircase", "general"])
+@pytest.mark.parametrize("bound", [None, 2**30, 2**31 - 2, 2**31, 3 * 10**9])
+def test_a_rest_cost_that_outgrows_32_bits_stays_within_its_bound(method, bound):
+    """The search begins in 32 bits, since no arc and no bound from the source is large."""
+    steps, dear = 80, 2**26
+    tails = np.repeat(np.arange(steps), 2)
+    graph = Graph.from_arcs(steps + 1, tails, tails + 1, np.tile([[0, 1, dear], [1, 0, 0]], (steps, 1)))
+    paths = pareto_paths(graph, 0, steps, method=method, at_most=(None, None, bound))
+    most = steps if bound is None else bound // dear
+    assert paths.costs.tolist() == [[steps - i, i, dear * i] for i in range(most, -1, -1)]
+
+
 def hard(steps: int = 400) -> Graph:
     """Enough work to be stopped: random costs along a chain of choices, three of them."""
     rng = np.random.default_rng(5)
