@@ -1,4 +1,7 @@
-"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, against others."""
+"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, against others.
+
+The cap is on the duration, or on other sums that make it finite (:mod:`.mean_limits`).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,8 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
-from hpop.planners.search.graph import MAX_SUM, Graph
+from hpop.planners.search.graph import Graph
+from hpop.planners.search.mean_limits import MAX_PRODUCT, Limits
 from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, _node, _targets, pareto_paths
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -21,19 +25,18 @@ if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock
 
 METHOD = "capped mean"
-MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
 
 
 @dataclass(frozen=True, eq=False)
 class MeanPaths(ParetoPaths):
     """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
 
-    Rows of ``costs`` are in the order of the mean. If the search was stopped, they are walks under the cap, mutually
-    non-dominated, but the exact front may have better ones.
+    Rows of ``costs`` are in the order of the mean. If the search was stopped, they are walks within the limits,
+    mutually non-dominated, but the exact front may have better ones.
 
     integral  column of S
     duration  column of T
-    cap       what no walk's duration exceeds
+    cap       what no walk's duration exceeds within the limits
     notes     what blocks the way
     """
 
@@ -61,17 +64,21 @@ def capped_mean_paths(
     *,
     integral: int,
     duration: int,
-    cap: int,
+    cap: int | None = None,
+    at_most: Sequence[int | None] = (),
     budget: Budget = UNLIMITED,
     progress: ProgressCallback | None = None,
     checkpoint: CheckpointSpec | None = None,
 ) -> MeanPaths:
-    """Find every non-dominated vector (S/T, other costs) of the walks from source to target with T <= cap.
+    """Find every non-dominated vector (S/T, other costs) of the walks from source to target within limits.
 
     S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are costs of their own (to
     minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: a mean
-    falls where one lingers in good places, so that without a cap the front may be infinite. Of walks with equal vectors
-    one is kept. A walk of no arcs has the mean 0.
+    falls where one lingers in good places, so that without limits the front may be infinite. Of walks with equal
+    vectors one is kept. A walk of no arcs has the mean 0.
+
+    cap      T <= cap; may be left out if every arc that takes time raises a sum that ``at_most`` bounds
+    at_most  one bound a cost, None for none, as in :func:`pareto_paths`; None for S and T
 
     First :func:`pareto_paths` finds the front of T and the other costs, S left out, which is fast: the means of these
     paths are a beginning. Then :mod:`.mean_kernel` does the rest, pruning by the means found so far.
@@ -80,12 +87,12 @@ def capped_mean_paths(
     four other costs, each a sum or a maximum.
 
     Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, what is
-    returned are walks under the cap, perhaps dominated by ones not found.
+    returned are walks within the limits, perhaps dominated by ones not found.
 
-    `checkpoint`: as in :func:`pareto_paths`, for the search under the cap; the one before it is done anew.
+    `checkpoint`: as in :func:`pareto_paths`, for the search of the mean; the one before it is done anew.
 
     Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
-    additive search, growing steeply with the cap.
+    additive search, growing steeply with the limits.
 
     >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a way through a bad place, a shorter one, and waiting before it
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 0], arcs)
@@ -96,15 +103,16 @@ def capped_mean_paths(
     source = _node(graph, source, "source")
     targets = _targets(graph, target)
     columns = _columns(graph, integral, duration)
-    _check_cap(graph, columns, cap)
+    limits = Limits.of(graph, columns, cap, at_most)
     from hpop.planners.search.checkpoint import Keeper
     from hpop.planners.search.slices import Clock  # numba: on first use
 
-    keeper = Keeper.of(checkpoint, graph, source, targets, METHOD, *columns, int(cap))
+    keeper = Keeper.of(checkpoint, graph, source, targets, METHOD, *columns, limits.most)
     clock = Clock(budget, progress)
-    first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress)
+    bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
+    first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress, at_most=bounds)
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
-    run = _Run(graph, first, columns, int(cap), keeper)
+    run = _Run(graph, first, columns, limits, keeper)
     try:
         status = run.go(source, targets, clock)
     except KeyboardInterrupt:
@@ -116,15 +124,15 @@ class _Run:
     """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
 
     def __init__(
-        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], cap: int, keeper: Keeper | None
+        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: Limits, keeper: Keeper | None
     ) -> None:
         totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
         costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]
-        under = np.flatnonzero(costs[:, 0] <= cap)
+        under = np.flatnonzero(costs[:, 0] <= limits.cap)
         self.rows = under[np.argsort(costs[under, 0], kind="stable")]  # of equal vectors the shortest comes first
         self.walks = costs[self.rows]
         self.least = int(costs[:, 0].min(initial=MAX_PRODUCT))
-        self.graph, self.first, self.columns, self.cap, self.keeper = graph, first, columns, cap, keeper
+        self.graph, self.first, self.columns, self.limits, self.keeper = graph, first, columns, limits, keeper
         self.front = np.zeros((max(64, 2 * len(first)), len(columns)), np.int64)
         self.solutions = np.zeros(len(self.front), np.int64)
         self.size = 0
@@ -148,7 +156,7 @@ class _Run:
         if status is not None:
             return status
         known = (self.front, self.solutions, self.size)
-        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.cap, known)
+        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.limits, known)
         self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # the limit is one for both
         return self.search.run(clock) if self.keeper is None else self.keeper.run(self.search, METHOD, clock)
 
@@ -177,7 +185,7 @@ class _Run:
         integral, duration = self.columns[1], self.columns[0]
         notes: tuple[str, ...] = ()
         if status is Status.NO_PATH and len(self.first):
-            notes = (f"the cap of {self.cap} on the duration is below the least, {self.least}; raise it",)
+            notes = (f"the cap of {self.limits.cap} on the duration is below the least, {self.least}; raise it",)
         return MeanPaths(
             costs,
             status,
@@ -187,7 +195,7 @@ class _Run:
             paths,
             integral=integral,
             duration=duration,
-            cap=self.cap,
+            cap=self.limits.cap,
             notes=notes,
         )
 
@@ -217,34 +225,3 @@ def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
     if integral == duration:
         raise OptionError(f"integral and duration must be two columns, got {integral} for both")
     return (int(duration), int(integral), *(j for j in range(graph.criteria) if j not in (integral, duration)))
-
-
-def _check_cap(graph: Graph, columns: tuple[int, ...], cap: Any) -> None:
-    """Refuse a cap under which sums or products could overflow, and arcs of no duration that add to the integral."""
-    if isinstance(cap, bool) or not isinstance(cap, int | np.integer) or cap < 0:
-        raise OptionError(f"cap must be a whole number >= 0 of the duration's quanta, got {cap!r}")
-    time, total = graph.costs[:, columns[0]], graph.costs[:, columns[1]]
-    lasts = time > 0
-    free = np.flatnonzero(~lasts & (total > 0))
-    if free.size:
-        raise GraphError(
-            f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean has no "
-            "bound; give it a duration, or a finer quantum of the duration"
-        )
-    rate = float(np.max(total[lasts] / time[lasts], initial=1.0))
-    largest = int(Fraction(1.01 * rate) * int(cap) ** 2)  # of an integral and a duration under the cap
-    if largest > MAX_PRODUCT:
-        raise GraphError(
-            f"means could overflow: they are compared by products of up to {largest}, the limit is "
-            f"{MAX_PRODUCT}; use a coarser quantum of cost {columns[0]} or {columns[1]}, or a smaller cap"
-        )
-    # A useful walk has no loop of no duration.
-    shortest = int(time[lasts].min()) if lasts.any() else int(cap) + 1
-    arcs = (int(cap) // shortest + 1) * (1 if lasts.all() else graph.nodes)
-    for j in columns[2:]:
-        worst = int(graph.costs[:, j].max(initial=0))
-        if graph.aggregates[j] == "sum" and worst * arcs > MAX_SUM:
-            raise GraphError(
-                f"cost {j} could overflow: a walk under the cap may cost up to {worst * arcs}, the limit is {MAX_SUM}; "
-                "use a coarser quantum, or a smaller cap"
-            )

@@ -1,4 +1,4 @@
-"""The search behind exact means under a cap: its kernel, and the sets that its dominance tests use.
+"""The search behind exact means within limits: its kernel, and the sets that its dominance tests use.
 
 A label has the duration T, the integral S and the other costs of a walk from the source; f = g + h bounds those of its
 completions from below. Labels leave the heap in the order of (f_T, f_S, ...), so whatever was closed at a node before
@@ -7,12 +7,16 @@ is no longer in duration.
 Dominance by a shifted cost. Let lam be a mean that no useful completion of b exceeds. A closed label a at the same node
 prunes b if its other costs are nowhere larger, T_a <= T_b, and S_a - lam T_a <= S_b - lam T_b. Proof: with the same
 completion, S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <= (V_b' - lam) T_a', for V_b' <= lam and
-T_b' >= T_a'; hence V_a' <= V_b', and a' keeps the cap. With lam the largest rate of any arc that is the componentwise
-rule R = S - phi_max T; a smaller lam prunes more, and the means found so far give one: in every moment each walk under
-the cap has a point of the front that is nowhere larger in its other costs. If one is nowhere larger than f_b, a useful
-completion of b has a smaller mean than that one; otherwise it has a mean no larger than the largest on the front.
+T_b' >= T_a'; hence V_a' <= V_b', and a' keeps every limit that b' keeps, for it lasts no longer and costs no more. (The
+rule by the vertices of what may be added is the same one: a useful completion adds at most lam T_b' - S_b to S.)
 
-Bound. A completion of b has at least the mean f_S / cap, so b is useless if that reaches its lam.
+With lam the largest rate of any arc that is the componentwise rule R = S - phi_max T; a smaller lam prunes more, and
+the means found so far give one: in every moment each walk within the limits has a point of the front that is nowhere
+larger in its other costs. If one is nowhere larger than f_b, a useful completion of b has a smaller mean than that one;
+otherwise it has a mean no larger than the largest on the front.
+
+Bound. A completion of b has at least the mean f_S / T, T the longest that b may last within the limits
+(:mod:`.mean_limits`), so b is useless if that reaches its lam.
 """
 
 from __future__ import annotations
@@ -23,11 +27,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import drop_first, kernel, push
+from hpop.planners.search.mean_limits import INTEGRAL, OTHERS, TIME, Limits
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,
@@ -45,7 +50,6 @@ from hpop.planners.search.slices import (
     Clock,
 )
 
-TIME, INTEGRAL, OTHERS = range(3)  # columns of a label; the other costs follow
 START, SIZE, ROOM = range(3)  # columns of the table of blocks
 
 
@@ -67,13 +71,23 @@ def bar(front: IntArray, size: int, f: IntArray) -> int:
 
 
 @kernel
+def may_last(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
+    """Find how long a walk may last in all, if its costs at v are f less the bounds h there."""
+    left = 0.0
+    for j in range(len(f)):
+        if rates[j] > 0:  # of a sum
+            left += rates[j] * (most[j] - (f[j] - h[v, j]))
+    return int(f[TIME] - h[v, TIME] + np.int64(left))
+
+
+@kernel
 def is_useless(
-    front: IntArray, size: int, cap: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
+    front: IntArray, size: int, longest: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
 ) -> tuple[bool, int]:
     """Ask whether the front or block b makes a label with the bounds f useless, and how many rows were looked at."""
     i = bar(front, size, f)
     total, time = front[i, INTEGRAL], max(1, front[i, TIME])
-    if f[INTEGRAL] * time >= total * cap:
+    if f[INTEGRAL] * time >= total * longest:
         return True, i + 1
     begin, last = blocks[b, START], blocks[b, START] + blocks[b, SIZE] - 1
     for a in range(last, begin - 1, -1):
@@ -176,7 +190,8 @@ def advance(
     h: IntArray,
     is_target: NDArray[np.uint8],
     is_max: NDArray[np.bool_],
-    cap: int,
+    most: IntArray,
+    rates: FloatArray,
     blocks: IntArray,
     vectors: IntArray,
     source: int,
@@ -208,7 +223,8 @@ def advance(
             f[j] = (keys[word[j]] >> shift[j]) & limit[j]
             g[j] = f[j] if is_max[j] else f[j] - h[v, j]
             tight |= g[j] + rise[j] > limit[j]
-        useless, rows = is_useless(front, counters[N_FRONT], cap, blocks, vectors, v, f)
+        longest = may_last(f, h, v, most, rates)
+        useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, v, f)
         work -= rows
         if useless:
             drop_first(keys, values, size, words)
@@ -239,11 +255,16 @@ def advance(
             counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], f, done)
         for a in range(indptr[v], indptr[v + 1]):
             x = heads[a]
-            if h[x, TIME] >= UNREACHABLE or g[TIME] + costs[a, TIME] + h[x, TIME] > cap:
+            if h[x, TIME] >= UNREACHABLE:
                 continue
+            within = True
             for j in range(k):
                 f[j] = max(g[j], costs[a, j], h[x, j]) if is_max[j] else g[j] + costs[a, j] + h[x, j]
-            useless, rows = is_useless(front, counters[N_FRONT], cap, blocks, vectors, x, f)
+                within &= f[j] <= most[j]
+            if not within:
+                continue
+            longest = may_last(f, h, x, most, rates)
+            useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, x, f)
             work -= rows
             if useless:
                 continue
@@ -262,7 +283,7 @@ class CappedMean(HeapSearch):
     """The search on one graph for one query; ``columns`` has the duration, the integral, then the other costs.
 
     It begins with what is ``known``: a front, its solutions (negative; a label is 1 + its place among the closed ones)
-    and its size. Each walk under the cap must have one there that is nowhere larger in the other costs.
+    and its size. Each walk within the limits must have one there that is nowhere larger in the other costs.
     """
 
     def __init__(
@@ -272,11 +293,11 @@ class CappedMean(HeapSearch):
         targets: IntArray,
         h: IntArray,
         columns: tuple[int, ...],
-        cap: int,
+        limits: Limits,
         known: tuple[IntArray, IntArray, int],
     ) -> None:
         order = list(columns)
-        self.graph, self.source, self.cap = graph, source, cap
+        self.graph, self.source, self.limits = graph, source, limits
         self.costs = np.ascontiguousarray(graph.costs[:, order])
         self.h = np.ascontiguousarray(h[order].T)
         self.is_max = np.array([graph.aggregates[j] == "max" for j in order])
@@ -303,7 +324,8 @@ class CappedMean(HeapSearch):
             self.h,
             self.is_target,
             self.is_max,
-            self.cap,
+            self.limits.most,
+            self.limits.rates,
             self.blocks,
             self.vectors,
             self.source,

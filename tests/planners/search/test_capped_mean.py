@@ -311,7 +311,7 @@ def test_a_time_limit_and_ctrl_c_leave_walks_under_the_cap(large):
 
 def test_what_could_overflow_is_refused_by_name():
     graph = Graph.from_arcs(2, [0, 0], [1, 1], [[10**9, 10**10, 1], [5, 10**10, 1]])
-    with pytest.raises(GraphError, match=r"means could overflow.*coarser quantum of cost 1 or 0, or a smaller cap"):
+    with pytest.raises(GraphError, match=r"means could overflow.*coarser quantum of cost 1 or 0, or smaller limits"):
         search(graph, 0, {1}, 10**10)
     with pytest.raises(GraphError, match="means could overflow"):
         search(graph, 0, {1}, 10**400)
