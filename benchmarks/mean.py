@@ -1,10 +1,11 @@
-"""Benchmark of exact means: a museum's lattice with a cap on the duration, against the additive search.
+"""Benchmark of exact means: a museum's lattice with a cap on duration or length, against the additive search.
 
-    python benchmarks/mean.py [--museum m60] [--detours 1.1 1.2 1.3] [--out FILE]
+    python benchmarks/mean.py [--museum m60] [--detours 1.1 1.2 1.3] [--turns 6 8 10] [--out FILE]
 
-Costs are obstruction as a mean, turns and length; the additive search on the same lattice has exposure in its place.
-Seconds hold bounds and both searches of the mean, not the building of the graph; kernels are compiled before. Counts
-depend on no machine. ``new`` are the points that the additive front does not have.
+The length is capped at 1.2 times the least, with at most so many turns. Costs are obstruction as a mean, turns and
+length; the additive search on the same lattice has exposure in its place. Seconds hold bounds and both searches of the
+mean, not the building of the graph; kernels are compiled before. Counts depend on no machine. ``new`` are the points
+that the additive front does not have.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from hpop.planners.exact_mean import DURATION, INTEGRAL, OTHERS, mean_objectives
 from hpop.planners.search import MeanPaths, capped_mean_paths, pareto_paths
 
 RUNS = 3
+LENGTH_DETOUR = 1.2
+LENGTH = OTHERS + 1  # column of the graph
 TARGET = 10.0  # s, for m60 and a detour of 1.3
 
 
@@ -33,16 +36,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--museum", choices=list(museums.SIZES), default="m60")
     parser.add_argument("--detours", type=float, nargs="+", default=[1.1, 1.2, 1.3])
+    parser.add_argument("--turns", type=int, nargs="*", default=[6, 8, 10])
     parser.add_argument("--out", type=Path, help="JSON file; printed in any case")
     arguments = parser.parse_args()
-    result = measured(arguments.museum, arguments.detours)
+    result = measured(arguments.museum, arguments.detours, arguments.turns)
     print(json.dumps(result, indent=1))
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         arguments.out.write_text(json.dumps(result, indent=1) + "\n")
 
 
-def measured(name: str, detours: list[float]) -> dict[str, Any]:
+def measured(name: str, detours: list[float], turns: list[int]) -> dict[str, Any]:
     """Both searches of a museum, each run several times; medians."""
     asked = museums.problem(name)
     criteria = ["obstruction", "turns", "length"]
@@ -54,6 +58,9 @@ def measured(name: str, detours: list[float]) -> dict[str, Any]:
     graph = lattice.graph(mean_objectives(problem.criteria, "benchmark").optimised)
     durations = pareto_paths(graph, start, goals)
     least = int(durations.costs[:, DURATION].min())
+    farthest = int(LENGTH_DETOUR * durations.costs[:, LENGTH].min())
+    limits: dict[str, dict[str, Any]] = {f"detour {detour:g}": {"cap": int(detour * least)} for detour in detours}
+    limits |= {f"length, {count} turns": {"at_most": [None, None, count, farthest]} for count in turns}
     seconds = []
     for _ in range(RUNS):
         began = time.perf_counter()
@@ -70,15 +77,13 @@ def measured(name: str, detours: list[float]) -> dict[str, Any]:
         },
     }
     known = durations.costs.tolist()
-    for detour in detours:
+    for words, limit in limits.items():
         taken = []
         for _ in range(RUNS):
             began = time.perf_counter()
-            paths = capped_mean_paths(
-                graph, start, goals, integral=INTEGRAL, duration=DURATION, cap=int(detour * least)
-            )
+            paths = capped_mean_paths(graph, start, goals, integral=INTEGRAL, duration=DURATION, **limit)
             taken.append(time.perf_counter() - began - paths.stats.seconds_compiled)
-        row[f"detour {detour:g}"] = described(paths, known, statistics.median(taken), statistics.median(seconds))
+        row[words] = described(paths, known, statistics.median(taken), statistics.median(seconds))
     if name == "m60" and 1.3 in detours:
         row["seconds_over_target"] = row["detour 1.3"]["seconds"] / TARGET
     return row

@@ -21,6 +21,7 @@ from hpop.errors import (
     ScenarioError,
     UnknownName,
 )
+from hpop.front import Front
 from hpop.motions import Motions
 from hpop.scenario import load_scenario
 
@@ -86,6 +87,17 @@ def test_model_and_planner_have_defaults_and_a_name_alone_will_do(tmp_path: Path
 def test_several_planners_are_built_in_their_order(tmp_path: Path) -> None:
     path = scenario(tmp_path, ("  lattice: {step: 0.5}", "  - lattice\n  - lattice: {step: 1.0}"))
     assert [planner.step for planner in load_scenario(path).planners] == [0.25, 1.0]  # type: ignore[attr-defined]
+
+
+def test_the_mean_itself_under_a_cap_on_the_length(tmp_path: Path) -> None:
+    options = "{step: 0.5, max_detour: {length: 1.2}, max_turns: 6}"
+    path = scenario(tmp_path, ("{step: 0.5}", options), ("[turns, length]", "[obstruction, turns, length]"))
+    built = load_scenario(path)
+    front = built.problem.solve(list(built.planners))
+    assert "exact under length <= " in front.certificate
+    assert "(1.2 times the least) and at most 6 turns" in front.certificate
+    front.save(tmp_path / "front.json")
+    assert Front.load(tmp_path / "front.json").provenance == front.provenance
 
 
 @pytest.mark.parametrize(
@@ -167,6 +179,8 @@ def test_a_fault_is_said_with_line_key_and_what_to_do(
         (("differential_drive:", "diferential_drive:"), UnknownName, 7, "Did you mean 'differential_drive'?"),
         (("0.5}", "0}"), OptionError, 12, "step"),
         (("step: 0.5", "headings: 7"), OptionError, 12, "[4, 8, 16]"),
+        (("step: 0.5", "max_detour: {length: 1.3}"), OptionError, 12, "Give max_turns as well"),
+        (("step: 0.5", "max_detour: {width: 1.3}, max_turns: 6"), OptionError, 12, "{'length': number}"),
         (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be a positive number"),
         (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
         (("radius: 0.2", "radius: 200"), ModelError, 7, "in metres, at most 20, got 200"),

@@ -1,14 +1,16 @@
-"""A time-mean optimised itself, not its integral, under a cap on the duration: for planners on graphs of states.
+"""A time-mean optimised itself, not its integral, under a cap: for planners on graphs of states.
 
-A mean is a ratio S/T, so it does not add up, and loops through good places lower it for ever. Under a cap on T its
-front is finite, and :func:`hpop.planners.search.capped_mean_paths` finds it exactly.
+A mean is a ratio S/T, so it does not add up, and loops through good places lower it for ever. Under a cap on T, or on
+the length and the number of turns, its front is finite, and :func:`hpop.planners.search.capped_mean_paths` finds it
+exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, cast
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self, TypeAlias, cast
 
 import numpy as np
 
@@ -18,21 +20,53 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
-from hpop.planners.state_graph import MAX_COSTS, GraphQuery
+from hpop.planners.state_graph import MAX_COSTS, TURNS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
 
+DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000
+CAPPED = ("duration", "length")
 INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs follow
 
 
-def check_detour(max_detour: Any) -> None:
-    """Raise OptionError unless it can be a cap over the least duration."""
-    number = isinstance(max_detour, int | float) and not isinstance(max_detour, bool)
-    if not (number and 1 <= max_detour <= LARGEST_DETOUR):
-        raise OptionError(
-            f"max_detour must be a number from 1 to {LARGEST_DETOUR}, the longest duration over the least of any path, "
-            f"got {max_detour!r}; take one such as 1.3, or leave it out: then the mean's integral is minimised"
-        )
+@dataclass(frozen=True)
+class Detour:
+    """The longest way over the least of any path, in the duration or in the length.
+
+    cost    "duration" or "length"
+    factor  from 1 to 1000
+    """
+
+    cost: str
+    factor: float
+
+    @classmethod
+    def of(cls, max_detour: Any, max_turns: int | None) -> Self:
+        """From a planner's options: a factor on the duration, or ``{cost: factor}``.
+
+        Raises OptionError unless it makes the duration finite. Turns in place have no length, so a cap on the length
+        alone does not; with a bound on the turns it does, as each lasts a finite time.
+        """
+        spec: Mapping[Any, Any] = max_detour if isinstance(max_detour, Mapping) else {"duration": max_detour}
+        cost, factor = next(iter(spec.items()), ("", 0))
+        number = isinstance(factor, int | float) and not isinstance(factor, bool)
+        if not (len(spec) == 1 and cost in CAPPED and number and 1 <= factor <= LARGEST_DETOUR):
+            raise OptionError(
+                f"max_detour must be a number from 1 to {LARGEST_DETOUR}, the longest duration over the least of any "
+                f"path, or {{'length': number}}, the same of the length, got {max_detour!r}; take one such as 1.3, or "
+                "leave it out: then the mean's integral is minimised"
+            )
+        if cost == "length" and max_turns is None:
+            raise OptionError(
+                "max_detour caps the length, but turning in place has none: a path could turn for ever where the mean "
+                "is low. Give max_turns as well, such as max_turns=8, or cap the duration, such as max_detour=1.3"
+            )
+        return cls(cost, factor)
+
+    @property
+    def option(self) -> DetourSpec:
+        """The planner's option, JSON-able."""
+        return self.factor if self.cost == "duration" else {self.cost: self.factor}
 
 
 def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
@@ -44,7 +78,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
     means = [c for c in criteria if c.aggregate == "time-mean"]
     if not means:
         raise OptionError(
-            "max_detour caps the duration so that a time-mean can be optimised itself, but none of "
+            "max_detour is a cap under which a time-mean can be optimised itself, but none of "
             f"{', '.join(c.name for c in criteria)} is one; leave max_detour out, or add one such as 'obstruction'"
         )
     if len(means) > 1:
@@ -68,7 +102,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 def exact_mean(
     query: GraphQuery,
     criteria: Sequence[Criterion],
-    max_detour: float,
+    detour: Detour,
     name: str,
     budget: Budget,
     progress: ProgressCallback | None = None,
@@ -76,30 +110,40 @@ def exact_mean(
 ) -> Candidates:
     """All paths that are non-dominated in the mean itself and the other costs, as the candidates of planner ``name``.
 
-    query       with the columns of :func:`mean_objectives`
-    max_detour  no path may last longer than this many times the shortest
+    query   with the columns of :func:`mean_objectives`; its bound on the turns holds as well
+    detour  no path may exceed this
+
+    Raises OptionError where a cost that is bounded is not among the criteria.
     """
-    graph, quanta = query.graph, query.quanta
-    durations = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [DURATION]])
-    shortest = pareto_paths(durations, query.start, query.goals, progress=progress)
+    graph, quanta, at_most = query.graph, query.quanta, query.at_most()
+    column = _column(query, detour)
+    alone = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [column]])
+    shortest = pareto_paths(alone, query.start, query.goals, progress=progress)
     if shortest.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     least = int(shortest.costs[0, 0]) if len(shortest) else 0
+    most = int(detour.factor * least)
+    if column != DURATION:
+        at_most[column] = most
     paths = capped_mean_paths(
         graph,
         query.start,
         query.goals,
         integral=INTEGRAL,
         duration=DURATION,
-        cap=int(max_detour * least),
+        cap=most if column == DURATION else None,
+        at_most=at_most,
         budget=budget,
         progress=progress,
         checkpoint=checkpoint,
     )
     optimised = tuple(c for c in criteria if c.aggregate != "trajectory")
     where = f"{query.space.words} for ({', '.join(c.name for c in optimised)})"
-    cap = f"duration <= {paths.cap * quanta[DURATION]:.6g} s ({max_detour:g} times the least)"
-    if paths.status is Status.NO_PATH:
+    size = f"{most * quanta[column]:.6g} {query.objectives.optimised[column].unit}"
+    cap = f"{detour.cost} <= {size} ({detour.factor:g} times the least)"
+    if query.max_turns is not None:
+        cap += f" and at most {query.max_turns} turns"
+    if not len(shortest):
         claim = f"exact on {where}"
     elif paths.status.is_final:
         claim = f"exact under {cap} on {where}, edge costs rounded to their quanta; nothing is claimed beyond the cap"
@@ -109,15 +153,16 @@ def exact_mean(
         name,
         paths,
         claim,
-        provenance=[{"max_detour": max_detour}] * len(paths),
+        provenance=[{"max_detour": detour.option}] * len(paths),
         stats={
             "method": paths.stats.method,
             "labels_generated": paths.stats.labels_generated,
             "labels_expanded": paths.stats.labels_expanded,
             "peak_memory": paths.stats.peak_memory,
-            "least_duration": least * quanta[DURATION],
-            "duration_cap": paths.cap * quanta[DURATION],
+            f"least_{detour.cost}": least * quanta[column],
+            f"{detour.cost}_cap": most * quanta[column],
         },
+        blocks=_too_tight(query, column, least) if paths.status is Status.NO_PATH else "",
     )
     # In the place of S and T their ratio. Both are rounded up by less than a quantum an edge.
     unit, time = quanta[INTEGRAL] / quanta[DURATION], np.maximum(found.planned[:, DURATION], quanta[DURATION])
@@ -129,4 +174,31 @@ def exact_mean(
         objectives=optimised,
         planned=np.insert(found.planned[:, OTHERS:], place, mean, axis=1),
         tolerance=np.insert(found.tolerance[:, OTHERS:], place, rounding, axis=1),
+    )
+
+
+def _column(query: GraphQuery, detour: Detour) -> int:
+    """The graph's column of the cost that is capped."""
+    names = [criterion.name for criterion in query.objectives.optimised]
+    if detour.cost not in names:
+        raise OptionError(
+            f"max_detour caps the cost {detour.cost!r}, but beside the mean only {', '.join(names[OTHERS:])} are "
+            f"searched for; list it among the criteria, or cap the duration: max_detour={detour.factor:g}"
+        )
+    return names.index(detour.cost)
+
+
+def _too_tight(query: GraphQuery, column: int, least: int) -> str:
+    """Why no path keeps the cap and the bound on the turns, in words; "" where one of them alone is not kept."""
+    if query.max_turns is None or not least:
+        return ""
+    cost, place = query.objectives.optimised[column], [c.name for c in query.objectives.optimised].index(TURNS)
+    both = Graph.from_csr(query.graph.indptr, query.graph.heads, query.graph.costs[:, [column, place]])
+    shortest = pareto_paths(both, query.start, query.goals, at_most=[None, query.max_turns])
+    if not len(shortest):
+        return ""
+    factor = math.ceil(1000 * int(shortest.costs[0, 0]) / least) / 1000
+    return (
+        f"no path of at most {query.max_turns} turns keeps the cap: their least {cost.name} is {factor:g} times the "
+        "least of all paths. Raise max_detour or max_turns"
     )

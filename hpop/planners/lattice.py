@@ -15,7 +15,7 @@ from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
-from hpop.planners.exact_mean import check_detour, exact_mean, mean_objectives
+from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
@@ -40,7 +40,8 @@ class Lattice:
     step            m      between neighbouring positions
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
-    max_detour      longest duration over the least of any path; a time-mean is then optimised itself
+    max_detour      longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
+                    which needs max_turns as well; a time-mean is then optimised itself
     max_turns       count  paths with more turns are left out; needs the criterion turns
     eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
     tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
@@ -66,13 +67,15 @@ class Lattice:
 
     With ``max_detour`` one time-mean is a cost itself, beside at most four others, and the front is exact among all
     walks, loops allowed, that keep the cap (:func:`hpop.planners.search.capped_mean_paths`); it cannot be joined with
-    fronts in which the integral stands in. The cost grows steeply with the cap.
+    fronts in which the integral stands in. The cost grows steeply with the cap. A cap on the length (a criterion then,
+    as turns are) leaves the mean without a bound unless the turns have one: turning in place costs no length, so time
+    without end could be spent where the mean is low.
     """
 
     step: float = 0.25
     headings: int = 8
     corner_cutting: bool = False
-    max_detour: float | None = None
+    max_detour: DetourSpec | None = None
     max_turns: int | None = None
     eps: float = 0.0
     tolerance: Mapping[str, float] | None = None
@@ -86,7 +89,7 @@ class Lattice:
             raise OptionError(f"the lattice's step must be a positive length in m, got {self.step!r}")
         Headings(self.headings)
         if self.max_detour is not None:
-            check_detour(self.max_detour)
+            Detour.of(self.max_detour, self.max_turns)
         Precision(self.eps)
         if self.tolerance is not None and not isinstance(self.tolerance, Mapping):
             raise OptionError(
@@ -95,10 +98,8 @@ class Lattice:
         turns = self.max_turns
         if turns is not None and (isinstance(turns, bool) or not isinstance(turns, int) or turns < 0):
             raise OptionError(f"max_turns must be a whole number of at least 0, got {turns!r}")
-        if self.max_detour is not None and (self.eps or self.tolerance or turns is not None):
-            raise OptionError(
-                "max_detour takes no eps, tolerance or max_turns: leave them out, or leave out max_detour"
-            )
+        if self.max_detour is not None and (self.eps or self.tolerance):
+            raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
         self._budget()
@@ -117,7 +118,7 @@ class Lattice:
         if self.max_detour is not None:
             query = self.query(problem, mean_objectives(problem.criteria, "lattice"), progress)
             ways = ("lattice", self._budget(), progress, self.checkpoint)
-            return exact_mean(query, problem.criteria, self.max_detour, *ways)
+            return exact_mean(query, problem.criteria, Detour.of(self.max_detour, self.max_turns), *ways)
         query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
         return self.exact(query, self._budget(), progress)
 

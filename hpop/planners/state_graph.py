@@ -228,7 +228,7 @@ class GraphQuery:
                 progress=progress,
                 eps=eps,
                 tolerance=slack.tolist(),
-                at_most=self._at_most(),
+                at_most=self.at_most(),
                 checkpoint=checkpoint,
             )
 
@@ -260,7 +260,7 @@ class GraphQuery:
         }
         return self.candidates(name, paths, claim, notes=at_memory_limit(paths), stats=found)
 
-    def _at_most(self) -> list[int | None]:
+    def at_most(self) -> list[int | None]:
         """Bounds (k,) on the costs, none where none is asked for.
 
         Raises OptionError where turns are bounded, but none of the costs.
@@ -318,14 +318,18 @@ class GraphQuery:
         provenance: Sequence[Mapping[str, Any]] | None = None,
         notes: Sequence[str] = (),
         stats: Mapping[str, Any] | None = None,
+        blocks: str = "",
     ) -> Candidates:
-        """Paths as the candidates of the planner ``name``: each with its provenance, all with a claim and counts."""
+        """Paths as the candidates of the planner ``name``: each with its provenance, all with a claim and counts.
+
+        ``blocks``: why there is no path, where the caller knows.
+        """
         objectives, space = self.objectives, self.space
         nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
         # A sum is rounded once an edge, a worst edge once.
         summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
-        blocked = (self._what_blocks(),) if paths.status is Status.NO_PATH else ()
+        blocked = (blocks or self._what_blocks(),) if paths.status is Status.NO_PATH else ()
         origins = provenance or [{} for _ in nodes]
         return Candidates(
             objectives=objectives.optimised,
@@ -353,13 +357,13 @@ class GraphQuery:
 
     def _within(self, paths: ParetoPaths) -> ParetoPaths:
         """The paths that keep the bound on the turns; a search that knows nothing of it may have found others."""
-        bounds = [math.inf if bound is None else bound for bound in self._at_most()]
+        bounds = [math.inf if bound is None else bound for bound in self.at_most()]
         kept = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
         return paths if kept.size == len(paths) else paths.select(paths.costs, kept)
 
     def _what_blocks(self) -> str:
         """Why there is no path, in words: too many turns, or what separates start and goal."""
-        for j, bound in enumerate(self._at_most()):
+        for j, bound in enumerate(self.at_most()):
             if bound is not None:
                 turns = replace(self.graph, costs=self.graph.costs[:, [j]], aggregates=("sum",))
                 least = pareto_paths(turns, self.start, self.goals).costs

@@ -1,4 +1,4 @@
-"""Claims: under a cap on the duration a time-mean is exact on the lattice, and planned is what is re-evaluated."""
+"""Claims: under a cap a time-mean is exact on the lattice, and planned is what is re-evaluated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import Duration, motion_costs
+from hpop.criteria import Duration, Length, motion_costs
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
@@ -60,6 +60,10 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
     lattice = planner.lattice(problem)
     (mean,) = (c for c in problem.criteria if c.aggregate == "time-mean")
     others = [c for c in problem.criteria if c is not mean]
+    names = ["mean", "duration", *(c.name for c in others)]
+    cost, detour = capped(planner)
+    place = names.index(cost)
+    most = [planner.max_turns if name == "turns" and planner.max_turns is not None else 10**15 for name in names]
     edges: dict[int, list[tuple[int, tuple[int, ...]]]] = {}
     back: dict[int, list[tuple[int, int]]] = {}
     for tails, heads, motions in lattice.batches():
@@ -68,9 +72,9 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
         ]
         for tail, head, *costs in zip(*(column.tolist() for column in (tails, heads, *columns)), strict=True):
             edges.setdefault(tail, []).append((head, tuple(costs)))
-            back.setdefault(head, []).append((tail, costs[1]))
+            back.setdefault(head, []).append((tail, costs[place]))
     start, goals, _ = planner.ends(lattice, problem)
-    left = dict.fromkeys(goals, 0)  # least duration to a goal
+    left = dict.fromkeys(goals, 0)  # least of what is capped to a goal
     queue = [(0, goal) for goal in goals]
     while queue:
         so_far, node = heapq.heappop(queue)
@@ -80,7 +84,7 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
                 heapq.heappush(queue, (so_far + time, tail))
     if start not in left:
         return set(), 0
-    cap = int(planner.max_detour * left[start])
+    cap = int(detour * left[start])
     is_max = [False, False, *(c.aggregate == "max" for c in others)]
     seen = {(start, (0,) * len(is_max))}
     waiting = list(seen)
@@ -88,12 +92,19 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
         node, g = waiting.pop()
         for head, costs in edges.get(node, ()):
             longer = tuple(max(a, c) if worst else a + c for a, c, worst in zip(g, costs, is_max, strict=True))
-            if longer[1] + left.get(head, 10**15) <= cap and (head, longer) not in seen:
+            within = all(a <= b for a, b in zip(longer, most, strict=True))
+            if within and longer[place] + left.get(head, 10**15) <= cap and (head, longer) not in seen:
                 seen.add((head, longer))
                 waiting.append((head, longer))
-    place = problem.criteria.index(mean)
-    walks = {(Fraction(g[0], max(1, g[1])), g[2:]) for node, g in seen if node in left and left[node] == 0}
-    return {(*rest[:place], ratio, *rest[place:]) for ratio, rest in walks}, cap
+    at = problem.criteria.index(mean)
+    walks = {(Fraction(g[0], max(1, g[1])), g[2:]) for node, g in seen if node in goals}
+    return {(*rest[:at], ratio, *rest[at:]) for ratio, rest in walks}, cap
+
+
+def capped(planner: Lattice) -> tuple[str, float]:
+    """The cost that max_detour caps, and how far above the least."""
+    detour = planner.max_detour
+    return next(iter(detour.items())) if isinstance(detour, dict) else ("duration", detour)
 
 
 def nondominated(vectors: set[Vector]) -> list[Vector]:
@@ -105,19 +116,24 @@ def nondominated(vectors: set[Vector]) -> list[Vector]:
 
 
 QUESTIONS = [
-    ([OBSTRUCTION], 4, 2.4),
-    ([OBSTRUCTION, "turns", "length"], 4, 2.4),
-    (["turns", OBSTRUCTION, "duration"], 4, 2.3),
-    (["turns", OBSTRUCTION, "clearance"], 4, 2.4),
-    ([OBSTRUCTION, "turns", "length"], 8, 1.8),
+    ([OBSTRUCTION], 4, 2.4, None),
+    ([OBSTRUCTION, "turns", "length"], 4, 2.4, None),
+    (["turns", OBSTRUCTION, "duration"], 4, 2.3, None),
+    (["turns", OBSTRUCTION, "clearance"], 4, 2.4, None),
+    ([OBSTRUCTION, "turns", "length"], 8, 1.8, None),
+    ([OBSTRUCTION, "turns", "length"], 4, 2.0, 4),
+    ([OBSTRUCTION, "turns", "length"], 4, {"length": 1.4}, 6),
+    (["length", "turns", OBSTRUCTION, "clearance"], 4, {"length": 1.7}, 5),
+    (["turns", OBSTRUCTION, "length", "rotation", "duration"], 4, {"length": 1.4}, 6),
+    ([OBSTRUCTION, "turns", "length"], 8, {"length": 1.2}, 5),
 ]
 
 
-@pytest.mark.parametrize(("criteria", "headings", "detour"), QUESTIONS)
+@pytest.mark.parametrize(("criteria", "headings", "detour", "turns"), QUESTIONS)
 @pytest.mark.parametrize("seed", range(4))
-def test_the_front_equals_brute_force_over_all_walks_under_the_cap(seed, criteria, headings, detour):
+def test_the_front_equals_brute_force_over_all_walks_under_the_cap(seed, criteria, headings, detour, turns):
     problem = random_problem(seed, criteria)
-    planner = Lattice(step=STEP, headings=headings, max_detour=detour)
+    planner = Lattice(step=STEP, headings=headings, max_detour=detour, max_turns=turns)
     found = planner.solve(problem)
     walks, cap = all_walks(problem, planner)
     expected = nondominated(walks)
@@ -129,19 +145,23 @@ def test_the_front_equals_brute_force_over_all_walks_under_the_cap(seed, criteri
     exact = sorted([float(x) * q for x, q in zip(v, scale, strict=True)] for v in expected)
     assert len(planned) == len(exact)
     assert np.allclose(planned, exact, rtol=1e-12, atol=1e-12)
-    check_trajectories(problem, found, cap * Duration().quantum)
+    check_trajectories(problem, found, planner, cap * 1e-6)
 
 
-def check_trajectories(problem, found, cap):
-    """Collision-free, as long as allowed, and each costs what was planned."""
+def check_trajectories(problem, found, planner, cap):
+    """Collision-free, as long and with as many turns as allowed, and each costs what was planned."""
     if not found.trajectories:
         return
     assert collision_free(problem, found.trajectories).all()
     costs = trajectory_costs(found.objectives, found.trajectories, problem.world)
     assert (np.abs(costs - found.planned) <= found.tolerance + 1e-12).all()
-    for trajectory, tolerance in zip(found.trajectories, found.tolerance, strict=True):
+    sizes = trajectory_costs(
+        [{"duration": Duration(), "length": Length()}[capped(planner)[0]]], found.trajectories, problem.world
+    )
+    for trajectory, tolerance, (size,) in zip(found.trajectories, found.tolerance, sizes, strict=True):
         edges = len(trajectory)
-        assert trajectory.duration <= cap + edges * Duration().quantum
+        assert size <= cap + edges * 1e-6
+        assert planner.max_turns is None or trajectory.kinds.count("turn") <= planner.max_turns
         place = [c.aggregate for c in found.objectives].index("time-mean")
         assert tolerance[place] <= 2 * edges * 1e-6 / max(trajectory.duration, 1e-6)
 
@@ -178,6 +198,38 @@ def test_a_front_of_problem_solve_holds_the_mean_itself():
     assert front.costs[:, 0].tolist() == pytest.approx(
         [problem.evaluate(t)["obstruction"] for t in front.trajectories], abs=1e-12
     )
+
+
+def test_a_front_under_a_cap_on_the_length_says_so():
+    problem = random_problem(0, [OBSTRUCTION, "turns", "length"])
+    front = problem.solve("lattice", step=STEP, headings=4, max_detour={"length": 1.4}, max_turns=5)
+    run = front.runs[0]
+    assert run["least_length"] == pytest.approx(front.costs[:, 2].min(), abs=1e-5)
+    assert run["length_cap"] == pytest.approx(1.4 * run["least_length"], abs=1e-6)
+    assert "duration_cap" not in run
+    assert front.certificate == (
+        f"lattice: exact under length <= {run['length_cap']:.6g} m (1.4 times the least) and at most 5 turns on the "
+        "lattice of step 0.5 m, 4 headings, no corner cutting for (obstruction, turns, length), edge costs rounded to "
+        "their quanta; nothing is claimed beyond the cap"
+    )
+    assert all(p["max_detour"] == {"length": 1.4} for p in front.provenance)
+
+
+def test_turns_that_the_bound_allows_are_spent_where_the_mean_is_low():
+    """The least mean under a cap on the length falls with every two turns more: there and back in a good place."""
+    problem = random_problem(3, [OBSTRUCTION, "turns", "length"])
+    least = [
+        Lattice(step=STEP, headings=4, max_detour={"length": 1.0}, max_turns=n).solve(problem).planned[:, 0].min()
+        for n in (4, 6, 8, 10)
+    ]
+    assert all(after < before for before, after in pairwise(least))
+
+
+def test_a_cap_on_the_duration_may_be_named():
+    problem = random_problem(0, [OBSTRUCTION, "turns", "length"])
+    named, plain = (problem.solve("lattice", step=STEP, max_detour=d) for d in ({"duration": 1.3}, 1.3))
+    assert named.costs.tolist() == plain.costs.tolist()
+    assert (named.certificate, named.provenance) == (plain.certificate, plain.provenance)
 
 
 def test_a_larger_cap_leaves_out_nothing_that_a_smaller_one_has():
@@ -255,12 +307,32 @@ def test_ctrl_c_at_any_report_keeps_what_is_found_or_is_passed_on():
     assert kept
 
 
-@pytest.mark.parametrize("detour", [0.99, 0, -1.0, float("nan"), float("inf"), 1e9, "1.3", True])
+LENGTHS = [{"length": 0.99}, {"length": "1.3"}, {"length": True}, {"width": 1.3}, {}, {"length": 1.3, "duration": 1.2}]
+
+
+@pytest.mark.parametrize("detour", [0.99, 0, -1.0, float("nan"), float("inf"), 1e9, "1.3", True, *LENGTHS])
 def test_a_detour_that_makes_no_sense_is_refused(detour):
     with pytest.raises(
         OptionError, match=rf"max_detour must be a number from 1 to .*got {re.escape(repr(detour))}; take"
     ):
-        Lattice(max_detour=detour)
+        Lattice(max_detour=detour, max_turns=5)
+
+
+def test_a_cap_on_the_length_alone_is_refused_with_the_reason():
+    with pytest.raises(OptionError, match=r"turning in place has none.*Give max_turns as well.*or cap the duration"):
+        Lattice(max_detour={"length": 1.3})
+
+
+@pytest.mark.parametrize(
+    ("criteria", "message"),
+    [
+        ([OBSTRUCTION, "turns", "rotation"], "max_detour caps the cost 'length', but beside the mean only turns, rot"),
+        ([OBSTRUCTION, "length"], "max_turns bounds the cost 'turns', but the costs"),
+    ],
+)
+def test_what_is_bounded_must_be_among_the_criteria(criteria, message):
+    with pytest.raises(OptionError, match=message):
+        random_problem(0, criteria).solve("lattice", step=STEP, max_detour={"length": 1.3}, max_turns=5)
 
 
 def test_a_detour_needs_a_time_mean():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 import shapely
 
@@ -38,6 +40,26 @@ def test_too_few_turns_are_told_with_the_least():
     assert any(f"at most {least - 1} turns; the least is {least}" in note for note in front.notes)
 
 
+def test_turns_that_are_too_few_for_a_cap_are_told_with_the_cap_that_they_need():
+    exact = problem(("turns", "length")).solve("lattice", step=0.5)
+    fewest, shortest = exact.costs[exact.costs[:, 0].argmin()], exact.costs[:, 1].min()
+    assert fewest[1] > 1.01 * shortest
+    capped = problem(("obstruction", "turns", "length"))
+
+    def planned(factor):
+        return capped.solve("lattice", step=0.5, max_detour={"length": factor}, max_turns=int(fewest[0]))
+
+    blocked = planned(1.0)
+    assert blocked.status == Status.NO_PATH
+    (note,) = [note for note in blocked.notes if "turns" in note]
+    found = re.fullmatch(r"no path of at most (\d+) turns keeps .*least length is (\S+) times .* Raise .*", note)
+    assert int(found[1]) == fewest[0]
+    enough = float(found[2])
+    assert 0 <= enough - fewest[1] / shortest < 0.0011
+    assert planned(enough).status == Status.COMPLETE
+    assert planned(enough - 0.002).status == Status.NO_PATH
+
+
 def test_every_stage_keeps_the_bound():
     fronts = [problem().front(candidates) for candidates in Lattice(step=0.25, max_turns=5).stages(problem())]
     assert fronts
@@ -50,7 +72,6 @@ def test_every_stage_keeps_the_bound():
         ({"max_turns": -1}, ("turns", "length"), "max_turns must be a whole number of at least 0"),
         ({"max_turns": 2.5}, ("turns", "length"), "max_turns must be a whole number of at least 0"),
         ({"max_turns": 3}, ("exposure", "length"), "max_turns bounds the cost 'turns', but the costs"),
-        ({"max_turns": 3, "max_detour": 1.2}, ("turns", "obstruction"), "max_detour takes no eps"),
     ],
 )
 def test_bounds_that_mean_nothing_are_refused(options, criteria, message):
