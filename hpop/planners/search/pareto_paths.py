@@ -32,7 +32,7 @@ class SearchStats:
     method            "staircase" or "general"; "auto" if a limit came before the choice
     order             columns of the costs in the order of the search
     labels_generated  count  partial paths put into the heap
-    labels_expanded   count  partial paths closed
+    labels_expanded   count  partial paths taken out of it and followed
     labels_open       count  partial paths that were waiting when it ended
     peak_memory       bytes  arrays of the search
     seconds_bounds    s      lower bounds
@@ -211,8 +211,10 @@ class _Run:
                 self.method = "general"
         from hpop.planners.search.general import General
 
+        by_spread.sort(key=lambda j: bool(groups.dearest[:, j].any()))  # free of turns first
         self.order = tuple(by_spread)
-        return General(self.graph, self.source, self.targets, h, self.order, clock, self.precision, self.at_most)
+        how = (groups, clock, self.precision, self.at_most)
+        return General(self.graph, self.source, self.targets, h, self.order, *how)
 
     def _is_raised(self, j: int, index: int, groups: Groups) -> bool:
         """Whether any turn, an arc with a positive index, raises cost j."""

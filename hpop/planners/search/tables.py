@@ -19,37 +19,46 @@ def build(
     costs: IntArray,
     order: IntArray,
     h: IntArray,
+    is_target: NDArray[np.uint8],
+    turn: int,
     arcs: NDArray[Any],
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
-) -> IntArray:
+) -> tuple[IntArray, IntArray]:
     """Fill the tables of arcs and nodes in the order of the search; arcs that lead nowhere are left out.
 
     order    (k,)         columns of the costs
+    turn                  column of the cost that the arcs raise which are to be taken at once, -1 for none
     arcs     (m, 1 + k)   head and costs
     nodes    (n, k)       lower bounds
     origin   (m,)         where the arc is in the graph
 
-    Returns the offsets of the arcs (n + 1,).
+    Returns where the arcs of a node begin (n + 1,), and where those begin that are not taken at once (n,).
     """
     n = len(indptr) - 1
     start = np.zeros(n + 1, np.int64)
+    plain = np.zeros(n, np.int64)
     m = 0
     for u in range(n):
         for j in range(len(order)):
             nodes[u, j] = h[order[j], u] if h[order[j], u] < UNREACHABLE else 0
         start[u] = m
-        for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
-            if v == u or h[0, v] >= UNREACHABLE:
-                continue
-            arcs[m, 0] = v
-            for j in range(len(order)):
-                arcs[m, j + 1] = costs[a, order[j]]
-            origin[m] = a
-            m += 1
+        for at_once in (True, False):
+            if not at_once:
+                plain[u] = m
+            for a in range(indptr[u], indptr[u + 1]):
+                v = heads[a]
+                if v == u or h[0, v] >= UNREACHABLE:
+                    continue
+                if at_once != (turn >= 0 and costs[a, turn] > 0 and not is_target[v]):
+                    continue
+                arcs[m, 0] = v
+                for j in range(len(order)):
+                    arcs[m, j + 1] = costs[a, order[j]]
+                origin[m] = a
+                m += 1
     start[n] = m
-    return start
+    return start, plain
 
 
 @kernel

@@ -105,6 +105,20 @@ def test_stopped_again_and_again_it_ends_as_if_never_stopped(tmp_path, graph, me
 
 
 @pytest.mark.usefixtures("short_slices")
+def test_so_does_a_search_with_four_costs_that_takes_turns_at_once(tmp_path, lattice):
+    full = lattice(1, 12)
+    worst = np.random.default_rng(2).integers(0, 9, full.arcs)
+    costs, hows = np.column_stack([full.costs, worst]), ["sum", "sum", "sum", "max"]
+    graph = Graph.from_csr(full.indptr, full.heads, costs, aggregates=hows)
+
+    def search(**options: Any) -> ParetoPaths:
+        return pareto_paths(graph, 1, graph.nodes - 2, **options)
+
+    assert search().stats.method == "general"
+    piecewise(search, tmp_path / "search.ckpt", 5)
+
+
+@pytest.mark.usefixtures("short_slices")
 def test_so_does_a_search_that_looks_ahead(tmp_path, lattice, monkeypatch):
     monkeypatch.setattr("hpop.planners.search.staircase.LONG", 0.05)
     looked = []
