@@ -293,6 +293,7 @@ def test_one_mistake_fails_one_check_where_it_can(criterion, claim):
 
 @pytest.mark.parametrize("name", [name for name, cls in criteria.items() if cls.__module__.startswith("hpop.")])
 def test_every_criterion_that_comes_with_hpop_passes(name):
+    """With its defaults; other options and other worlds are in the criterion's own tests."""
     check_criterion(make_criterion(name))
 
 

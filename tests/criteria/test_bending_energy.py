@@ -7,7 +7,6 @@ import shapely
 from hpop.criteria import BendingEnergy, Rotation, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -68,7 +67,3 @@ def test_piecewise_linear_trajectories_rank_by_their_total_rotation():
 def test_the_rounding_must_be_a_radius(rounding):
     with pytest.raises(CriterionError, match="'rounding' must be a positive radius"):
         BendingEnergy(rounding)
-
-
-def test_it_passes_the_conformance_checks():
-    check_criterion(BendingEnergy())

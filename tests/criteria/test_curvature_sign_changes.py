@@ -12,7 +12,6 @@ from hpop.criteria import CurvatureSignChanges, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -96,7 +95,3 @@ def test_the_running_count_rises_where_the_sign_flips(arcs):
 def test_parameters_must_be_lengths_and_curvatures(parameters):
     with pytest.raises(CriterionError, match=f"'{next(iter(parameters))}' must be"):
         CurvatureSignChanges(**parameters)
-
-
-def test_it_passes_the_conformance_checks():
-    check_criterion(CurvatureSignChanges())

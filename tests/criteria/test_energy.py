@@ -12,7 +12,6 @@ from hpop.criteria import Energy, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -124,7 +123,3 @@ def test_a_robot_without_wheels_is_refused():
 def test_constants_must_be_at_least_zero(name, value):
     with pytest.raises(CriterionError, match=f"'{name}' must be a finite number of at least 0"):
         Energy(**{name: value})
-
-
-def test_it_passes_the_conformance_checks():
-    check_criterion(Energy())

@@ -9,7 +9,6 @@ import shapely
 from hpop.criteria import HallZones, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Person
@@ -69,10 +68,6 @@ def test_the_robot_is_as_large_as_it_reaches_unless_a_radius_is_given():
     assert trajectory_cost(cost, turn, world) == pytest.approx(trajectory_cost(cost, same, world))
     point = trajectory_cost(HallZones(softness=0.9, robot_radius=0.0), turn, world)
     assert point < trajectory_cost(cost, turn, world)
-
-
-def test_it_is_a_good_criterion():
-    check_criterion(HallZones())
 
 
 @pytest.mark.parametrize(

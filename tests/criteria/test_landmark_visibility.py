@@ -5,10 +5,9 @@ import pytest
 import shapely
 from scipy.integrate import quad
 
-from hpop.criteria import LandmarkBlindness, LandmarkVisibility, make_criterion, trajectory_cost
+from hpop.criteria import LandmarkBlindness, LandmarkVisibility, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Landmark
@@ -109,8 +108,3 @@ def test_a_world_without_landmarks_is_refused():
     away = Trajectory.from_poses(MODEL, [(2, 5, 0), (15, 5, 0)])
     with pytest.raises(CriterionError, match="landmarks"):
         trajectory_cost(LandmarkVisibility(), away, hall())
-
-
-@pytest.mark.parametrize("name", ["landmark_visibility", "landmark_blindness"])
-def test_they_conform(name):
-    check_criterion(make_criterion(name))

@@ -9,7 +9,6 @@ from hpop.criteria import MSDV, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.criteria.comfort.msdv import sections, weighted, weighting
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -65,6 +64,5 @@ def test_the_dose_only_grows():
     assert (np.diff(running) > 0).all()
 
 
-def test_msdv_conforms():
-    check_criterion(MSDV())
+def test_its_group_unit_and_aggregate():
     assert (MSDV.group, MSDV.unit, MSDV.aggregate) == ("C", "m/s^1.5", "trajectory")

@@ -9,7 +9,6 @@ import shapely
 from hpop.criteria import OSpace, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Person
@@ -72,10 +71,6 @@ def test_who_walks_alone_does_not_make_it_ask_for_the_time():
     trajectory = Trajectory.from_poses(ROBOT, [(-4, 0, 0), (3, 0, 0)])
     still = ROOM.with_content(people=people[:2], groups=[(0, 1)])
     assert trajectory_cost(OSpace(), trajectory, world) == trajectory_cost(OSpace(), trajectory, still)
-
-
-def test_it_is_a_good_criterion():
-    check_criterion(OSpace())
 
 
 def test_it_asks_for_conversations():

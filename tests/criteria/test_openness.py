@@ -5,10 +5,9 @@ import pytest
 import shapely
 from scipy.integrate import quad
 
-from hpop.criteria import Enclosure, Openness, make_criterion, trajectory_cost
+from hpop.criteria import Enclosure, Openness, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -53,8 +52,3 @@ def test_the_mean_stands_for_its_integral():
 def test_an_isovist_needs_a_radius(cls, radius):
     with pytest.raises(CriterionError, match="radius"):
         cls(radius)
-
-
-@pytest.mark.parametrize("name", ["openness", "enclosure"])
-def test_they_conform(name):
-    check_criterion(make_criterion(name))

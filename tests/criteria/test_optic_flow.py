@@ -10,7 +10,6 @@ from hpop.criteria import OpticFlow, PeakOpticFlow, motion_costs, trajectory_cos
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -107,11 +106,6 @@ def test_parameters_are_checked(kind):
     for bearings in (3, 16.0, 1000):
         with pytest.raises(CriterionError, match="'bearings' must be a number"):
             kind(bearings=bearings)
-
-
-@pytest.mark.parametrize("kind", [OpticFlow, PeakOpticFlow])
-def test_optic_flow_conforms(kind):
-    check_criterion(kind(bearings=8))
 
 
 def test_one_adds_up_and_the_other_is_the_worst_moment():

@@ -6,12 +6,11 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.criteria import NetMisalignment, OrientationRetention, make_criterion, trajectory_cost
+from hpop.criteria import NetMisalignment, OrientationRetention, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -91,8 +90,3 @@ def test_a_turn_is_off_by_its_distance_to_the_nearest_multiple(turn, multiple):
 def test_a_multiple_is_an_angle(cls, multiple):
     with pytest.raises(CriterionError, match="multiple"):
         cls(multiple)
-
-
-@pytest.mark.parametrize("name", ["orientation_retention", "net_misalignment"])
-def test_they_conform(name):
-    check_criterion(make_criterion(name))

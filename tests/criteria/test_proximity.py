@@ -7,7 +7,6 @@ import shapely
 from hpop.criteria import Proximity, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -58,10 +57,6 @@ def test_among_boxes_it_is_near_the_sum_over_exact_distances():
 def test_least_must_be_a_length(least):
     with pytest.raises(CriterionError, match="'least' must be a positive distance"):
         Proximity(least=least)
-
-
-def test_it_passes_the_conformance_checks():
-    check_criterion(Proximity())
 
 
 def test_costs_are_finite_inside_obstacles_too():

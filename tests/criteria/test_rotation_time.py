@@ -6,7 +6,6 @@ import shapely
 
 from hpop.criteria import RotationTime, trajectory_cost
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -47,6 +46,5 @@ def test_moves_are_free_and_arcs_turn_all_the_time(arcs):
     assert trajectory_cost(RotationTime(), curve, WORLD) == pytest.approx(curve.duration)
 
 
-def test_rotation_time_conforms():
-    check_criterion(RotationTime())
+def test_its_group_unit_and_aggregate():
     assert (RotationTime.group, RotationTime.unit, RotationTime.aggregate) == ("C", "s", "sum")

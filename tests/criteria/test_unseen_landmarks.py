@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import UnseenLandmarks, make_criterion, trajectory_cost
+from hpop.criteria import UnseenLandmarks, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Landmark
@@ -88,7 +87,3 @@ def test_a_viewer_sees_within_reach_ahead_and_from_the_front():
 def test_bad_parameters_are_named(bad, text):
     with pytest.raises(CriterionError, match=text):
         UnseenLandmarks(**bad)
-
-
-def test_it_conforms():
-    check_criterion(make_criterion("unseen_landmarks"))

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import Obstruction, WorstObstruction, make_criterion, trajectory_cost
+from hpop.criteria import Obstruction, WorstObstruction, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -37,7 +36,3 @@ def test_a_short_squeeze_in_a_long_walk_costs_what_it_costs_there():
 def test_a_ball_needs_a_radius(radius):
     with pytest.raises(CriterionError, match="radius"):
         WorstObstruction(radius)
-
-
-def test_it_conforms():
-    check_criterion(make_criterion("worst_obstruction"))
