@@ -248,9 +248,9 @@ def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
 ) -> None:
     monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
 
-    @criterion("glare", group="P", unit="1", aggregate="sum")
+    @criterion("lamplight", group="P", unit="1", aggregate="sum")
     @dataclass(frozen=True)
-    class Glare:
+    class Lamplight:
         model_of_light: str = "lamp"
         lamps: list[float] = field(default_factory=list)
         table: np.ndarray | None = None
@@ -258,10 +258,10 @@ def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
         def cost(self, m: Motions) -> np.ndarray:
             return np.zeros(len(m))
 
-    built = load_scenario(scenario(tmp_path, ("turns,", "{glare: {lamps: [1, 2.5]}},")))
-    assert built.problem.criteria[0] == Glare(lamps=[1.0, 2.5])
-    (message,) = faults(scenario(tmp_path, ("turns,", "{glare: {lamps: [1, x]}},")))
-    assert message.startswith("line 10, criteria.0.glare.lamps.1: expected a number, got 'x'")
+    built = load_scenario(scenario(tmp_path, ("turns,", "{lamplight: {lamps: [1, 2.5]}},")))
+    assert built.problem.criteria[0] == Lamplight(lamps=[1.0, 2.5])
+    (message,) = faults(scenario(tmp_path, ("turns,", "{lamplight: {lamps: [1, x]}},")))
+    assert message.startswith("line 10, criteria.0.lamplight.lamps.1: expected a number, got 'x'")
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def scenario(folder: Path) -> None:
         "start": [1.0, 1.0, 0],
         "goal": [29.0, 19.0, "any"],
         "criteria": ["exposure", "turns", "length", "duration", "rotation", "clearance"],
-        "planner": {"lattice": {"step": 0.25}},
+        "planner": {"lattice": {"step": 0.3}},
     }
     (folder / "room.yaml").write_text(yaml.safe_dump(content))
 
@@ -62,7 +62,7 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
         os.close(ours)
     assert process.returncode == 130
     assert "status: interrupted" in output
-    assert "incomplete (interrupted)" in output
+    assert "incomplete (interrupted)" in " ".join(output.split())  # lines break where the gap's digits make them
     front = Front.load(tmp_path / "out" / "front.json")
     assert len(front) > 0
     assert front.status == "interrupted"
