@@ -110,9 +110,18 @@ def test_a_front_can_be_moved_away_from_its_map(tour: Path) -> None:
     assert rebuilt(moved).world.describe()["path"] == str(tour / "hall.map")
 
 
-def test_a_copy_takes_the_map_beside_it_and_a_map_that_changed_is_refused(tour: Path) -> None:
+def test_a_copy_takes_the_map_beside_it_unless_that_changed_and_the_first_one_did_not(tour: Path) -> None:
     copy = Path(shutil.copytree(tour, tour.parent / "copy"))
     assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(copy / "hall.map")
+    (copy / "hall.map").write_text(MAP.replace("@", "."))
+    assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(tour / "hall.map")
+    (tour / "hall.map").write_text("no map at all")
+    for folder in (copy, tour):
+        with pytest.raises(MapError, match=rf"{folder.name}/hall.map"):
+            rebuilt(folder / "out" / "front.json")
+    (copy / "hall.map").write_text(MAP)
+    assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(copy / "hall.map")
+    (tour / "hall.map").unlink()
     (copy / "hall.map").write_text(MAP.replace("@", "."))
     with pytest.raises(MapError, match="changed since this was saved"):
         rebuilt(copy / "out" / "front.json")
@@ -126,7 +135,9 @@ def test_a_front_with_whole_paths_alone_is_read(tour: Path) -> None:
     assert rebuilt(path).world.describe()["path"] == str(tour / "hall.map")
 
 
-def test_a_mask_is_moved_with_its_map(tmp_path: Path) -> None:
+@pytest.fixture
+def masked(tmp_path: Path) -> Path:
+    """A folder with a ROS map, its mask, and the front of a problem on it."""
     folder = tmp_path / "before"
     folder.mkdir()
     for name in ("map", "mask"):
@@ -140,10 +151,23 @@ def test_a_mask_is_moved_with_its_map(tmp_path: Path) -> None:
     world = hpop.World.from_ros_map(folder / "map.yaml", keep_out=folder / "mask.yaml")
     asked = Problem(world, hpop.DifferentialDrive(radius=0.2), (1, 1, 0), (3, 1, None), ["length"])
     asked.solve(step=0.5).save(folder / "front.json")
-    moved = folder.rename(tmp_path / "after")
+    return folder
+
+
+def test_a_mask_is_moved_with_its_map(masked: Path) -> None:
+    moved = masked.rename(masked.parent / "after")
     world = rebuilt(moved / "front.json").world
     assert world.describe()["options"]["keep_out"] == str(moved / "mask.yaml")
     assert world.keep_out.area == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("changed", ["map.pgm", "mask.pgm"])
+def test_an_image_that_changed_beside_the_front_is_left_for_the_first_one(masked: Path, changed: str) -> None:
+    copy = Path(shutil.copytree(masked, masked.parent / "copy"))
+    assert rebuilt(copy / "front.json").world.describe()["path"] == str(copy / "map.yaml")
+    (copy / changed).write_bytes(b"P5\n8 8\n255\n" + b"\xff" * 63 + b"\x01")
+    world = rebuilt(copy / "front.json").world.describe()
+    assert (world["path"], world["options"]["keep_out"]) == (str(masked / "map.yaml"), str(masked / "mask.yaml"))
 
 
 MODELS = [None, [], {}, {"tank": {}}, {"differential_drive": 3}, {"differential_drive": {"radius": "wide"}}]

@@ -92,19 +92,30 @@ def seen_from(folder: str, description: Any) -> Any:
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description without what :func:`seen_from` added: a file that the folder sees there is the one meant."""
+    """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
+
+    Where they have changed, and those at the whole paths have not, these are.
+    """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
         return description
     described = {key: value for key, value in description.items() if key != "relative"}
+    found = described
     for key, path in _paths(described).items():
         there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
         if os.path.isfile(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
-            if key == "path":
-                described["path"] = there
-            else:
-                described["options"] = {**described["options"], key: there}
-    return described
+            found = {**found, **({key: there} if key == "path" else {"options": {**found["options"], key: there}})}
+    others = found is not described and all(map(os.path.exists, _paths(described).values()))
+    return described if others and not _unchanged(found) and _unchanged(described) else found
+
+
+def _unchanged(description: Any) -> bool:
+    """Whether a world can be built from files that are as they were."""
+    try:
+        build(description)
+    except MapError:
+        return False
+    return True
 
 
 def without_places(description: Any) -> Any:
