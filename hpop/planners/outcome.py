@@ -9,8 +9,9 @@ from typing import Generic, TypeVar
 
 F = TypeVar("F")
 
-# Held by a job at work. An executor may have threads, as a Dask worker has unless told otherwise, and neither CasADi's
-# symbols nor the linear solver of IPOPT bear them: two programs at once end the process.
+# Held by a job at work, and by whoever else builds symbols. An executor may have threads, as a Dask worker has unless
+# told otherwise, and neither CasADi's symbols nor the linear solver of IPOPT bear them: two programs at once end the
+# process.
 ALONE = Lock()
 
 

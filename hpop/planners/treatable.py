@@ -13,6 +13,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions, States
 from hpop.planners.base import Integral
 from hpop.planners.nlp import SparseWorld, vector
+from hpop.planners.outcome import ALONE
 from hpop.symbols import SymbolicMotions
 
 if TYPE_CHECKING:
@@ -38,11 +39,17 @@ def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str)
             f"{planner} needs a smooth criterion to minimise; {', '.join(c.name for c in criteria)} have no gradient. "
             "Add one, such as 'length'."
         )
+    with ALONE:  # here too symbols are built
+        _try_on_symbols([criteria[j] for j in places], problem)
+    return places
+
+
+def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
+    """Raise UnsupportedCriterion for one that works on numbers only."""
     for motions in _some_motions(problem, 2):
         symbols = SymbolicMotions.of(motions).motions
-        for j in places:
-            on_symbols(criteria[j], symbols)
-    return places
+        for criterion in criteria:
+            on_symbols(criterion, symbols)
 
 
 def minimised(name: str, criteria: Sequence[Criterion]) -> int:

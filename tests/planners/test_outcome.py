@@ -3,10 +3,13 @@
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
 import pytest
 import shapely
 
+from hpop.criteria import Length
+from hpop.math import is_symbolic
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Smoothing, driven_program, polyline
 from hpop.problem import Problem
@@ -36,3 +39,29 @@ def test_threads_of_a_process_solve_one_program_at_a_time(planner, module, monke
         found = planner.solve(ROUND, executor=threads)
     assert len(found.trajectories) > 1
     assert set(together) == {1}
+
+
+@dataclass(frozen=True)
+class WatchedLength(Length):
+    """A length that notes how many threads build symbols while it does."""
+
+    busy: list[None] = field(default_factory=list, compare=False)
+    together: list[int] = field(default_factory=list, compare=False)
+
+    def cost(self, m):
+        if is_symbolic(m.start.x):
+            self.busy.append(None)
+            self.together.append(len(self.busy))
+            time.sleep(0.05)  # for another to come
+            self.busy.pop()
+        return super().cost(m)
+
+
+@pytest.mark.parametrize("planner", [Smoothing(step=1.0), EpsilonConstraint(step=1.0)])
+def test_threads_that_plan_build_symbols_one_after_the_other(planner):
+    watched = WatchedLength()
+    problem = replace(ROUND, criteria=("turns", watched))
+    with ThreadPoolExecutor(2) as threads:
+        fronts = list(threads.map(problem.solve, [planner, planner]))
+    assert all(len(front) for front in fronts)
+    assert set(watched.together) == {1}
