@@ -257,6 +257,13 @@ def advance(
                         fresh[made, 2] = m_arcs + u
                         made += 1
                     continue
+                if shared and not alike:  # whoever arrives here no better has no use: what follows is made now
+                    at = (above + slot + u - v) & BELOW
+                    for _ in range(un, width):
+                        if stairs[at] <= ud:
+                            break
+                        stairs[at] = ud
+                        at += slots
             for a in range(start[u], start[u + 1]):
                 work -= 1
                 x = np.int64(arcs[a, HEAD]) & BELOW
@@ -267,12 +274,13 @@ def advance(
                 if goal[(f1 if f1 < end else end) & BELOW] <= f2:
                     continue
                 at_x = np.int64(nodes[x, GROUP])
-                if shared and xn >= step and at_x >= 0:
+                told = shared and xn >= step and at_x >= 0
+                if told:
                     e = np.int64(share[at_x & BELOW, min(xn - step, last) & BELOW])
                     most = np.int64(groups[at_x & BELOW, DEAREST])
                     if (max(e, most) if max_rest else e + most) <= xd:
                         continue
-                else:
+                if not (told and alike):  # where all turns are alike, the group told of its nodes
                     at_x = (~at_x if at_x < 0 else at_x) & BELOW
                     row = np.int64(groups[at_x, ROW])
                     own = x - np.int64(groups[at_x, BEGIN])

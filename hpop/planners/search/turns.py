@@ -9,6 +9,7 @@ two turns on the same way. All is checked, arc by arc, so nothing is assumed of 
 - if no turn costs anything in the first cost of the search, a label g at a node of a group is also dominated if some
   closed label of any node of the group is nowhere larger after the dearest turn of the group: that one could turn to
   this node. First costs compare, because their bound is the same at all nodes of a group.
+- likewise what a label becomes by a turn counts as closed at that node: all that follows from it is made at once.
 - if moreover all turns of a group cost the same, a label that is no better than a closed one of its group, whatever
   the node, has no use for turns: the other one has made them. For lower bounds likewise, the best node of a group
   speaks for all.
