@@ -1,4 +1,4 @@
-"""Fill the fields of a world: obstruction and clearance at the nodes of a grid."""
+"""Fill the fields of a world, obstruction and clearance at the nodes of a grid, and read those of several heights."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arrays import Column
+from hpop.errors import OptionError
+from hpop.math import is_symbolic
 from hpop.world.field import Field, grid_points
 from hpop.world.lazy_field import LazyField
 from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, prism_obstruction, raster_obstruction
@@ -16,12 +19,15 @@ from hpop.world.planar import FreeSpace
 from hpop.world.shapes import Obstacle, Raster
 
 if TYPE_CHECKING:
+    from hpop.motions import Pose
     from hpop.world.world import World
 
 MAX_NODES = 25_000_000
 """Samples of a field: a larger polygon world is sampled more coarsely, coarse cells are split less."""
 FINENESS = 10
 """Samples of the obstruction a ball's radius, at least."""
+MAX_HEIGHTS = 16
+"""Distinct camera heights that one call of `World.obstruction` may ask for."""
 PAD = 3
 
 
@@ -42,6 +48,33 @@ def sample_obstruction(world: World, radius: float, z: float) -> Field:
     if world.raster is None:
         return _sample_polygons(world, radius, z)
     return _sample_raster(world, world.raster, radius, z)
+
+
+def obstructed(world: World, pose: Pose, radius: float) -> Column:
+    """Obstruction (M,) at the heights of the poses, a field for each; see `World.obstruction`."""
+    x, y = pose.x, pose.y
+    if not world.has_heights:
+        return world.obstruction_field(radius)(x, y)
+    if is_symbolic(pose.z):
+        raise OptionError("obstruction needs camera heights as numbers; in this world they are variables.")
+    z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
+    heights = np.unique(z)
+    if heights.size > MAX_HEIGHTS:
+        raise OptionError(
+            f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "
+            f"{heights.size} distinct heights. Round the heights, or use obstacles of the whole height."
+        )
+    if heights.size == 1:
+        return world.obstruction_field(radius, float(heights[0]))(x, y)
+    if is_symbolic(x) or is_symbolic(y):
+        fields = [world.obstruction_field(radius, float(h))(x, y) for h in heights]
+        return sum(np.where(z == h, 1.0, 0.0) * f for h, f in zip(heights, fields, strict=True))
+    x, y, z = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64), z)
+    result = np.zeros(z.shape)
+    for h in heights:
+        at = z == h
+        result[at] = world.obstruction_field(radius, float(h))(x[at], y[at])
+    return result
 
 
 def _spacing(world: World, limit: float) -> float:

@@ -27,7 +27,7 @@ from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
-from hpop.world.world import MAX_HEIGHTS
+from hpop.world.sampling import MAX_HEIGHTS
 
 if TYPE_CHECKING:
     from hpop.motions import Pose

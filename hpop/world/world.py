@@ -19,7 +19,7 @@ from hpop.math import is_symbolic
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.field import Field
 from hpop.world.planar import FreeSpace
-from hpop.world.sampling import sample_clearance, sample_obstruction
+from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_heights, check_prisms, overlaps
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
 """Field cell of a polygon world, m."""
-MAX_HEIGHTS = 16
-"""Distinct camera heights that one call of `World.obstruction` may ask for."""
 
 T = TypeVar("T")
 Heights = tuple[float, float]
@@ -331,32 +329,11 @@ class World:
         height, and kept; at most 16 heights a call. Worlds whose obstacles all have the whole height need
         only one.
         """
-        x, y = pose.x, pose.y
-        if not self._has_heights:
-            return self.obstruction_field(radius)(x, y)
-        if is_symbolic(pose.z):
-            raise OptionError("obstruction needs camera heights as numbers; in this world they are variables.")
-        z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
-        heights = np.unique(z)
-        if heights.size > MAX_HEIGHTS:
-            raise OptionError(
-                f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "
-                f"{heights.size} distinct heights. Round the heights, or use obstacles of the whole height."
-            )
-        if heights.size == 1:
-            return self.obstruction_field(radius, float(heights[0]))(x, y)
-        if is_symbolic(x) or is_symbolic(y):
-            fields = [self.obstruction_field(radius, float(h))(x, y) for h in heights]
-            return sum(np.where(z == h, 1.0, 0.0) * f for h, f in zip(heights, fields, strict=True))
-        x, y, z = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64), z)
-        result = np.zeros(z.shape)
-        for h in heights:
-            at = z == h
-            result[at] = self.obstruction_field(radius, float(h))(x[at], y[at])
-        return result
+        return obstructed(self, pose, radius)
 
     @property
-    def _has_heights(self) -> bool:
+    def has_heights(self) -> bool:
+        """Whether any obstacle has a height range, so that what a camera sees depends on its height."""
         ranges = [o.heights for o in self.obstacles] + ([self.raster.heights] if self.raster else [])
         return any(r != WHOLE for r in ranges)
 
@@ -371,7 +348,7 @@ class World:
             raise OptionError(f"radius must be a finite length above 0 m; got {radius!r}.")
         if not math.isfinite(z):
             raise OptionError(f"a camera height must be finite; got {z!r}.")
-        z = z if self._has_heights else 0.0
+        z = z if self.has_heights else 0.0
         return self._cached(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
     # Saving

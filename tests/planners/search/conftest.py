@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hpop.planners.search import Graph
+from hpop.planners.search import Graph, pareto_paths
+from hpop.status import Budget, Status
 
 Vector = tuple[int, ...]
 
@@ -62,3 +64,24 @@ def random_lattice(seed: int, width: int = 5, turn_rest: int = 1) -> Graph:
 @pytest.fixture(scope="session")
 def lattice() -> Callable[..., Graph]:
     return random_lattice
+
+
+def random_chain(steps: int, most: tuple[int, ...] = (9, 3, 9), aggregates: list[str] | None = None) -> Graph:
+    """Three random choices a step."""
+    rng = np.random.default_rng(5)
+    tails = np.repeat(np.arange(steps), 3)
+    costs = rng.integers(0, most, (3 * steps, len(most)))
+    return Graph.from_arcs(steps + 1, tails, tails + 1, costs, aggregates=aggregates)
+
+
+@pytest.fixture(scope="session")
+def chain() -> Callable[..., Graph]:
+    return random_chain
+
+
+@pytest.fixture
+def interrupted(tmp_path: Path) -> tuple[Graph, Path]:
+    """A graph, and the checkpoint of a search in it that was stopped."""
+    graph, file = random_chain(60), tmp_path / "search.ckpt"
+    assert pareto_paths(graph, 0, 60, checkpoint=file, budget=Budget(max_labels=2000)).status is Status.LABEL_LIMIT
+    return graph, file
