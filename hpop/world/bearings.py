@@ -19,7 +19,7 @@ from hpop.math import is_symbolic
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import PAD, Field, grid_points
-from hpop.world.planar import FreeSpace
+from hpop.world.planar import FreeSpace, without
 from hpop.world.world import Heights, World
 
 REACH = 20.0
@@ -123,7 +123,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
     def make() -> Bearings:
         solid, walled = world.solid(z, z), _is_walled(world, (z, z))
-        border = FreeSpace(shapely.difference(world.extent, solid) if walled else solid)
+        border = FreeSpace(without(world.extent, solid) if walled else solid)
         spacing = _spacing(world)
         xs, ys = grid_points(world.bounds, spacing)
         x, y = (np.ascontiguousarray(c.ravel()) for c in np.meshgrid(xs, ys))

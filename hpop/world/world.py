@@ -18,7 +18,7 @@ from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.field import Field
-from hpop.world.planar import FreeSpace
+from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_heights, check_prisms, overlaps
 
@@ -250,7 +250,7 @@ class World:
         """Return the extent without all that is blocked, its border indexed for exact distances."""
         return self._cached(
             ("free", self._active(z)),
-            lambda: FreeSpace(shapely.difference(self.extent, self.blocked(*z))),
+            lambda: FreeSpace(without(self.extent, self.blocked(*z))),
         )
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
