@@ -85,13 +85,13 @@ def may_improve(
 ) -> bool:
     """Tell whether a label at v, with n turns and these estimates, may become what no solution covers.
 
-    It needs at least `fewest` turns more; `scratch` is (2, LANES).
+    It needs at least `fewest` turns more, which may be more than there are layers; `scratch` is (2, LANES).
     """
     label, bound = scratch[0], scratch[1]
     node = np.uint64(v)
     for k in range(LANES):
         label[k] = np.int32(min(float(FAR), (weights[k, 0] * first + weights[k, 1] * rest) * DOWN))
-    for m in range(fewest, len(layers)):
+    for m in range(min(fewest, len(layers) - 1), len(layers)):
         if m > fewest:
             same = True
             for k in range(LANES):
@@ -100,7 +100,7 @@ def may_improve(
                 continue
         for k in range(LANES):
             bound[k] = label[k] + (np.int32(layers[m, node, k]) << STEP_BITS)
-        most = np.uint64(min(n + m, len(last) - 1))
+        most = np.uint64(min(n + max(m, fewest), len(last) - 1))
         low, high = np.int64(0), last[most]
         while low < high:
             middle = (low + high) >> 1

@@ -90,18 +90,18 @@ Vectors = st.lists(st.tuples(st.integers(1, 60), st.integers(0, 3), st.integers(
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
-@given(Vectors)
-def test_a_label_is_followed_exactly_where_no_solution_covers_it(solutions):
-    """At a target nothing is left to come, and small costs are weighed without losing a unit."""
+@given(Vectors, st.integers(0, 2))
+def test_a_label_is_followed_exactly_where_no_solution_covers_it(solutions, fewest):
+    """Nothing but turns is left to come, more of them than there are layers; small costs are weighed to the unit."""
     weights = directions((100, 100))
     table = np.array(solutions, np.int64).reshape(-1, 3)
     corners = Corners.of(table, weights, Clock(Budget(), None))
     layers, scratch = np.zeros((1, 1, LANES), np.uint16), np.zeros((2, LANES), np.int32)
     for label in [(0, 0, 0), *solutions, *[(a - 1, n, b) for a, n, _ in solutions for _, _, b in solutions]]:
         label = (max(label[0], 0), *label[1:])
-        covered = any(all(a <= b for a, b in zip(s, label, strict=True)) for s in solutions)
         first, n, rest = label
-        followed = may_improve(0, n, first, rest, 0, layers, weights, corners.values, corners.last, scratch)
+        covered = any(all(a <= b for a, b in zip(s, (first, n + fewest, rest), strict=True)) for s in solutions)
+        followed = may_improve(0, n, first, rest, fewest, layers, weights, corners.values, corners.last, scratch)
         assert followed == (not covered)
 
 
