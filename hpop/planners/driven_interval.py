@@ -17,11 +17,9 @@ from hpop.symbols import lift
 from hpop.world.world import Heights
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
     from hpop.problem import Problem
 
 NODES = ("x", "y", "yaw", "speed", "turn_rate")
-CONTROLS = ("left", "right")
 PANELS = 2  # of an interval, for what criteria integrate
 
 
@@ -61,8 +59,8 @@ class Forward(Drive):
 class Interval:
     """What is nonlinear in one interval.
 
-    Its variables are the nodes at its start, those at its end, the wheel accelerations and the duration; its parameter
-    is the sign of the yaw rate.
+    Its variables are the nodes at its start, those at its end, and the duration; its parameter is the sign of the yaw
+    rate.
 
     criteria  (k)
     heights   ranges with different obstacles
@@ -80,20 +78,15 @@ class Interval:
         A criterion that takes the worst moment has a value for each moment that is looked at.
         """
         model, world, count = self.problem.model, self.problem.world, len(NODES)
-        left, right, duration = (z[2 * count + i] for i in range(3))
-        gain, bend = accelerations(left, right, model)
+        duration = z[2 * count]
         start, end = (
             States(**{name: lift(z[first + i], 1) for i, name in enumerate(NODES)}, clock=lift(clock, 1))
             for first, clock in ((0, 0.0 * duration), (count, duration))
         )
         law = Forward(sign=lift(p, 1))
-        speeds = [vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate")]
-        defects = [
-            speeds[0] - duration * gain,
-            speeds[1] - duration * bend,
-            *(vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")),
-        ]
-        effort = duration * (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2)
+        defects = [vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")]
+        gain, bend = (vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate"))
+        effort = (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2) / duration
         motions = Motions(world, model, law, start, end, panels=PANELS)
         costs = [
             [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
@@ -103,11 +96,6 @@ class Interval:
         fields = [world.clearance_field(z=z) for z in self.heights]
         clear = [[vector(field(*place), 1) for place in places] for field in fields]
         return [_column(group) for group in (defects, [effort], *costs, *clear)]
-
-
-def accelerations(left: Any, right: Any, model: DifferentialDrive) -> tuple[Any, Any]:
-    """Acceleration, m/s², and angular acceleration, rad/s², of wheels that accelerate by so much, m/s²."""
-    return 0.5 * (left + right), (right - left) / model.wheel_base
 
 
 def _column(values: list[Any]) -> Any:

@@ -3,8 +3,9 @@
 Direct collocation in phases. The turns of a polyline are structure: a phase of straight driving (yaw rate exactly
 zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_TURN in all) take turns, so that the number
 of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
-accelerations, which are the controls; what the robot does in an interval is :class:`hpop.models.driven.Drive`, exactly
-the law by which the trajectory is then evaluated. The criteria enter by their own ``cost`` on CasADi symbols.
+accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
+:class:`hpop.models.driven.Drive`, exactly the law by which the trajectory is then evaluated. The criteria enter by
+their own ``cost`` on CasADi symbols.
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.models.driven import Drive
 from hpop.motions import States
-from hpop.planners.driven_interval import CONTROLS, NODES, Interval, accelerations
+from hpop.planners.driven_interval import NODES, Interval
 from hpop.planners.driven_structure import Guess, Structure
 from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import reaches
 from hpop.planners.separable import Separable
+from hpop.planners.settled import settled
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from hpop.problem import Problem
 
 LEAST_TURN = math.radians(1.5)  # a turn counts from one degree on
@@ -48,9 +52,9 @@ SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 class Driven:
     """What the solver returned.
 
-    trajectory  feasible for the program within its tolerance; None if the solver did not converge
+    trajectory  keeps the program's limits within KEPT; None if the solver did not converge
     costs       (k,) as the program adds them up
-    status      the solver's own word
+    status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
     iterations  of the solver
     """
 
@@ -76,6 +80,13 @@ class _Formulas:
     derivatives: dict[str, Any]
     values: Any
     sizes: tuple[int, ...]
+
+    def limits(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, csr_array]:
+        """Values of all constraints (m,) and their Jacobian (m, size)."""
+        from scipy.sparse import csr_array
+
+        values, slopes = self.derivatives["jac_g"](x, parameters)
+        return np.array(values).ravel(), csr_array(slopes.sparse())
 
     def solver(self, options: Mapping[str, Any]) -> Any:
         """IPOPT; options that say nothing else take the exact second derivatives."""
@@ -127,15 +138,16 @@ class DrivenProgram:
         import casadi
 
         n, k, model = len(self.structure.phase), len(self.criteria), self.problem.model
-        nodes = {name: casadi.MX.sym(name, n + 1) for name in NODES}
-        left, right = (casadi.MX.sym(name, n) for name in CONTROLS)
-        h, slack = casadi.MX.sym("h", n), casadi.MX.sym("slack", len(self._worst))
+        of_nodes, of_lasts = self.structure.places
+        moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
         signs, usual = casadi.MX.sym("signs", n), casadi.MX.sym("usual")
-        variables = casadi.vertcat(*nodes.values(), left, right, h, slack)
+        variables = casadi.vertcat(moving, slack)
         parameters = casadi.vertcat(weights, scale, signs, usual)
         intervals = self._intervals(variables, signs)
         defects, effort, *others = intervals.symbols
+        nodes = {name: variables[places.tolist()] for name, places in zip(NODES, of_nodes, strict=True)}
+        h = variables[of_lasts.tolist()]
 
         costs, honest, above = [], [], []  # a slack may lie above the worst moment
         for j, values in enumerate(others[:k]):
@@ -148,20 +160,22 @@ class DrivenProgram:
                 honest.append(costs[-1])
         objective = casadi.dot(weights, casadi.vertcat(*costs) / scale)
         objective += (HASTE * casadi.sum1(h) + EFFORT * casadi.sum1(effort)) / usual
-        half, inner = 0.5 * model.wheel_base, slice(1, n)
-        speeds = [nodes["speed"][inner] + side * half * nodes["turn_rate"][inner] for side in (-1.0, 1.0)]
+        half = 0.5 * model.wheel_base
+        turns, inner = self.structure.turning_intervals.tolist(), self.structure.turning_nodes.tolist()
+        gain, bend = (casadi.diff(nodes[name]) / h for name in ("speed", "turn_rate"))
+        wheels = [gain + half * bend, (gain - half * bend)[turns]]  # where nothing turns both are the same
+        outer = nodes["speed"][inner] + half * signs[inner] * nodes["turn_rate"][inner]
         ends = np.cumsum([0, *self.structure.counts])
-        turns = np.flatnonzero(self.structure.turning)
-        first, last = ends[turns].tolist(), ends[turns + 1].tolist()
+        phases = np.flatnonzero(self.structure.turning)
+        first, last = ends[phases].tolist(), ends[phases + 1].tolist()
         turned = signs[first] * (nodes["yaw"][last] - nodes["yaw"][first])
-        even = np.flatnonzero(np.diff(self.structure.phase) == 0)
         groups = [
             casadi.vertcat(*group)
             for group in (
-                [h[even.tolist()] - h[(even + 1).tolist()]],
-                [casadi.vec(defects)],
-                [accelerations(left, right, model)[1]],
-                speeds,
+                [casadi.vec(defects[:, :2]), defects[turns, 2]],
+                wheels,
+                [bend[turns]],
+                [outer],
                 [turned],
                 [costs[j] / scale[j] for j in self._summed],
                 above,
@@ -176,12 +190,11 @@ class DrivenProgram:
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
         """All that is nonlinear, interval by interval."""
-        n, nodes = len(self.structure.phase), len(NODES)
-        first = np.arange(nodes)[:, None] * (n + 1) + np.arange(n)
-        own = nodes * (n + 1) + np.arange(len(CONTROLS) + 1)[:, None] * n + np.arange(n)
+        n = len(self.structure.phase)
+        of_nodes, of_lasts = self.structure.places
         shares = tuple(self.samples[1][: len(self.samples[1]) // n].tolist())
         interval = Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
-        return Separable.of(interval.write, np.vstack([first, first + 1, own]), variables, signs)
+        return Separable.of(interval.write, np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts]), variables, signs)
 
     @cached_property
     def _newton(self) -> Any:
@@ -216,44 +229,39 @@ class DrivenProgram:
         """
         values, sizes = self._formulas.values, self._formulas.sizes
         solver = self._newton if exact else self._quasi_newton
-        model, n = self.problem.model, len(self.structure.phase)
-        lowest, highest = self._node_bounds(guess)
+        model, counts = self.problem.model, np.array(self.structure.counts)
+        lowest, highest = self._of_variables(*self._node_bounds(guess))
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
         for p in range(1, len(least) - 1):
             if not self.structure.turning[p] and guess.signs[p - 1] == guess.signs[p + 1]:
                 least[p] = STRAIGHT
-        wheel = model.wheel_acceleration
         x0, parameters = self._point(guess, weights, scale)
-        counts, phase = np.array(self.structure.counts), self.structure.phase
         below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
         spread = np.concatenate(list(clearances))
-        lows: list[Any] = [0.0, 0.0, -model.turn_acceleration, -np.inf, LEAST_TURN, -np.inf, -np.inf, spread]
+        wheel, bend = model.wheel_acceleration, model.turn_acceleration
+        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_TURN, -np.inf, -np.inf, spread]
         highs: list[Any] = [
-            *(0.0, 0.0, model.turn_acceleration, model.wheel_speed, np.inf),
+            *(0.0, wheel, bend, model.wheel_speed, np.inf),
             *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf),
         ]
         lbg, ubg = (
             np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
             for side in (lows, highs)
         )
+        box = np.concatenate([lowest, least / counts, below]), np.concatenate([highest, LONGEST / counts, more])
         with interrupts_held():
-            found = solver(
-                x0=x0,
-                p=parameters,
-                lbx=np.concatenate([lowest.ravel(), np.full(2 * n, -wheel), (least / counts)[phase], below]),
-                ubx=np.concatenate([highest.ravel(), np.full(2 * n, wheel), (LONGEST / counts)[phase], more]),
-                lbg=lbg,
-                ubg=ubg,
-            )
+            found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=lbg, ubg=ubg)
         stats = solver.stats()
-        point = np.array(found["x"]).ravel()
+        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
+        trajectory = None
+        if status in SUCCESS:
+            kept = settled(lambda x: self._formulas.limits(x, parameters), point, box, (lbg, ubg))
+            if kept is None:
+                status = "Limits_Not_Kept"
+            else:
+                point, trajectory = kept, self._trajectory(guess, kept)
         costs = np.array(values(point, parameters)).ravel()
-        return Driven(
-            self._trajectory(guess, point) if stats["return_status"] in SUCCESS else None,
-            costs,
-            str(stats["return_status"]),
-            int(stats["iter_count"]),
-        )
+        return Driven(trajectory, costs, status, int(stats["iter_count"]))
 
     def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
         """A guess that begins at a solution."""
@@ -298,15 +306,20 @@ class DrivenProgram:
                 bound[2, -1] = guess.nodes[2, -1]
         return lowest, highest
 
+    def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables of nodes (5, n+1): the tightest, where nodes share one."""
+        places, _ = self.structure.places
+        below, above = np.full(places[-1, -1] + 1, -np.inf), np.full(places[-1, -1] + 1, np.inf)
+        np.maximum.at(below, places, lowest)
+        np.minimum.at(above, places, highest)
+        return below, above
+
     def _point(self, guess: Guess, weights: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variables and parameters of a guess."""
-        model, phase = self.problem.model, self.structure.phase
-        h = (guess.lasts / self.structure.counts)[phase]
-        gain, bend = np.diff(guess.nodes[3]) / h, np.diff(guess.nodes[4]) / h
-        wheels = [gain + side * 0.5 * model.wheel_base * bend for side in (-1.0, 1.0)]
-        limit = 0.9 * model.wheel_acceleration
-        point = np.concatenate([guess.nodes.ravel(), *np.clip(wheels, -limit, limit), h])
-        parameters = np.concatenate([weights, scale, guess.signs[phase], [guess.lasts.sum()]])
+        of_nodes, of_lasts = self.structure.places
+        point = np.empty(of_lasts[-1] + 1)
+        point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
+        parameters = np.concatenate([weights, scale, guess.signs[self.structure.phase], [guess.lasts.sum()]])
         if self._worst:
             tops = np.array(self._formulas.values(np.append(point, np.zeros(len(self._worst))), parameters)).ravel()
             point = np.concatenate([point, tops[self._worst]])
@@ -314,12 +327,12 @@ class DrivenProgram:
 
     def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
         """The trajectory of the program's variables, on its bounds exactly."""
-        n = len(self.structure.phase)
-        nodes = np.clip(point[: 5 * (n + 1)].reshape(5, n + 1), *self._node_bounds(guess))
+        of_nodes, of_lasts = self.structure.places
+        nodes = np.clip(point[of_nodes], *self._node_bounds(guess))
         nodes[4, np.abs(nodes[4]) < STILL] = 0.0
-        clock = np.concatenate([[0.0], np.cumsum(point[7 * n + 5 : 8 * n + 5])])
+        clock = np.concatenate([[0.0], np.cumsum(point[of_lasts])])
         columns = dict(zip(NODES, nodes, strict=True))
-        return Trajectory(self.problem.model, States(**columns, clock=clock), (Drive().kind,) * n)
+        return Trajectory(self.problem.model, States(**columns, clock=clock), (Drive().kind,) * len(of_lasts))
 
 
 _OPTIONS: dict[str, Any] = {
@@ -327,10 +340,11 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_init": 0.01,
+    "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one
     "ipopt.max_iter": 150,
     "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
     "ipopt.tol": 3e-4,
-    "ipopt.constr_viol_tol": 1e-7,
+    "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
     "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
     "calc_lam_p": False,
 }
@@ -341,6 +355,6 @@ _QUASI_NEWTON: dict[str, Any] = {
     "ipopt.tol": 1e-3,
     "ipopt.acceptable_tol": 1e-2,
     "ipopt.acceptable_iter": 5,
-    "ipopt.acceptable_constr_viol_tol": 1e-6,
+    "ipopt.acceptable_constr_viol_tol": 1e-3,
     "ipopt.acceptable_obj_change_tol": 1e-3,
 }

@@ -48,10 +48,32 @@ class Structure:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     @cached_property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Places in the program's vector of variables: of what the nodes have (5, n+1), and of durations (n,).
+
+        What stays the same is one variable: the yaw in a phase of straight driving, the duration of each interval of a
+        phase.
+        """
+        each = np.arange(n := len(self.phase) + 1)
+        yaw = np.searchsorted(self.turning_intervals, each)
+        of_nodes = np.cumsum([0, n, n, yaw[-1] + 1, n])[:, None] + [each, each, yaw, each, each]
+        return of_nodes, of_nodes[-1, -1] + 1 + self.phase
+
+    @cached_property
+    def turning_intervals(self) -> IntArray:
+        """Intervals of (n,) in phases of turning."""
+        return np.flatnonzero(np.array(self.turning)[self.phase])
+
+    @cached_property
     def straight_nodes(self) -> IntArray:
         """Nodes of (n+1,) at which the yaw rate is zero: those of straight driving, and both ends."""
-        straight = np.flatnonzero(~np.array(self.turning)[self.phase])
+        straight = np.setdiff1d(np.arange(len(self.phase)), self.turning_intervals)
         return np.unique(np.concatenate([straight, straight + 1, [0, len(self.phase)]]))
+
+    @cached_property
+    def turning_nodes(self) -> IntArray:
+        """Nodes of (n+1,) inside phases of turning."""
+        return np.setdiff1d(np.arange(len(self.phase) + 1), self.straight_nodes)
 
 
 @dataclass(frozen=True, eq=False)

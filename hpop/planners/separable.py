@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.world.looks import Looks, looking, quadratics
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Separable:
         Parameters
         ----------
         write : from the variables (d,) and parameters (q,) of a part to groups of values, columns of SX
-        where : (d, n) places of each part's variables in the program's vector; no place twice in a part
+        where : (d, n) places of each part's variables in the program's vector; two of them may be one
         x : the program's variables (size,), symbols
         p : the parts' parameters (n, q), symbols
         """
@@ -77,8 +77,10 @@ class Separable:
             rows, variables = (np.array(index, dtype=np.int64) for index in jacobian.sparsity().get_triplet())
             return scattered(slope, rows[:, None] * n + np.arange(n), where[variables], (n * jacobian.size1(), size))
 
-        pairs = [where[np.array(index, dtype=np.int64)] for index in hessian.sparsity().get_triplet()]
-        triangle = scattered(bends, np.minimum(*pairs), np.maximum(*pairs), (size, size))
+        of_pair = [np.array(index, dtype=np.int64) for index in hessian.sparsity().get_triplet()]
+        pairs = [where[index] for index in of_pair]
+        times = 1.0 + ((pairs[0] == pairs[1]) & (of_pair[0] != of_pair[1])[:, None])  # also from below the diagonal
+        triangle = scattered(bends, np.minimum(*pairs), np.maximum(*pairs), (size, size), times)
         return cls(
             tuple(casadi.MX.sym("y", *group.shape) for group in values),
             tuple(values),
@@ -193,8 +195,13 @@ def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
     ]
 
 
-def scattered(entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> Any:
-    """A sparse matrix whose entries (n, k) stand at rows and columns (k, n); those at one place are added up."""
+def scattered(
+    entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int, int], times: FloatArray | float = 1.0
+) -> Any:
+    """A sparse matrix whose entries (n, k) stand at rows and columns (k, n); those at one place are added up.
+
+    times : (k, n), how often each is added
+    """
     import casadi
 
     if not rows.size:
@@ -205,6 +212,10 @@ def scattered(entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int,
     starts = np.searchsorted(places, height * np.arange(width + 1))
     sparsity = casadi.Sparsity(height, width, starts.tolist(), (places % height).tolist())
     add = casadi.DM.triplet(
-        which.ravel().tolist(), list(range(which.size)), casadi.DM.ones(which.size), len(places), which.size
+        which.ravel().tolist(),
+        list(range(which.size)),
+        casadi.DM(np.broadcast_to(times, rows.shape).ravel()),
+        len(places),
+        which.size,
     )
     return casadi.MX(sparsity, casadi.mtimes(add, casadi.vec(entries)))

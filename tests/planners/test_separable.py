@@ -8,7 +8,7 @@ from hpop import registry
 from hpop.criteria import make_criterion
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.planners.driven_interval import CONTROLS, NODES, Forward, Interval
+from hpop.planners.driven_interval import NODES, Forward, Interval
 from hpop.planners.nlp import SparseWorld, moments, vector
 from hpop.planners.separable import Separable
 from hpop.problem import Problem
@@ -95,6 +95,16 @@ def test_a_place_may_depend_on_what_is_read_elsewhere():
     assert_same(by_parts(parts, x, p, point), as_a_whole(whole, x, p, point))
 
 
+def test_two_variables_of_a_part_may_be_one():
+    x, p = casadi.MX.sym("x", 3), casadi.MX.sym("p", 3, 1)
+    where = np.array([[0, 1, 2], [1, 1, 0], [2, 2, 2]])  # the second part has x1 twice, the third x2
+    parts = Separable.of(lambda z, _: [z[0] ** 2 * z[1] * casadi.exp(z[2])], where, x, p)
+    a, b, c = (x[places.tolist()] for places in where)
+    rng = np.random.default_rng(8)
+    point = rng.normal(size=3), np.zeros(3)
+    assert_same(by_parts(parts, x, p, point), as_a_whole([a**2 * b * casadi.exp(c)], x, p, point))
+
+
 def test_constants_and_zeros_are_values_too():
     x, p = casadi.MX.sym("x", 3), casadi.MX.sym("p", 3, 1)
     parts = Separable.of(lambda z, _: [casadi.vertcat(7.0, 0.0 * z), z], np.arange(3)[None], x, p)
@@ -119,15 +129,15 @@ def test_every_smooth_criterion_has_the_derivatives_of_whole_columns(name):
     world, model, criterion = random_world(rng), DifferentialDrive(), make_criterion(name)
     problem = Problem(world, model, (1, 1, 0), (2, 2, 0), ["length"])
     interval = Interval(problem, (criterion,), (WHOLE,), (0.25, 0.75))
-    nodes, own = len(NODES), len(CONTROLS) + 1
-    x, signs = casadi.MX.sym("x", nodes * (N + 1) + own * N), casadi.MX.sym("signs", N)
+    nodes = len(NODES)
+    x, signs = casadi.MX.sym("x", nodes * (N + 1) + N), casadi.MX.sym("signs", N)
     first = np.arange(nodes)[:, None] * (N + 1) + np.arange(N)
-    last = nodes * (N + 1) + np.arange(own)[:, None] * N + np.arange(N)
+    last = nodes * (N + 1) + np.arange(N)
     parts = Separable.of(interval.write, np.vstack([first, first + 1, last]), x, signs)
 
     start, end = (
         States(**{m: lift(x[(first[i] + k).tolist()], N) for i, m in enumerate(NODES)}, clock=lift(clock, N))
-        for k, clock in ((0, casadi.MX.zeros(N)), (1, x[last[-1].tolist()]))
+        for k, clock in ((0, casadi.MX.zeros(N)), (1, x[last.tolist()]))
     )
     motions = Motions(SparseWorld.of(world), model, Forward(sign=lift(signs, N)), start, end, panels=2)
     batches = moments(motions) if criterion.aggregate == "max" else [motions]
@@ -137,7 +147,6 @@ def test_every_smooth_criterion_has_the_derivatives_of_whole_columns(name):
             *(begin + np.cumsum(rng.uniform(0.1, 0.3, N + 1)) for begin in (3.0, 4.0)),
             np.cumsum(rng.uniform(0.05, 0.2, N + 1)),
             *rng.uniform(0.3, 0.9, (2, N + 1)),
-            *rng.normal(size=(2, N)),
             rng.uniform(0.2, 0.5, N),
         ]
     )

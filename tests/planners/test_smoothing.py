@@ -112,6 +112,15 @@ def test_the_robot_starts_and_ends_at_rest_and_keeps_its_limits(smoothed):
         assert s.speed.min() >= 0.0
 
 
+def test_every_interval_ends_where_its_speeds_lead(smoothed):
+    """Although the solver stops a thousandth before."""
+    for goes in smoothed[0].trajectories:
+        (index, motions), *others = goes.batches(BLOCK)
+        assert not others
+        assert len(index) == len(goes)
+        assert motions.law.strays(motions.start, motions.end).max() <= 2e-6
+
+
 def test_planned_costs_are_the_re_evaluated_ones_within_the_tolerance(smoothed):
     candidates, _ = smoothed
     again = trajectory_costs(candidates.objectives, candidates.trajectories, BLOCK)
@@ -211,6 +220,23 @@ def test_phases_follow_the_turns_of_the_polyline(poses, turning):
     guess = driven_guess.first_guess(way, structure, ROBOT)
     assert guess.nodes.shape == (5, 61)
     assert guess.nodes[2, -1] - guess.nodes[2, 0] == pytest.approx(driven_guess.rotations(way).sum())
+
+
+def test_only_what_stays_the_same_is_one_variable():
+    structure = Structure(2, True, False, 30)
+    of_nodes, of_lasts = structure.places
+    same = of_nodes[:, :-1] == of_nodes[:, 1:]  # a node and the next
+    straight = ~np.array(structure.turning)[structure.phase]
+    np.testing.assert_array_equal(same, np.outer([0, 0, 1, 0, 0], straight))
+    np.testing.assert_array_equal(np.diff(of_lasts) == 0, np.diff(structure.phase) == 0)
+    np.testing.assert_array_equal(np.unique([*of_nodes.ravel(), *of_lasts]), np.arange(of_lasts[-1] + 1))
+
+
+def test_what_the_solver_leaves_and_nothing_settles_is_no_trajectory(monkeypatch):
+    monkeypatch.setattr(driven_program, "settled", lambda *_: None)
+    corner = polyline((0, 0, 0), (4, 0, 0), (4, 4, math.pi / 2))
+    outcome = job(OPEN, "duration", goal=(4, 4, math.pi / 2)).solve(corner)
+    assert outcome.reason == "not converged (Limits_Not_Kept)"
 
 
 def test_many_turns_get_more_intervals_than_were_asked_for():
