@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock, Search
 
 MAGIC = b"hpop checkpoint\n"
-FORMAT = 3  # raise it when the file, or what a search means by one of its arrays, changes
+FORMAT = 4  # raise it when the file, or what a search means by one of its arrays, changes
 LENGTH = 8  # bytes of the header's length
 CHECKSUM = 32  # bytes
 MAX_HEADER = 2**20  # bytes

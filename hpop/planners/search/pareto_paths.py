@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 METHODS = ("auto", "staircase", "general")
 SMALL = 1024  # an index cost is small if some good path stays below it (others may dawdle where turns are free)
+SAMPLE = 10_000  # arcs that tell how many values a cost takes
 UNLIMITED = Budget()
 
 
@@ -211,8 +212,7 @@ class _Run:
                 self.method = "general"
         from hpop.planners.search.general import General
 
-        by_spread.sort(key=lambda j: bool(groups.dearest[:, j].any()))  # free of turns first
-        self.order = tuple(by_spread)
+        self.order = _free_first(self.graph, by_spread, groups)
         how = (groups, clock, self.precision, self.at_most)
         return General(self.graph, self.source, self.targets, h, self.order, *how)
 
@@ -299,6 +299,18 @@ def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
     ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the way best in i
     np.fill_diagonal(ratios, np.inf)
     return [int(j) for j in np.argsort(ratios.min(axis=0), kind="stable")]
+
+
+def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
+    """Where turns make groups, begin with a cost that they do not raise: then they are taken at once.
+
+    If there are several, with the sum that takes most values: it drops out of the sets of vectors, which are the
+    smaller the fewer values the others take. Proximity before the length took 0.6 to 1.2 of the time, and less memory.
+    """
+    free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
+    some = graph.costs[:SAMPLE]
+    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(np.unique(some[:, j]))))
+    return (*free, *(j for j in by_spread if j not in free))
 
 
 def _node(graph: Graph, node: Any, name: str) -> int:

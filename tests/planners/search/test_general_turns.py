@@ -77,6 +77,15 @@ def test_turns_taken_at_once_halve_the_labels_of_the_same_search(lattice, seed):
     assert 2 * labels < more
 
 
+def test_the_search_begins_with_the_sum_of_most_values_that_is_free_of_turns(lattice):
+    full = lattice(3, 6)
+    turn = full.costs[:, TURNS] > 0
+    many = np.random.default_rng(0).integers(0, 1000, full.arcs)
+    columns = [full.costs, many * ~turn, many // 10 * ~turn, np.where(turn, 500, many)]
+    graph = Graph.from_csr(full.indptr, full.heads, np.column_stack(columns), aggregates=[*["sum"] * 4, "max", "sum"])
+    assert pareto_paths(graph, 0, graph.nodes - 1).stats.order[:3] == (3, FREE, 4)  # the maximum last of those
+
+
 def test_a_stopped_search_has_part_of_the_front_and_misses_no_more_than_it_says(lattice):
     graph = dearer(lattice(3, 14), 23, free=True)
     exact = pareto_paths(graph, 0, graph.nodes - 2)
