@@ -45,7 +45,8 @@ DENSE = 0.03  # m: distance of the places at which a solution's clearance is che
 SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
-SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
+SUCCESS = ("Solve_Succeeded", FLAT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,6 +346,11 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
     "ipopt.tol": 3e-4,
     "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
+    # Or where the objective has not fallen by more than this in five steps: in a flat valley, or at a kink
+    "ipopt.acceptable_obj_change_tol": 1e-4,
+    "ipopt.acceptable_iter": 5,
+    "ipopt.acceptable_tol": 1e-2,
+    "ipopt.acceptable_constr_viol_tol": 1e-3,
     "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
     "calc_lam_p": False,
 }
@@ -353,8 +359,5 @@ _QUASI_NEWTON: dict[str, Any] = {
     "ipopt.hessian_approximation": "limited-memory",
     "ipopt.max_iter": 300,
     "ipopt.tol": 1e-3,
-    "ipopt.acceptable_tol": 1e-2,
-    "ipopt.acceptable_iter": 5,
-    "ipopt.acceptable_constr_viol_tol": 1e-3,
     "ipopt.acceptable_obj_change_tol": 1e-3,
 }

@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
+from hpop.planners.driven_program import FLAT
 from hpop.planners.nlp import require_ipopt
 from hpop.planners.outcome import Outcome
 from hpop.planners.smoothing_job import Smoothed, SmoothingJob
@@ -51,10 +52,10 @@ class Smoothing:
     others are refused by name. Guarantees that every candidate is free of collisions on the exact geometry, within the
     model's wheel speeds and accelerations, has no fewer turns than its polyline, can be deformed into it without
     crossing an obstacle, and costs at most 2 % more in each smooth criterion than the polyline, planned or executed,
-    whichever is more. Each is a local optimum for its sequence of turns. Costs with kinks at rest or at every change of
-    a control (energy, angular acceleration, optic flow) often do not converge, which is counted. Cost: a program is
-    built once a structure, in 80 to 200 ms, and solved in 50 to 250 ms; what collides between two samples is solved
-    again, once in two to eight polylines.
+    whichever is more. Each is a local optimum for its sequence of turns, or lies where the objective falls no more,
+    which is said. Costs with kinks at every change of a control (angular acceleration, peak optic flow) often do not
+    converge, which is counted. Cost: a program is built once a structure, in 80 to 200 ms, and solved in 50 to 200 ms; what
+    collides between two samples is solved again, once in two to eight polylines.
     """
 
     step: float = 0.25
@@ -159,6 +160,8 @@ class _Run:
         }
         kept = judged.kept
         names = ", ".join(criteria[j].name for j in job.smooth)
+        flat = sum(found[i].provenance["status"] == FLAT for i in kept)
+        nearly = f", {flat} of {kept.size} only nearly: the objective fell no more" if flat else ""
         return Candidates(
             objectives=criteria,
             trajectories=tuple(trajectories[i] for i in kept),
@@ -167,7 +170,7 @@ class _Run:
             status=status,
             certificate=(
                 f"smoothing: local optima in ({names}) for the turns and the homotopy class of their polylines"
-                f"{objectives.certificate}"
+                f"{nearly}{objectives.certificate}"
             ),
             provenance=tuple({**found[i].provenance, "warm_start": places[i]} for i in kept),
             notes=(*told, *judged.notes("smoothing"), *((RAMPS,) if kept.size else ())),

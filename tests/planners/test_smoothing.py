@@ -300,6 +300,28 @@ def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(
     assert outcome.found.planned == pytest.approx(exact.found.planned, rel=0.02)
 
 
+def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
+    solve = DrivenProgram.solve
+
+    def flat(program, *args, **options):
+        return dataclasses.replace(solve(program, *args, **options), status=driven_program.FLAT)
+
+    problem = dataclasses.replace(ROUND, criteria=("turns", "length"))
+    assert "nearly" not in Smoothing(step=1.0).solve(problem).certificate
+    monkeypatch.setattr(DrivenProgram, "solve", flat)
+    candidates = Smoothing(step=1.0).solve(problem)
+    count = len(candidates.trajectories)
+    assert f"{count} of {count} only nearly: the objective fell no more" in candidates.certificate
+
+
+def test_costs_with_a_kink_at_rest_end_too():
+    """Without second derivatives it would take more than twice as many solves."""
+    asked = job(BLOCK, "optic_flow", "length", start=(1, 2, 0), goal=(5, 2, 0))
+    outcome = asked.solve(polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0)))
+    assert outcome.reason == ""
+    assert outcome.counts["saved by quasi-Newton"] == 0
+
+
 def test_solutions_that_keep_colliding_are_dropped(monkeypatch):
     monkeypatch.setattr(trust, "is_free", lambda problem, trajectory: False)
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
