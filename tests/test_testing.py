@@ -291,6 +291,12 @@ def test_one_mistake_fails_one_check_where_it_can(criterion, claim):
     assert failed <= {claim, HALVES, CUT, GRADIENT}
 
 
+@pytest.mark.parametrize("criterion", [wrong for wrong, claim, _ in WRONG if claim == FINITE], ids=repr)
+def test_a_criterion_that_gives_no_costs_is_told_so_once(criterion):
+    """Every other check needs costs, and would say the same under a name that misleads."""
+    assert [check.claim for check in conformance(criterion)] == [FINITE]
+
+
 @pytest.mark.parametrize("name", [name for name, cls in criteria.items() if cls.__module__.startswith("hpop.")])
 def test_every_criterion_that_comes_with_hpop_passes(name):
     """With its defaults; other options and other worlds are in the criterion's own tests."""
@@ -303,7 +309,7 @@ def test_a_good_criterion_in_an_unusual_unit_passes():
 
 def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     claims = [check.claim for check in conformance(make_criterion("turns"))]
-    assert claims == [PICKLE, FINITE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES, CUT]
+    assert claims == [FINITE, PICKLE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES, CUT]
     assert [check.claim for check in conformance(make_criterion("length"))] == [
         *claims[:4],
         BOUND,
@@ -311,7 +317,7 @@ def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
         SYMBOLS,
         GRADIENT,
     ]
-    assert [check.claim for check in conformance(Memory())] == [PICKLE, FINITE, AGAIN, FRAME]
+    assert [check.claim for check in conformance(Memory())] == [FINITE, PICKLE, AGAIN, FRAME]
     check_criterion(Memory())
 
 
