@@ -30,8 +30,11 @@ MOST_NAMES = 12  # landmarks, and people, are named where there are no more
 Handle = Line2D | Patch
 
 
-def draw_content(axes: Axes, world: World, view: View) -> list[Handle]:
-    """Draw what a world's content has in view, but keep-out zones; returns the legend entries of what there is."""
+def draw_content(axes: Axes, world: World, view: View, *, names: bool = True) -> list[Handle]:
+    """Draw what a world's content has in view, but keep-out zones; returns the legend entries of what there is.
+
+    On a small map names would cover each other: leave them out.
+    """
     content = world.content
     shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)
     people = [person for person in content.people if shapely.intersects_xy(shown, person.x, person.y)]
@@ -39,7 +42,8 @@ def draw_content(axes: Axes, world: World, view: View) -> list[Handle]:
     zones = [zone for zone in content.zones if shown.intersects(zone.area)]
     talks = [[content.people[i] for i in group] for group in content.groups]
     side = max(view.width, view.height)
-    _draw_names(axes, people, landmarks, side)
+    if names:
+        _draw_names(axes, people, landmarks, side)
     return [
         *_draw_zones(axes, zones, side),
         *_draw_groups(axes, [talk for talk in talks if any(person in people for person in talk)]),

@@ -57,7 +57,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_patch(floor)
         draw_obstacles(axes, problem.world, ball_of(problem).z)
-        draw_content(axes, problem.world, view)
+        draw_content(axes, problem.world, view, names=False)
         _draw_rate(figure, axes, trace, place)
         axes.set_xlim(view.x_min, view.x_max)
         axes.set_ylim(view.y_min, view.y_max)

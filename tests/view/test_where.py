@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import hpop
 from hpop.view import draw_where
+from hpop.world.content import Landmark
 
 NAMES = ["obstruction", "turns", "length"]
 
@@ -71,3 +74,11 @@ def test_the_floor_is_white_where_all_beyond_the_map_is_obstacle():
     column, row = axes.transData.transform((2.0, 8.0)).astype(int)
     pixels = np.asarray(figure.canvas.buffer_rgba())
     assert pixels[pixels.shape[0] - row, column, :3].min() > 250
+
+
+def test_landmarks_are_drawn_without_the_names_that_would_cover_each_other(problem, trajectory):
+    side_by_side = [Landmark(3.0, 4.0, name="birds of paradise"), Landmark(3.5, 4.0, name="penguins")]
+    furnished = replace(problem, world=problem.world.with_content(landmarks=side_by_side))
+    for axes in maps(draw_where(furnished, trajectory)):
+        assert sum(line.get_gid() == "landmark" for line in axes.lines) == 2
+        assert {text.get_text() for text in axes.texts} == {"S", "G"}
