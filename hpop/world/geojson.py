@@ -115,7 +115,8 @@ def features(content: bytes, path: str | Path) -> Iterator[tuple[str, dict[str, 
     elif isinstance(kind, str) and kind in GEOMETRIES:
         found = [{"type": "Feature", "properties": {}, "geometry": data}]
     else:
-        raise MapError(f"{path} must hold a GeoJSON FeatureCollection, Feature or geometry; got type {shown(kind)}.")
+        got = f"type {shown(kind)}" if isinstance(data, dict) else shown(data)
+        raise MapError(f"{path} must hold a GeoJSON FeatureCollection, Feature or geometry; got {got}.")
     for number, feature in enumerate(found):
         if not isinstance(feature, dict):
             raise MapError(f"{path}: feature {number} must be an object; got {shown(feature)}.")

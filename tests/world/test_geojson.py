@@ -127,8 +127,8 @@ def test_a_third_coordinate_is_ignored(tmp_path):
     [
         ("{", "not JSON"),
         ("[" * 100_000, "not JSON"),
-        ("3", "must hold a GeoJSON"),
-        ('{"type": "Topology"}', "must hold a GeoJSON"),
+        ("3", "must hold a GeoJSON .*; got 3"),
+        ('{"type": "Topology"}', "must hold a GeoJSON .*; got type 'Topology'"),
         ('{"type": "FeatureCollection", "features": 3}', "list of features"),
         ('{"type": "FeatureCollection", "features": [3]}', "feature 0 must be an object"),
         ('{"type": "FeatureCollection", "features": []}', "no polygon"),
