@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
+from shlex import quote
 from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -136,8 +137,8 @@ def show(folder: Path) -> None:
     from hpop.problem import Problem
     from hpop.verify import verify
 
-    with _output_errors(f"cannot read {folder}", "give the folder that `hpop plan` wrote"):
-        path = folder / SAVED if folder.is_dir() else folder
+    path = folder / SAVED if folder.is_dir() else folder
+    with _output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
         front = Front.load(path)
     problem = Problem.from_description(front.problem or {})
     faults = verify(problem, front)
@@ -276,7 +277,7 @@ def _tidy(checkpoint: str, front: Front) -> None:
         with _output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
-        click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {checkpoint} to go on")
+        click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
 
 
 def _why_nothing(status: str) -> str:
@@ -329,6 +330,9 @@ def _draw(problem: Problem, front: Front, out: Path) -> list[str]:
         return [path.name for path in save_pictures(problem, front, out)]
     except Exception as error:
         raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error
+    except KeyboardInterrupt:
+        click.echo(f"the front is saved in {out / SAVED}, but the pictures are not", err=True)
+        raise
 
 
 def _criterion(spec: str) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -105,7 +106,7 @@ def print_front(
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
-    say(f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}; status: {front.status}")
+    say(f"{_count(front)}; status: {front.status}")
     say(f"certificate: {front.certificate}")
 
 
@@ -183,8 +184,12 @@ class StageLines:
         measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
         # Plain text: a live progress line on the terminal makes room for it.
         sys.stdout.write(
-            f"{perf_counter() - self._began:.2f} s  {planner}: {len(front):,} trajectories{measured}, {front.status}\n"
+            f"{perf_counter() - self._began:.2f} s  {planner}: {_count(front)}{measured}, {front.status}\n"
         )
+
+
+def _count(front: Front) -> str:
+    return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
 
 
 def print_contributions(
@@ -360,5 +365,6 @@ def _fields(cls: Any) -> str:
 
 
 def _first_line(cls: type) -> str:
-    """First paragraph of a docstring, on one line."""
-    return " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
+    """First paragraph of a docstring, on one line, without markup."""
+    text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
+    return re.sub(r":\w+:`|`", "", text)

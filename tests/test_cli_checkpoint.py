@@ -61,10 +61,10 @@ def front(folder: Path) -> tuple[object, ...]:
 @pytest.mark.parametrize("planner", ["lattice", "roadmap"])
 def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_goes(tmp_path, planner):
     options = {"lattice": {"step": 0.5}, "roadmap": {"samples": 80}}[planner]
-    file = tmp_path / "search.ckpt"
+    file = tmp_path / "my search.ckpt"
     stopped = plan(write(tmp_path, {planner: options | {"max_labels": 500}}), "part", "--checkpoint", file)
     assert "label limit" in stopped.stdout
-    assert f"plan again with --checkpoint {file} to go on" in " ".join(stopped.stdout.split())
+    assert f"plan again with --checkpoint '{file}' to go on" in " ".join(stopped.stdout.split())
     assert file.is_file()
     whole = write(tmp_path, {planner: options})
     assert "going on from" not in stopped.stdout

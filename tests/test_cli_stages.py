@@ -39,7 +39,9 @@ criteria: [obstruction, turns, length]
 planner:
   lattice: {step: 0.25}
 """
-LINE = re.compile(r"^(\d+\.\d\d) s  (\S+): ([\d,]+) trajectories, hypervolume (\d+\.\d{4}), (.*)$", re.MULTILINE)
+LINE = re.compile(
+    r"^(\d+\.\d\d) s  (\S+): ([\d,]+) traject(?:ory|ories), hypervolume (\d+\.\d{4}), (.*)$", re.MULTILINE
+)
 
 
 def slowly(last: Callable[[Candidates], Candidates]) -> Callable[..., Iterator[Candidates]]:
@@ -218,7 +220,9 @@ def test_hypervolumes_are_told_in_the_scale_of_the_first_front(capsys: pytest.Ca
     say = report.StageLines()
     for told in (front(), front((0, 2), (4, 0)), front((0, 2), (4, 0), (-4, 4)), front((-4, -2))):
         say(told)
-    said = LINE.findall(capsys.readouterr().out)
+    printed = capsys.readouterr().out
+    said = LINE.findall(printed)
+    assert re.findall(r"\d (traject\w+)", printed) == [*["trajectories"] * 3, "trajectory"]
     assert [volume for *_, volume, _ in said] == ["0.0000", "0.2100", "0.2100", "4.4100"]
     assert say.last is told
 

@@ -248,8 +248,8 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             optimised.append(stand_in)
     if not optimised:
         raise UnsupportedCriterion(
-            f"{planner_name} needs a criterion that adds up along edges; {', '.join(c.name for c in filters)} have "
-            "memory (aggregate 'trajectory'). Add one, such as 'length'."
+            f"{planner_name} needs a criterion that adds up along edges beside those with memory (aggregate "
+            f"'trajectory'): {', '.join(c.name for c in filters)}. Add one, such as 'length'."
         )
     names = [criterion.name for criterion in optimised]
     repeated = sorted({name for name in names if names.count(name) > 1})

@@ -205,7 +205,8 @@ class _Ended:
         notes = [f"rrt: {count} of {runs} runs {failure}" for failure, count in sorted(failed.items())]
         if sign_changes.size:
             least, most = int(sign_changes.min()), int(sign_changes.max())
-            notes.append(f"rrt: curvature changes its sign {least} to {most} times on the {sign_changes.size} found")
+            times = f"{least}" if least == most else f"{least} to {most}"
+            notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
         elif runs:
             notes.append("rrt found nothing, which does not mean that there is no path; take more runs or extensions")
         else:

@@ -146,7 +146,10 @@ def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> 
             "trajectories, in the world with them."
         )
     if len(objectives.optimised) > MAX_COSTS:
-        raise OptionError(f"the exact search takes at most {MAX_COSTS} costs, got {len(objectives.optimised)}")
+        names = [criterion.name for criterion in objectives.optimised]
+        raise OptionError(
+            f"the exact search takes at most {MAX_COSTS} costs, got {len(names)}: {', '.join(names)}; leave some out"
+        )
 
 
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:

@@ -92,6 +92,10 @@ def test_criteria_and_planners_are_listed_with_their_parameters(run: Callable[..
     assert max(map(len, listed.splitlines())) <= 80
 
 
+def test_lists_show_no_markup_of_docstrings(run: Callable[..., Result]) -> None:
+    assert "`" not in run("criteria").stdout + run("planners").stdout
+
+
 def python(*arguments: str, code: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

@@ -244,6 +244,20 @@ def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
     assert [path.name for path in (room / "out").iterdir()] == ["front.json"]  # no picture of an earlier front
 
 
+def test_an_interruption_while_drawing_says_where_the_front_is(
+    plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hpop.view, "save_pictures", interrupted)
+    result = plan(room)
+    assert result.exit_code == 130
+    saved = room / "out" / "front.json"
+    assert result.stderr == f"the front is saved in {saved}, but the pictures are not\nerror: interrupted\n"
+    assert len(Front.load(saved)) > 0
+
+
 @dataclass(frozen=True)
 class Stub:
     """A planner that is interrupted, or fails, before it finds anything."""
@@ -328,7 +342,7 @@ def test_seven_costs_are_more_than_the_exact_search_takes(
 
         registry.criteria._types[name] = Mood
     write(room, ("turns, length", ", ".join(names)))
-    refused(plan(room), 10, "at most 6 costs, got 7")
+    refused(plan(room), 10, f"at most 6 costs, got 7: {', '.join(names)}; leave some out")
 
 
 @pytest.mark.parametrize(("limit", "value"), [("time_limit", "1.0e-9"), ("max_memory", "1")])

@@ -93,7 +93,7 @@ def test_a_file_that_is_no_json_is_refused(
 
 
 def test_showing_what_is_not_there(run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path) -> None:
-    refused(run("show", tmp_path), 12, "No such file", "the folder that `hpop plan` wrote")
+    refused(run("show", tmp_path), 12, f"{tmp_path / 'front.json'}: No such file", "the folder that `hpop plan` wrote")
     refused(run("show", tmp_path / "gone"), 12, "No such file")
 
 

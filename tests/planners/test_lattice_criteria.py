@@ -76,7 +76,7 @@ class Negative(Fatigue):
 
 def test_criteria_with_memory_alone_are_refused_by_name():
     problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), [Fatigue()])
-    with pytest.raises(UnsupportedCriterion, match="fatigue have memory"):
+    with pytest.raises(UnsupportedCriterion, match=r"with memory .*: fatigue\."):
         solve(problem, step=0.5)
 
 
