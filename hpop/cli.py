@@ -148,7 +148,7 @@ def show(folder: Path) -> None:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
         raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
     report.print_front(problem, front, saved=path)
-    click.echo(f"verified: costs re-evaluated, ends and collisions checked for {len(front)} trajectories")
+    click.echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
 
 
 @main.command()

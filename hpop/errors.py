@@ -79,13 +79,16 @@ class OutputError(HpopError, OSError):
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Build the error that lists the known names and suggests the nearest.
+    """Build the error that lists the known names and suggests the nearest, or else where one's own come from.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))
     unknown criterion 'turn'; known: length, turns. Did you mean 'turns'?
+    >>> print(unknown_name("criterion", "glare", ["turns", "length"]))
+    unknown criterion 'glare'; known: length, turns. Import the module of one of your own first, or install its package.
     """
     names = sorted(known)
-    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)}")
+    way_out = did_you_mean(name, names) or " Import the module of one of your own first, or install its package."
+    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{way_out}")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

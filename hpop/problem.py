@@ -141,7 +141,8 @@ class Problem:
             candidates: Candidates | None = None
             try:
                 for now in self._candidates(chosen, progress, executor):
-                    candidates = joined(candidates, now)
+                    named = replace(now, stats={"planner": chosen.name, **now.stats})
+                    candidates = joined(candidates, named)
                     if stage is not None and now.status is Status.UNFINISHED and candidates.trajectories:
                         stage(_union(front, self.front(candidates)))
             except KeyboardInterrupt:

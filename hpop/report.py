@@ -101,12 +101,13 @@ def print_front(
         _print_wide(console, _executed_table(problem, front))
         console.print()
     for run in front.runs:
-        numbers = (_counted(key, value) for key, value in run.items() if isinstance(value, int | float))
-        say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
+        numbers = [_counted(key, value) for key, value in run.items() if isinstance(value, int | float)]
+        if numbers:
+            say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
-    say(f"{_count(front)}; status: {front.status}")
+    say(f"{how_many(front)}; status: {front.status}")
     say(f"certificate: {front.certificate}")
 
 
@@ -184,11 +185,12 @@ class StageLines:
         measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
         # Plain text: a live progress line on the terminal makes room for it.
         sys.stdout.write(
-            f"{perf_counter() - self._began:.2f} s  {planner}: {_count(front)}{measured}, {front.status}\n"
+            f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}\n"
         )
 
 
-def _count(front: Front) -> str:
+def how_many(front: Front) -> str:
+    """The number of trajectories, in words."""
     return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
 
 

@@ -63,6 +63,7 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
     assert len(problem.solve(planner=straight())) == 0  # the block is in the way
     round_it = problem.solve(planner=straight(via=((5, 6),)))
     assert "NOT VALID" not in round_it.certificate
+    assert round_it.runs[0]["planner"] == "docs_straight"
     assert round_it.best("length").costs["turns"] == 2
     with pytest.raises(hpop.errors.OptionError, match="via"):
         straight(via=(1,))

@@ -156,10 +156,10 @@ def test_an_empty_front_prints_its_notes_and_its_status() -> None:
 
 
 def test_names_from_a_file_are_printed_as_they_are() -> None:
-    text = printed(front_of([[1.0]], names=("[/red]",), runs=[{"notes": ["[bold]"], "planner": "[/x]"}]))
+    text = printed(front_of([[1.0]], names=("[/red]",), runs=[{"notes": ["[bold]"], "planner": "[/x]", "tried": 1}]))
     assert "[/red]" in text
     assert "note: [bold]" in text
-    assert "[/x]: " in text
+    assert "[/x]: tried 1" in text
 
 
 @pytest.mark.parametrize(
@@ -232,6 +232,13 @@ def test_a_point_found_again_is_the_merit_of_the_first() -> None:
     """Of equal points the front keeps the one whose provenance comes first in the alphabet: here the second's."""
     early, late = by("z", [[1.0, 1.0], [9.0, 0.0]]), by("a", [[1.0, 1.0], [0.0, 5.0]])
     assert [row.points for row in contributions(["z", "a"], [early, early | late])] == [2, 1]
+
+
+def test_a_run_that_counted_nothing_has_no_line_of_counts() -> None:
+    runs = [{"notes": [], "planner": "silent"}, {"notes": [], "planner": "busy", "programs": 2}]
+    text = printed(front_of([], runs=runs))
+    assert "busy: programs 2" in text
+    assert "silent" not in text
 
 
 def test_a_planner_that_runs_twice_is_told_apart() -> None:

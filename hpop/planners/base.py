@@ -40,7 +40,7 @@ class Candidates:
     provenance    one JSON-able dict a trajectory
     notes         what the user should know: a snapped goal, an objective that stands in for another, what blocks the
                   way
-    stats         counts and seconds
+    stats         counts and seconds by name, JSON-able, which `hpop plan` prints
     """
 
     objectives: tuple[Criterion, ...]
