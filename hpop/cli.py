@@ -164,7 +164,7 @@ def check(criterion: str) -> None:
         faults += bool(result.fault)
         click.echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
     if faults:
-        raise CriterionError(f"criterion {made.name!r} fails {faults} checks")
+        raise CriterionError(f"criterion {made.name!r} fails {faults} check{'s' * (faults > 1)}")
 
 
 @main.command()

@@ -39,7 +39,8 @@ class Document:
             self.values = yaml.load(text, Loader=yaml.CSafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            self._refuse(mark.line + 1 if mark else None, f"not plain YAML: {error.problem}")
+            tab = "; indent with spaces, not tabs" if "\t" in text else ""
+            self._refuse(mark.line + 1 if mark else None, f"not plain YAML: {error.problem}{tab}")
         except yaml.YAMLError as error:
             self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):

@@ -53,7 +53,7 @@ def test_a_missing_key_is_placed_at_the_nearest_one_above_it(tmp_path: Path) -> 
         ("a: 1\n? {b: 1}\n: 3\n", 2, "a list or keys"),
         ("a: 1\n<<: {b: 1}\n", 2, "'<<'"),
         ("a: [1, 2\n", 2, "not plain YAML"),
-        ("a:\n\tb: 1\n", 2, "not plain YAML"),
+        ("a:\n\tb: 1\n", 2, "; indent with spaces, not tabs"),
         ("a: 1\n---\nb: 1\n", 2, "not plain YAML"),
         ("a: 010\n", 1, "'010'"),
         ("a: 1\nb: [2, 1:30]\n", 2, "'1:30'"),

@@ -54,7 +54,7 @@ def test_a_criterion_with_negative_costs_fails_by_name(
 ) -> None:
     (here / "bad_plugin.py").write_text(PLUGIN.format(name="gain", cost="-m.base.length"))
     result = run("check", "bad_plugin:Mine")
-    refused(result, 8, "criterion 'gain' fails")
+    refused(result, 8, "criterion 'gain' fails 1 check")
     assert "must cost a finite number >= 0" in result.stdout
 
 
