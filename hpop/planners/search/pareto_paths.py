@@ -142,7 +142,10 @@ def pareto_paths(
         status = run.go(clock)
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    return run.result(clock, status)
+    try:
+        return run.result(clock, status)
+    except KeyboardInterrupt:  # a second one: what was found is worth more than to know how much is missing
+        return run.result(clock, Status.INTERRUPTED, proven=False)
 
 
 class _Run:
@@ -241,7 +244,8 @@ class _Run:
                 )
         return min(fit, key=lambda j: int(reach[j])) if fit else -1
 
-    def result(self, clock: Clock, status: Status) -> ParetoPaths:
+    def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
+        """What was found; ``proven`` says that the gap is, which takes seconds where millions of labels are open."""
         k = self.graph.criteria
         costs = np.zeros((0, k), np.int64)
         paths: tuple[IntArray, ...] = ()
@@ -258,9 +262,9 @@ class _Run:
         costs.setflags(write=False)
         gap = self.precision.eps
         if not status.is_final:
-            gap = (
-                math.inf if self.search is None else max(gap, proven_gap(found[:, :k], self.search.estimates()[:, :k]))
-            )
+            gap = math.inf
+            if proven and self.search is not None:
+                gap = max(self.precision.eps, proven_gap(found[:, :k], self.search.estimates()[:, :k]))
         stats = SearchStats(
             self.method,
             self.order,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -275,6 +277,25 @@ def test_ctrl_c_leaves_the_front_so_far(method):
     assert paths.status is Status.INTERRUPTED
     assert paths.stats.labels_generated > 0
     assert next(p.stage for p in seen if p.stage != "compiling") == "bounds"
+
+
+@pytest.mark.parametrize("method", ["staircase", "general"])
+def test_ctrl_c_while_the_gap_is_proven_keeps_what_was_found(method, monkeypatch):
+    """With millions of open labels that takes seconds, in which a user who waits asks again."""
+    graph = hard(60)
+    asked = {"method": method, "budget": Budget(max_labels=50_000)}
+    whole = pareto_paths(graph, 0, 60, **asked)
+    assert whole.status is Status.LABEL_LIMIT
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules[pareto_paths.__module__], "proven_gap", interrupted)
+    kept = pareto_paths(graph, 0, 60, **asked)
+    assert len(kept) > 0
+    assert kept.costs.tolist() == whole.costs.tolist()
+    assert (kept.status, kept.gap) == (Status.INTERRUPTED, np.inf)
+    check_paths(graph, kept, 0, {60})
 
 
 def test_progress_tells_open_labels_and_memory():
