@@ -113,14 +113,15 @@ def written(value: float, unit: str, counts: bool) -> str:
 
 
 def quantities(front: Front) -> tuple[Quantity, ...]:
-    """List the criteria of a front, then what is reported beside them."""
+    """List the criteria of a front, then what is reported beside them; a cost below half its quantum counts as 0."""
+    costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
         Quantity(name, unit, values, counts)
         for name, unit, values, counts in zip(
             front.names + front.reported_names,
             front.units + front.reported_units,
-            np.hstack([front.costs, front.reported]).T,
+            np.hstack([costs, front.reported]).T,
             whole + [False] * len(front.reported_names),
             strict=True,
         )
