@@ -13,6 +13,7 @@ truth, which is still a lower bound. (Memory is most of the time: a layer of m30
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +83,7 @@ def turn_hull(
     """
     alike = bool(groups.alike[list(columns)].all())
     turns = groups.dearest if alike else groups.turns
-    room -= 4 * LANES * (2 * len(nodes) + len(arcs) + len(turns))  # while the layers are swept
+    room -= 4 * LANES * (3 * len(nodes) + len(arcs) + len(turns))  # while the layers are swept
     most = min(MOST_LAYERS, min(room, ROOM) // (len(nodes) * (2 * LANES + 1)))
     order = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
     if order is None:
@@ -97,24 +98,29 @@ def turn_hull(
     before = np.where(is_target[:, None], np.int32(0), np.int32(FAR)).repeat(LANES, axis=1)
     now = before.copy()
     clock.call(sweep_moves, now, order, onward, move, moved[0])
-    clock.call(keep, now, nodes, weights, layers[0])
-    least = np.array([enough[0] * weights[0, 0], enough[1] * weights[1, 1]])
+    least = np.empty_like(now)
+    clock.call(price_least, nodes, weights, least)
+    clock.prepare(keep, now, least, layers[0])
+    near = np.array([enough[0] * weights[0, 0], enough[1] * weights[1, 1]])
     last = 1
-    while last < most - 1 and (now[source, :2] > least).any():
-        before, now = now, before
-        clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
-        sweep_moves(now, order, onward, move, moved[last])
-        keep(now, nodes, weights, layers[last])
-        last += 1
-        if clock.exceeded(0, 0, record=False) is not None:
-            return None
+    with ThreadPoolExecutor(1) as beside:  # a layer is kept while the next one is swept
+        kept = beside.submit(keep, now, least, layers[0])
+        while last < most - 1 and (now[source, :2] > near).any():
+            before, now = now, before
+            clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
+            sweep_moves(now, order, onward, move, moved[last])
+            kept.result()
+            kept = beside.submit(keep, now, least, layers[last])
+            last += 1
+            if clock.exceeded(0, 0, record=False) is not None:
+                return None
     better = True
     while better:
         better = sweep_turns(now, now, groups.rows, alike, turn, scratch)
         better |= sweep_moves(now, order, onward, move, moved[last])
         if clock.exceeded(0, 0, record=False) is not None:
             return None
-    keep(now, nodes, weights, layers[last])
+    keep(now, least, layers[last])
     passed = np.zeros(len(nodes), np.uint8)
     tables = (nodes, start, arcs, groups.rows, alike, turn, weights)
     clock.call(mark_ways, layers[:last], moved, *tables, source, passed)
@@ -136,13 +142,21 @@ def price(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: Int
 
 
 @lean
-def keep(now: IntLanes, nodes: NDArray[Any], weights: FloatArray, steps: Steps) -> None:
+def price_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
+    """Weigh the least rests of nodes into `out` (n, LANES), rounded up."""
+    for v in range(np.uint64(len(nodes))):
+        for k in range(LANES):
+            least = weights[k, 0] * nodes[v, H_FIRST] + weights[k, 1] * nodes[v, H_REST]
+            out[v, k] = np.int32(min(float(FAR), np.ceil(least * UP)))
+
+
+@lean
+def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
     """Write the steps (n, LANES) by which weighted rests exceed the weighted least rests."""
     for v in range(np.uint64(len(now))):
         for k in range(LANES):
-            least = weights[k, 0] * nodes[v, H_FIRST] + weights[k, 1] * nodes[v, H_REST]
-            more = np.int64(max(0.0, now[v, k] - least * UP))
-            steps[v, k] = min(np.int64(MOST_STEPS), more >> STEP_BITS)
+            more = max(np.int32(0), np.int32(now[v, k] - least[v, k]))
+            steps[v, k] = np.uint16(min(np.int32(MOST_STEPS), np.int32(more >> STEP_BITS)))
 
 
 @lean
