@@ -19,7 +19,6 @@ Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -33,7 +32,6 @@ from hpop.planners.search.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
-PARTS = 4  # of the nodes, that are checked side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,17 +75,20 @@ class Groups:
     def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """The groups that the turns of a column make; None where they make none."""
         group = np.empty(graph.nodes, np.int64)
-        worst = np.array([how == "max" for how in graph.aggregates])
         tables = (graph.indptr, graph.heads, graph.costs)
         count, step, turns = clock.call(number_groups, *tables, column, group)
-        if step == 0 or not _no_dearer_than_two(tables, column, worst, clock):
+        if step == 0:
             return None
         nodes = np.argsort(group, kind="stable") if (np.diff(group) < 0).any() else np.arange(graph.nodes)
         rows = np.zeros((count, GROUP_COLUMNS), np.int64)
         rows[:, SIZE] = np.bincount(group, minlength=count)
         rows[1:, OFFSET] = np.cumsum(rows[:-1, SIZE])
         rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
-        return cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
+        groups = cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
+        worst = np.array([how == "max" for how in graph.aggregates])
+        if not clock.call(no_dearer_than_two, rows, groups.turns, groups.alike, worst):
+            return None
+        return groups
 
     @classmethod
     def none(cls, graph: Graph, clock: Clock) -> Self:
@@ -113,16 +114,6 @@ class Groups:
             turns = np.zeros((int((rows[:, SIZE] ** 2).sum()), graph.criteria), np.int64)
             clock.call(tell_turns, *tables, turns)
         return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
-
-
-def _no_dearer_than_two(tables: Any, column: int, worst: NDArray[np.bool_], clock: Clock) -> bool:
-    """Whether no turn costs more than two turns on the same way; parts of the nodes side by side."""
-    nodes = len(tables[0]) - 1
-    cuts = np.linspace(0, nodes, PARTS + 1).astype(np.int64).tolist()
-    clock.prepare(one_or_two, *tables, column, worst, 0, nodes)
-    with ThreadPoolExecutor() as threads:
-        parts = threads.map(lambda i: one_or_two(*tables, column, worst, cuts[i], cuts[i + 1]), range(PARTS))
-        return all(parts)
 
 
 @kernel
@@ -161,50 +152,6 @@ def number_groups(
             return 0, 0, 0
         turns += found - 1
     return count, step, turns
-
-
-@kernel
-def one_or_two(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
-    costs: IntArray,
-    index: int,
-    worst: NDArray[np.bool_],
-    first: int,
-    last: int,
-) -> bool:
-    """Whether no turn of the nodes from first to last costs more than two turns on the same way, in groups."""
-    n, k = len(indptr) - 1, costs.shape[1]
-    by = np.zeros(n, np.int64)
-    for u in range(first, last):
-        one = -1
-        alike = True
-        for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
-            if costs[a, index] == 0 or v == u:
-                continue
-            by[v] = a
-            if one >= 0:
-                for j in range(k):
-                    alike = alike and costs[a, j] == costs[one, j]
-            one = a
-        if alike:  # then two turns cost no less than one
-            continue
-        for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
-            if costs[a, index] == 0 or v == u:
-                continue
-            for b in range(indptr[v], indptr[v + 1]):
-                w = heads[b]
-                if costs[b, index] == 0 or w == v:
-                    continue
-                if w == u:
-                    continue
-                for j in range(k):
-                    two = max(costs[a, j], costs[b, j]) if worst[j] else costs[a, j] + costs[b, j]
-                    if costs[by[w], j] > two:
-                        return False
-    return True
 
 
 @kernel
@@ -265,3 +212,22 @@ def tell_turns(
             for a in range(indptr[u], indptr[u + 1]):
                 if costs[a, column] > 0 and heads[a] != u:
                     turns[rows[g, TURNS] + (p - offset) * size + place[heads[a]] - offset] = costs[a]
+
+
+@kernel
+def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
+    """Whether no turn costs more than two turns on the same way; where all are alike, two cost no less than one."""
+    dearer = False
+    for j in range(len(alike)):
+        if alike[j]:
+            continue
+        for g in range(len(rows)):
+            size = rows[g, SIZE]
+            for u in range(size):
+                ahead = rows[g, TURNS] + u * size
+                for v in range(size):
+                    one, after = turns[ahead + v, j], rows[g, TURNS] + v * size
+                    for w in range(size):
+                        more = turns[after + w, j]
+                        dearer |= turns[ahead + w, j] > (max(one, more) if worst[j] else one + more)
+    return not dearer

@@ -237,7 +237,9 @@ class _Run:
         with Sweep(solve_weight, self.data, executor, chunk=chunk) as sweep:
             rounds = self._adaptive(units) if given is None else self._given(given, ranges, units)
             for tasks in rounds:
-                bounded = [self._task(w, min(_dot(w, y) for y in self.found)) for w in tasks]
+                known = list(self.found)
+                nearest = (np.array(known, float) @ np.array(tasks, float).reshape(-1, k).T).argmin(axis=0)
+                bounded = [self._task(w, _dot(w, known[i])) for w, i in zip(tasks, nearest, strict=True)]
                 results: dict[int, IntArray] = {}
                 try:
                     for i, arcs in sweep.run(bounded, self._late):
