@@ -8,6 +8,7 @@ those of :mod:`hpop.errors`.
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ from functools import wraps
 from pathlib import Path
 from shlex import quote
 from tempfile import TemporaryFile, mkdtemp
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
@@ -109,7 +111,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
             click.echo(f"going on from {checkpoint}")
-    with _executor(workers, dask) as executor:
+    with _executor(workers, dask) as executor, _stopping_told():
         fronts, first = _solved(loaded, out, executor)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
@@ -196,6 +198,29 @@ def _output_errors(what: str, way_out: str) -> Iterator[None]:
         raise OutputError(str(error)) from None
     except OSError as error:
         raise OutputError(f"{what}: {error.strerror or error}; {way_out}") from None
+
+
+@contextmanager
+def _stopping_told() -> Iterator[None]:
+    """Answer a first Ctrl-C at once: to keep what millions of labels have found takes seconds."""
+    told: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not told:
+            os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")  # no lock of a stream
+        told.append(number)
+        signal.default_int_handler(number, frame)
+
+    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is signal.default_int_handler]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []
+    for number in numbers:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.default_int_handler)
 
 
 @contextmanager

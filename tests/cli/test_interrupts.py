@@ -55,6 +55,8 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(tmp_path: Path) -> None:
         assert b"search" in seen
         assert b" MB" in seen
         process.send_signal(signal.SIGINT)
+        until(ours, rb"stopping: what was found is kept", 5)
+        assert process.poll() is None  # told before it is done
         output, _ = process.communicate(timeout=60)
     finally:
         process.kill()
@@ -91,6 +93,7 @@ def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(tmp_pa
         process.kill()
         process.wait()
     assert process.returncode == 130, errors
+    assert "stopping: what was found is kept" in errors
     assert "status: interrupted" in output
     assert "plan again with --checkpoint search.ckpt to go on" in output
     front = Front.load(tmp_path / "out" / "front.json")
