@@ -100,6 +100,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     gc.set_threshold(OBJECTS)
     from hpop import report
+    from hpop.planners.base import sweeps
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
@@ -107,6 +108,9 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
         raise click.UsageError("give --workers or --dask, not both")
     loaded = load_scenario(scenario)
     _check_writable(out)
+    if (workers or dask) and not any(map(sweeps, loaded.planners)):
+        names = ", ".join(planner.name for planner in loaded.planners)
+        click.echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
     if checkpoint is not None:
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():

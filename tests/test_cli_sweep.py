@@ -77,6 +77,12 @@ def test_a_dask_scheduler_may_be_named(scenario: Path) -> None:
     assert points(scenario, "one") == points(scenario, "dask")
 
 
+def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None:
+    assert "no planner here sweeps" not in plan(scenario, "out", "--workers", "2").output
+    scenario.write_text(SCENARIO.replace("weighted-sum: {step: 0.5}", "any-angle: {step: 0.5}").split("  - epsilon")[0])
+    assert "no planner here sweeps (any-angle, lattice)" in plan(scenario, "out", "--workers", "2").output
+
+
 @pytest.mark.parametrize("workers", [(), ("--workers", "2")])
 @pytest.mark.parametrize(("stage", "least"), [("weights", 2), ("epsilon-constraint", 2)])
 def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
