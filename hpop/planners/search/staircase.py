@@ -182,17 +182,9 @@ class Staircase(Search):
         if self.hull and self.cornered < self.counters[N_FRONT]:
             self._take_corners(clock)
         groups = self.groups
-        tables = (
-            self.nodes,
-            self.start,
-            self.arcs,
-            self.heads,
-            self.group_table,
-            groups.rows,
-            groups.dearest,
-            groups.turns,
-        )
-        graph = (*tables, self.source, self.order[0], self.order[2])
+        tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
+        columns = (self.order[0], self.order[2])
+        graph = (*tables, groups.rows, groups.dearest, groups.turns, self.source, *columns)
         code = clock.call(
             advance,
             self.counters,
