@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +38,30 @@ def front_by_closure(graph: Graph, source: int, targets: set[int]) -> list[Vecto
     return sorted(nondominated(set().union(*(sets[t] for t in targets))))
 
 
+def all_walks(graph: Graph, source: int, bounds: Sequence[int | None]) -> set[tuple[int, Vector]]:
+    """End and costs of every walk within bounds, by brute force; it ends if every loop raises a bounded sum."""
+    seen = {(source, (0,) * graph.criteria)}
+    waiting = list(seen)
+    while waiting:
+        node, g = waiting.pop()
+        for a in range(graph.indptr[node], graph.indptr[node + 1]):
+            columns = zip(g, graph.costs[a].tolist(), graph.aggregates, strict=True)
+            longer = int(graph.heads[a]), tuple(max(x, c) if how == "max" else x + c for x, c, how in columns)
+            within = all(b is None or x <= b for x, b in zip(longer[1], bounds, strict=True))
+            if within and longer not in seen:
+                seen.add(longer)
+                waiting.append(longer)
+    return seen
+
+
 @pytest.fixture(scope="session")
 def closure() -> Callable[[Graph, int, set[int]], list[Vector]]:
     return front_by_closure
+
+
+@pytest.fixture(scope="session")
+def walks_within() -> Callable[[Graph, int, Sequence[int | None]], set[tuple[int, Vector]]]:
+    return all_walks
 
 
 def random_lattice(seed: int, width: int = 5, turn_rest: int = 1) -> Graph:

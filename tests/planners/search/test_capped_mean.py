@@ -23,18 +23,9 @@ S, T = 0, 1  # columns of the integral and the duration in all graphs here
 Vector = tuple[Fraction | int, ...]
 
 
-def all_walks(graph: Graph, source: int, targets: set[int], cap: int) -> set[Vector]:
+def means(walks_within, graph: Graph, source: int, targets: set[int], cap: int) -> set[Vector]:
     """(S/T, other costs) of every walk with T <= cap, by brute force; loops take time here, so it ends."""
-    seen = {(source, (0,) * graph.criteria)}
-    waiting = list(seen)
-    while waiting:
-        node, g = waiting.pop()
-        for a in range(graph.indptr[node], graph.indptr[node + 1]):
-            columns = zip(g, graph.costs[a].tolist(), graph.aggregates, strict=True)
-            longer = int(graph.heads[a]), tuple(max(x, c) if how == "max" else x + c for x, c, how in columns)
-            if longer[1][T] <= cap and longer not in seen:
-                seen.add(longer)
-                waiting.append(longer)
+    seen = walks_within(graph, source, [cap if j == T else None for j in range(graph.criteria)])
     return {(Fraction(g[S], max(1, g[T])), *g[2:]) for node, g in seen if node in targets}
 
 
@@ -87,10 +78,10 @@ def queries(draw, instant=False):
 
 @FAST
 @given(queries())
-def test_the_front_equals_brute_force_over_all_walks_under_the_cap(query):
+def test_the_front_equals_brute_force_over_all_walks_under_the_cap(walks_within, query):
     graph, source, targets, cap = query
     paths = search(graph, source, targets, cap)
-    expected = nondominated(all_walks(graph, source, targets, cap))
+    expected = nondominated(means(walks_within, graph, source, targets, cap))
     assert sorted(vectors(paths)) == sorted(expected)
     assert paths.status is (Status.COMPLETE if expected else Status.NO_PATH)
     check(graph, paths, source, targets, cap)
@@ -98,10 +89,10 @@ def test_the_front_equals_brute_force_over_all_walks_under_the_cap(query):
 
 @FAST
 @given(queries(instant=True))
-def test_arcs_that_take_no_time_are_taken(query):
+def test_arcs_that_take_no_time_are_taken(walks_within, query):
     graph, source, targets, cap = query
     paths = search(graph, source, targets, cap)
-    assert sorted(vectors(paths)) == sorted(nondominated(all_walks(graph, source, targets, cap)))
+    assert sorted(vectors(paths)) == sorted(nondominated(means(walks_within, graph, source, targets, cap)))
     check(graph, paths, source, targets, cap)
 
 
@@ -117,11 +108,11 @@ def dense(seed: int, others: int) -> tuple[Graph, int]:
 
 
 @pytest.mark.parametrize("others", [0, 1, 2])
-def test_dense_graphs_equal_brute_force(others):
+def test_dense_graphs_equal_brute_force(walks_within, others):
     for seed in range(150):
         graph, cap = dense(seed, others)
         paths = search(graph, 0, {4}, cap)
-        assert sorted(vectors(paths)) == sorted(nondominated(all_walks(graph, 0, {4}, cap)))
+        assert sorted(vectors(paths)) == sorted(nondominated(means(walks_within, graph, 0, {4}, cap)))
         check(graph, paths, 0, {4}, cap)
 
 
@@ -136,7 +127,7 @@ def with_times(full: Graph, step: int = 2) -> Graph:
 
 @pytest.mark.parametrize("columns", [(0, 1), (0, 1, 2), (0, 1, 3), (0, 1, 2, 3)])
 @pytest.mark.parametrize("seed", range(4))
-def test_lattices_equal_brute_force(lattice, seed, columns):
+def test_lattices_equal_brute_force(walks_within, lattice, seed, columns):
     full = with_times(lattice(seed, 3))
     graph = Graph.from_csr(full.indptr, full.heads, full.costs[:, columns])
     source, targets = 0, {graph.nodes - 1, graph.nodes - 4}
@@ -144,7 +135,7 @@ def test_lattices_equal_brute_force(lattice, seed, columns):
     assert durations.size
     cap = int(1.4 * durations.min())
     paths = search(graph, source, targets, cap)
-    assert sorted(vectors(paths)) == sorted(nondominated(all_walks(graph, source, targets, cap)))
+    assert sorted(vectors(paths)) == sorted(nondominated(means(walks_within, graph, source, targets, cap)))
     check(graph, paths, source, targets, cap)
 
 

@@ -19,22 +19,6 @@ Vector = tuple[Fraction | int, ...]
 FAST = settings(max_examples=200, deadline=None, derandomize=True)
 
 
-def all_walks(graph: Graph, source: int, bounds: Bounds) -> set[tuple[int, tuple[int, ...]]]:
-    """End and costs of every walk within bounds, by brute force; it ends if every loop raises a bounded sum."""
-    seen = {(source, (0,) * graph.criteria)}
-    waiting = list(seen)
-    while waiting:
-        node, g = waiting.pop()
-        for a in range(graph.indptr[node], graph.indptr[node + 1]):
-            columns = zip(g, graph.costs[a].tolist(), graph.aggregates, strict=True)
-            longer = int(graph.heads[a]), tuple(max(x, c) if how == "max" else x + c for x, c, how in columns)
-            within = all(b is None or x <= b for x, b in zip(longer[1], bounds, strict=True))
-            if within and longer not in seen:
-                seen.add(longer)
-                waiting.append(longer)
-    return seen
-
-
 def front(walks: set[tuple[int, tuple[int, ...]]], targets: set[int]) -> list[Vector]:
     """The non-dominated (S/T, other costs), sorted."""
     kept: list[Vector] = []
@@ -72,9 +56,9 @@ def queries(draw):
 
 @FAST
 @given(queries())
-def test_the_front_equals_brute_force_over_all_walks_within_the_bounds(query):
+def test_the_front_equals_brute_force_over_all_walks_within_the_bounds(walks_within, query):
     graph, source, targets, at_most = query
-    walks = all_walks(graph, source, at_most)
+    walks = walks_within(graph, source, at_most)
     paths = search(graph, source, targets, at_most)
     expected = front(walks, targets)
     assert vectors(paths) == expected
@@ -86,9 +70,9 @@ def test_the_front_equals_brute_force_over_all_walks_within_the_bounds(query):
 
 @FAST
 @given(queries(), st.integers(0, 9))
-def test_a_cap_and_bounds_hold_together(query, cap):
+def test_a_cap_and_bounds_hold_together(walks_within, query, cap):
     graph, source, targets, at_most = query
-    expected = front(all_walks(graph, source, [None, cap, *at_most[2:]]), targets)
+    expected = front(walks_within(graph, source, [None, cap, *at_most[2:]]), targets)
     paths = search(graph, source, targets, at_most, cap)
     assert vectors(paths) == expected
     assert paths.cap == cap
@@ -96,7 +80,7 @@ def test_a_cap_and_bounds_hold_together(query, cap):
 
 @pytest.mark.parametrize(("length", "turns"), [(1.0, 5), (1.2, 4), (1.4, 3), (1.3, 5)])
 @pytest.mark.parametrize("seed", range(4))
-def test_lattices_equal_brute_force(lattice, seed, length, turns):
+def test_lattices_equal_brute_force(lattice, walks_within, seed, length, turns):
     full = lattice(seed, 3)
     tails = np.repeat(np.arange(full.nodes), np.diff(full.indptr))
     rate, turned, far = full.costs.T
@@ -107,7 +91,7 @@ def test_lattices_equal_brute_force(lattice, seed, length, turns):
     least = pareto_paths(graph, 0, sorted(targets)).costs[:, 3].min()
     at_most = [None, None, turns, int(length * least)]
     paths = search(graph, 0, targets, at_most)
-    assert vectors(paths) == front(all_walks(graph, 0, at_most), targets)
+    assert vectors(paths) == front(walks_within(graph, 0, at_most), targets)
     assert paths.cap == 4 * turns + 2 * int(length * least)
 
 
