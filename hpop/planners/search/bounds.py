@@ -2,15 +2,15 @@
 
 h_j(v) is the least cost j of any path from v to a target: Dijkstra for a sum, bottleneck Dijkstra for a
 maximum. It is exact a cost, so consistent: h(u) <= c(u, v) + h(v), and h(u) <= max(c(u, v), h(v)).
-Where turns make groups (:mod:`.turns`) whose turns are alike, only the first node of a group that is reached
-turns: later ones are farther from the target and could not improve the others.
+Where turns make groups (:mod:`.turns`) no path needs two turns in a row, so a node whose way on begins with a turn is
+not turned to. Where all turns of a group are alike, only the node of it that is reached first is: later ones are
+farther from the target and could not improve the others.
 Source: Mandow and Perez de la Cruz, "Multiobjective A* search with consistent heuristics", JACM 2010
 (the ideal-point heuristic of Tung and Chew 1992). Parallel arcs need no care: each is relaxed.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.kernels import kernel
+from hpop.planners.search.kernels import kernel, lean
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.status import Status
 
 UNREACHABLE = np.int64(2**62)
+PILES = 63  # costs have up to 62 bits
 
 
 @kernel
@@ -49,12 +50,38 @@ def reverse(
     return first[: n + 1], tails, weights
 
 
+@lean
+def bits(x: int) -> int:
+    """Bits of a number that is not negative; without the second one a double holds the number's size exactly."""
+    return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
+
+
+@lean
+def enter(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Put a node on top of a pile."""
+    top = tops[pile]
+    above[v], below[v] = -1, top
+    if top >= 0:
+        above[top] = v
+    tops[pile] = v
+
+
+@lean
+def leave(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Take a node out of its pile."""
+    if above[v] >= 0:
+        below[above[v]] = below[v]
+    else:
+        tops[pile] = below[v]
+    if below[v] >= 0:
+        above[below[v]] = above[v]
+
+
 @kernel
 def cost_to_go(
     start: IntArray,
     tails: NDArray[np.int32],
     weights: IntArray,
-    column: int,
     is_max: bool,
     group: IntArray,
     rows: IntArray,
@@ -65,87 +92,71 @@ def cost_to_go(
     out: IntArray,
     parent: NDArray[np.int32],
 ) -> None:
-    """Search backward from the targets in one cost; out and parent (n,) receive cost and next node."""
+    """Search backward from the targets in one cost; out and parent (n,) receive cost and next node.
+
+    Open nodes lie in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has those whose cost differs from
+    the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty d becomes the least cost
+    of the next pile, which is dealt anew.
+    """
     n = len(start) - 1
-    capacity = 1024
-    keys = np.empty(capacity, np.int64)
-    nodes = np.empty(capacity, np.int64)
     turned = np.zeros(len(rows), np.uint8)
-    size = 0
+    turning = np.zeros(n, np.uint8)  # whether the way on begins with a turn
+    tops = np.full(PILES, -1)
+    above = np.empty(n, np.int32)
+    below = np.empty(n, np.int32)
+    d = np.int64(0)
     for v in range(n):
         out[v] = UNREACHABLE
         parent[v] = -1
-    for t in targets:
-        out[t] = 0
-        if size == capacity:
-            keys = np.concatenate((keys, np.empty_like(keys)))
-            nodes = np.concatenate((nodes, np.empty_like(nodes)))
-            capacity *= 2
-        keys[size] = 0
-        nodes[size] = t
-        size += 1
-    while size > 0:
-        d = keys[0]
-        v = nodes[0]
-        # The last entry takes the place of the first and sinks (no calls here: numba would count references).
-        size -= 1
-        sinking, its = keys[size], nodes[size]
-        i = 0
-        while True:
-            child = 4 * i + 1
-            if child >= size:
-                break
-            least = keys[child]
-            best = child
-            for j in range(child + 1, min(child + 4, size)):
-                if keys[j] < least:
-                    least = keys[j]
-                    best = j
-            if least >= sinking:
-                break
-            keys[i] = least
-            nodes[i] = nodes[best]
-            i = best
-        keys[i] = sinking
-        nodes[i] = its
-        if d > out[v]:
-            continue
+    for v in targets:
+        if out[v] > 0:
+            out[v] = 0
+            enter(v, 0, tops, above, below)
+    while True:
+        if tops[0] < 0:
+            pile = 1
+            while pile < PILES and tops[pile] < 0:
+                pile += 1
+            if pile == PILES:
+                return
+            top = tops[pile]
+            tops[pile] = -1
+            d = out[top]
+            v = below[top]
+            while v >= 0:
+                d = min(d, out[v])
+                v = below[v]
+            v = top
+            while v >= 0:
+                following = below[v]
+                enter(v, bits(out[v] ^ d), tops, above, below)
+                v = following
+        v = tops[0]
+        leave(v, 0, tops, above, below)
         g = group[v]
         offset, members = rows[g, OFFSET], rows[g, SIZE]
-        if members > 1 and alike:
-            members = members if turned[g] == 0 else 1
-            turned[g] = 1
         entering = start[v + 1] - start[v]
-        more = entering + (members if members > 1 else 0)
-        while size + more > capacity:
-            keys = np.concatenate((keys, np.empty_like(keys)))
-            nodes = np.concatenate((nodes, np.empty_like(nodes)))
-            capacity *= 2
+        more = entering
+        if members > 1 and turning[v] == 0 and not (alike and turned[g]):
+            more += members
+            turned[g] = 1
         for i in range(more):
+            a = start[v] + i
+            u = np.int64(tails[a]) if i < entering else offset + i - entering
+            if out[u] <= d:
+                continue
             if i < entering:
-                a = start[v] + i
-                u = np.int64(tails[a])
                 w = weights[a]
             else:
-                u = offset + i - entering
-                if u == v:
-                    continue
-                w = dearest[g, column] if alike else turns[rows[g, TURNS] + (u - offset) * members + v - offset, column]
+                w = dearest[g] if alike else turns[rows[g, TURNS] + (u - offset) * members + v - offset]
             far = max(d, w) if is_max else d + w
             if far < out[u]:
+                if out[u] < UNREACHABLE:
+                    leave(u, bits(out[u] ^ d), tops, above, below)
                 out[u] = far
                 parent[u] = v
-                at = size
-                size += 1
-                while at > 0:
-                    above = (at - 1) >> 2
-                    if keys[above] <= far:
-                        break
-                    keys[at] = keys[above]
-                    nodes[at] = nodes[above]
-                    at = above
-                keys[at] = far
-                nodes[at] = u
+                turning[u] = i >= entering
+                enter(u, bits(far ^ d), tops, above, below)
 
 
 @kernel
@@ -197,18 +208,17 @@ def lower_bounds(
     h = np.empty((k, n), np.int64)
     parents = np.empty((k, n), np.int32)
     memory = begin.nbytes + tails.nbytes + weights.nbytes + h.nbytes + parents.nbytes + group.nbytes
+    dearest = np.ascontiguousarray(groups.dearest.T)
     ends = groups.place[targets]
     status = clock.exceeded(0, memory)
     if status is not None:
         return h, np.zeros((0, k), np.int64), status
 
     def arguments(j: int) -> tuple[Any, ...]:
-        how = (j, bool(is_max[j]), group, groups.rows, groups.dearest, bool(groups.alike[j]), groups.turns)
-        return (begin, tails, weights[j], *how, ends, h[j], parents[j])
+        turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
+        return (begin, tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j])
 
-    clock.prepare(cost_to_go, *arguments(0))
-    with ThreadPoolExecutor() as threads:
-        list(threads.map(lambda j: cost_to_go(*arguments(j)), range(k)))
+    clock.call_all(cost_to_go, [arguments(j) for j in range(k)])
     samples = []
     for j in range(k):
         onward = parents[j]

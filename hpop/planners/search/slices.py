@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
 from time import perf_counter
@@ -72,6 +73,12 @@ class Clock:
         """Call a kernel; report and measure its compilation first."""
         self.prepare(compiled, *arguments)
         return compiled(*arguments)
+
+    def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """Call a kernel with each of some lists of arguments, all of the same types, on all cores."""
+        self.prepare(compiled, *calls[0])
+        with ThreadPoolExecutor() as threads:  # kernels run without Python's lock
+            return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
         """Return the limit that is passed, or None; ``record`` says that the memory is taken, not only wanted."""

@@ -242,8 +242,8 @@ def advance(
                 turn_rest = np.int64(groups[group, DEAREST])
                 if not alike:
                     price = rows[group, TURNS] + slot * slots + slot + u - v
-                    turn_first = turns[price, first]
-                    turn_rest = turns[price, rest] if rest >= 0 else np.int64(0)
+                    turn_first = turns[first, price]
+                    turn_rest = turns[rest, price] if rest >= 0 else np.int64(0)
                 u0 = max(g0, turn_first, nodes[u, H_FIRST]) if max_first else g0 + turn_first
                 ud = max(d, turn_rest, nodes[u, H_REST]) if max_rest else d + turn_rest
                 if stairs[(above + slot + u - v) & BELOW] <= ud:

@@ -42,7 +42,7 @@ def costs_by_turns(
     turns = (
         groups.rows,
         groups.dearest[:, column],
-        np.ascontiguousarray(groups.turns[:, column]),
+        groups.turns[column],
         bool(groups.alike[column]),
     )
     clock.call(sweep, nodes, start, arcs, *turns, is_target, order, far, layers)

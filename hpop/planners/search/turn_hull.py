@@ -82,8 +82,8 @@ def turn_hull(
     chains, where so few layers have room (bytes) that they bound little, or when the time is up.
     """
     alike = bool(groups.alike[list(columns)].all())
-    turns = groups.dearest if alike else groups.turns
-    room -= 4 * LANES * (3 * len(nodes) + len(arcs) + len(turns))  # while the layers are swept
+    turns = groups.dearest.T if alike else groups.turns
+    room -= 4 * LANES * (3 * len(nodes) + len(arcs) + turns.shape[1])  # while the layers are swept
     most = min(MOST_LAYERS, min(room, ROOM) // (len(nodes) * (2 * LANES + 1)))
     order = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
     if order is None:
@@ -91,7 +91,7 @@ def turn_hull(
     places = start[order]
     onward = arcs[places, HEAD].astype(np.int64)
     move = _priced(arcs[places, FIRST], arcs[places, REST], weights, clock)
-    turn = _priced(turns[:, columns[0]], turns[:, columns[1]], weights, clock)
+    turn = _priced(turns[columns[0]], turns[columns[1]], weights, clock)
     layers = np.empty((most, len(nodes), LANES), np.uint16)
     moved = np.zeros((most, len(nodes)), np.uint8)
     scratch = np.empty(LANES, np.int32)

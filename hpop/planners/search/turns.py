@@ -32,6 +32,7 @@ from hpop.planners.search.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
+PARTS = 8  # of the groups, told and checked side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Groups:
     rows      (g, 3)    first node, number of nodes, where the turns of each group begin in ``turns``
     dearest   (g, k)    costs of the dearest turn of each group
     alike     (k,)      whether all turns of a group cost the same
-    turns     (t, k)    costs of turns, one a pair of places (from, to) of a group; none where all are alike
+    turns     (k, t)    costs of turns, one a pair of places (from, to) of a group; none where all are alike
     start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
     heads     (m,)      where they lead
     origin    (m,)      which arcs of the graph they are
@@ -86,9 +87,8 @@ class Groups:
         rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
         groups = cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
         worst = np.array([how == "max" for how in graph.aggregates])
-        if not clock.call(no_dearer_than_two, rows, groups.turns, groups.alike, worst):
-            return None
-        return groups
+        checks = [(part, groups.turns, groups.alike, worst) for part in _parts(rows)]
+        return groups if all(clock.call_all(no_dearer_than_two, checks)) else None
 
     @classmethod
     def none(cls, graph: Graph, clock: Clock) -> Self:
@@ -109,11 +109,15 @@ class Groups:
         alike = np.ones(graph.criteria, np.bool_)
         tables = (graph.indptr, graph.heads, graph.costs, column, nodes, place, rows)
         m = clock.call(part_arcs, *tables, start, heads, origin, dearest, alike)
-        turns = np.zeros((0, graph.criteria), np.int64)
+        turns = np.zeros((graph.criteria, 0), np.int64)
         if not alike.all():
-            turns = np.zeros((int((rows[:, SIZE] ** 2).sum()), graph.criteria), np.int64)
-            clock.call(tell_turns, *tables, turns)
+            turns = np.zeros((graph.criteria, int((rows[:, SIZE] ** 2).sum())), np.int64)
+            clock.call_all(tell_turns, [(*tables[:-1], part, turns) for part in _parts(rows)])
         return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
+
+
+def _parts(rows: IntArray) -> list[IntArray]:
+    return np.array_split(rows, PARTS)
 
 
 @kernel
@@ -204,14 +208,14 @@ def tell_turns(
     rows: IntArray,
     turns: IntArray,
 ) -> None:
-    """Fill in the costs of turns (t, k)."""
+    """Fill in the costs of turns (k, t)."""
     for g in range(len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]
         for p in range(offset, offset + size):
             u = nodes[p]
             for a in range(indptr[u], indptr[u + 1]):
                 if costs[a, column] > 0 and heads[a] != u:
-                    turns[rows[g, TURNS] + (p - offset) * size + place[heads[a]] - offset] = costs[a]
+                    turns[:, rows[g, TURNS] + (p - offset) * size + place[heads[a]] - offset] = costs[a]
 
 
 @kernel
@@ -226,8 +230,8 @@ def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_]
             for u in range(size):
                 ahead = rows[g, TURNS] + u * size
                 for v in range(size):
-                    one, after = turns[ahead + v, j], rows[g, TURNS] + v * size
+                    one, after = turns[j, ahead + v], rows[g, TURNS] + v * size
                     for w in range(size):
-                        more = turns[after + w, j]
-                        dearer |= turns[ahead + w, j] > (max(one, more) if worst[j] else one + more)
+                        more = turns[j, after + w]
+                        dearer |= turns[j, ahead + w] > (max(one, more) if worst[j] else one + more)
     return not dearer

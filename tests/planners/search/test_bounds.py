@@ -9,6 +9,7 @@ from hpop.planners.search import Graph
 from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
 from hpop.planners.search.moa_star import ideal_cost_to_go
 from hpop.planners.search.slices import Clock
+from hpop.planners.search.turns import Groups
 from hpop.status import Budget, Status
 
 
@@ -32,6 +33,30 @@ def test_bounds_are_the_scalar_optima(seed):
         if len(samples):
             assert samples[j, j] == h[j, 3]
             assert (samples[:, j] >= h[j, 3]).all()
+
+
+@pytest.mark.parametrize("how", ["sum", "max"])
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
+    """Turns of unlike prices (metric, as groups ask), and plain arcs inside groups as well as between them."""
+    rng = np.random.default_rng(seed)
+    cells, size, plain = 12, 5, 90
+    tails, heads = rng.integers(0, cells * size, (2, plain))
+    heads[::3] = tails[::3] // size * size + rng.integers(0, size, len(tails[::3]))
+    moves = np.c_[rng.integers(0, 40, plain), np.zeros(plain, int), rng.integers(0, 3, plain)]
+    place, other = np.nonzero(~np.eye(size, dtype=bool))
+    corner = np.arange(cells).repeat(len(place)) * size
+    place, other = corner + np.tile(place, cells), corner + np.tile(other, cells)
+    price = rng.integers(5, 11, len(corner)) if how == "sum" else np.full(len(corner), 7)
+    turns = np.c_[price, np.ones(len(corner), int), np.full(len(corner), 2)]
+    arcs = (np.r_[tails, place], np.r_[heads, other], np.r_[moves, turns])
+    graph = Graph.from_arcs(cells * size, *arcs, aggregates=[how, "sum", "sum"])
+    groups = Groups.of_column(graph, 1, Clock(Budget(), None))
+    assert groups is not None
+    h, _, _ = lower_bounds(graph, 0, np.array([7, 8]), Clock(Budget(), None), groups)
+    for j in range(3):
+        expected = ideal_cost_to_go(graph, {7, 8}, j)
+        assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(graph.nodes)]
 
 
 def test_parallel_arcs_do_not_add_up():

@@ -84,5 +84,5 @@ def test_turns_that_differ_are_told_pair_by_pair():
     groups = groups_of(clique([], {(0, 1): 2}))
     assert groups is not None
     assert groups.alike.tolist() == [False, True, True]
-    assert groups.turns[:9, 0].reshape(3, 3).tolist() == [[0, 2, 1], [1, 0, 1], [1, 1, 0]]
+    assert groups.turns[0, :9].reshape(3, 3).tolist() == [[0, 2, 1], [1, 0, 1], [1, 1, 0]]
     assert groups.dearest[0].tolist() == [2, 1, 0]
