@@ -1,14 +1,17 @@
 """Sweeps: many small jobs over the same data, on any ``concurrent.futures.Executor`` or none.
 
 Serial, process pools and Dask (``Client.get_executor()``) give the same results. What a job needs beside its own
-task is shipped once: workers on this machine map one file into their memory, each elsewhere asks for it and gets it
-with the job. A worker that dies loses only what it was at: that is done again, in this process.
+task is shipped once: workers on this machine map one file into their memory. One elsewhere asks for it and gets it with
+a job; what it could not do meanwhile waits for that. A worker that dies loses only what it was at: that is done again,
+in this process.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import pickle
+import platform
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
@@ -36,14 +39,17 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 POLL = 0.1  # s between two looks at whether to stop
+SHARE = 8  # one message has at most one in so many of the tasks not sent yet, so that workers end together
 CONNECT = 10  # s to wait for a scheduler
 ALIGNED = 64  # bytes: arrays begin at multiples, as compiled code wants them
 
 _held: dict[str, Any] = {}  # in a worker: the data of the sweep it works for
 
 
-def _work(key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any]) -> Any:
-    """Do some tasks in a worker: a list of results, or None where the shared data did not come and are not here."""
+def _work(
+    key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any]
+) -> tuple[str, list[R] | None]:
+    """Do some tasks in a worker: its name, and results, or None where the shared data did not come and are not here."""
     shared = _held.get(key)
     if shared is None:
         if payload is not None:
@@ -52,10 +58,14 @@ def _work(key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], 
             try:
                 shared = _mapped(Path(file))
             except OSError:
-                return None
+                return _name(), None
         _held.clear()
         _held[key] = shared
-    return [job(shared, task) for task in tasks]
+    return _name(), [job(shared, task) for task in tasks]
+
+
+def _name() -> str:
+    return f"{platform.node()} {os.getpid()}"
 
 
 def _write(shared: Any, file: Path) -> None:
@@ -93,7 +103,7 @@ class Sweep(Generic[S, T, R]):
     job       a function of a module that workers can import; its results depend on its arguments alone
     shared    what all tasks need, not None; picklable, as tasks and results are
     executor  any; None runs the tasks here, one after the other
-    chunk     tasks sent together: some tenths of a second of work hide the cost of sending
+    chunk     most tasks sent together: some tenths of a second of work hide the cost of sending
     notes     what went wrong with the executor, for the user
 
     >>> with Sweep(pow, 2) as sweep:
@@ -136,38 +146,50 @@ class Sweep(Generic[S, T, R]):
     def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
         """Results that the executor brings; the places of those that it does not are added to ``lost``."""
         pending: dict[Future[Any], range] = {}
+        supplies: dict[Future[Any], str] = {}  # those of them that bring the shared data, and who asked for these
+        waiting: list[range] = []  # for the data to arrive
 
-        def send(places: range, payload: bytes | None = None) -> None:
-            future = self._submit([tasks[i] for i in places], payload)
+        def send(places: range, worker: str | None = None) -> None:
+            future = self._submit([tasks[i] for i in places], with_shared=worker is not None)
             if future is None:
                 lost.extend(places)
-            else:
-                pending[future] = places
+                return
+            pending[future] = places
+            if worker is not None:
+                supplies[future] = worker
 
         try:
-            for begin in range(0, len(tasks), self.chunk):
-                send(range(begin, min(begin + self.chunk, len(tasks))))
+            sent = 0
+            while sent < len(tasks):
+                more = max(1, min(self.chunk, (len(tasks) - sent) // SHARE))
+                send(range(sent, sent + more))
+                sent += more
             while pending and not stop():
                 done, _ = wait(pending, timeout=POLL, return_when=FIRST_COMPLETED)
                 for future in done:
                     places = pending.pop(future)
+                    if supplies.pop(future, None) is not None:
+                        for others in waiting:
+                            send(others)
+                        waiting.clear()
                     try:
-                        results = future.result()
+                        worker, results = future.result()
                     except (Exception, CancelledError) as error:
                         self._failed(error)
                         lost.extend(places)
                         continue
-                    if results is None:
-                        self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
-                        send(places, self._payload)
-                    else:
+                    if results is not None:
                         yield from zip(places, results, strict=True)
+                    elif worker in supplies.values():
+                        waiting.append(places)
+                    else:
+                        send(places, worker)
         finally:
             for future in pending:
                 future.cancel()
         lost.sort()
 
-    def _submit(self, tasks: list[T], payload: bytes | None) -> Future[Any] | None:
+    def _submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
         """Hand tasks to the executor; None if it takes no more."""
         if self.executor is None:
             return None
@@ -175,6 +197,9 @@ class Sweep(Generic[S, T, R]):
             self._folder = TemporaryDirectory(prefix="hpop-sweep-", ignore_cleanup_errors=True)
             _write(self.shared, Path(self._folder.name) / self._key)
         file = str(Path(self._folder.name) / self._key)
+        if with_shared:
+            self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
+        payload = self._payload if with_shared else None
         try:
             return self.executor.submit(_work, self._key, file, payload, self.job, tasks)
         except Exception as error:  # whatever an executor that is shut down, broken or out of reach raises
