@@ -78,38 +78,56 @@ def compare(a: IntArray, b: IntArray) -> int:
 
 
 @kernel
-def reduced_costs(
-    indptr: IntArray, heads: NDArray[np.int32], costs: IntArray, h: IntArray, unreachable: int
-) -> tuple[IntArray, IntArray, IntArray, IntArray, NDArray[np.float64]]:
-    """Arcs that lead on, with their costs less what they gain on the bounds h (k, n) of the cost-to-go.
+def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
+    """Offsets (n + 1,) of the arcs that lead on: to where the bound (n,) of a cost-to-go is not unreachable."""
+    start = np.zeros(len(indptr), np.int64)
+    for u in range(len(indptr) - 1):
+        start[u + 1] = start[u]
+        for a in range(indptr[u], indptr[u + 1]):
+            start[u + 1] += bound[heads[a]] < unreachable
+    return start
 
-    Returns offsets (n + 1,), places (m,) of the arcs among all, c(u, v) + h(v) - h(u) (m, k), the largest of these
-    (k,), and what no path without cycles exceeds (k,).
+
+@kernel
+def reduce_costs(
+    nodes: tuple[int, int],
+    graph: tuple[IntArray, NDArray[np.int32], IntArray],
+    h: IntArray,
+    unreachable: int,
+    start: IntArray,
+    place: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+) -> tuple[IntArray, NDArray[np.float64]]:
+    """Fill in the arcs that lead on from some nodes, with their costs less what they gain on the bounds h (k, n).
+
+    nodes the first and one past the last; start (n + 1,) of :func:`arcs_onward`. Arrays (m,), (m,) and (m, k) receive
+    places in the graph, heads and c(u, v) + h(v) - h(u). Returns the largest of these (k,), and what no path without
+    cycles exceeds in these nodes (k,).
     """
-    n, k = len(indptr) - 1, len(h)
-    start = np.zeros(n + 1, np.int64)
-    place = np.empty(len(heads), np.int64)
-    kept = np.empty((len(heads), k), np.int64)
+    indptr, all_heads, all_costs = graph
+    k = len(h)
     largest = np.zeros(k, np.int64)
     bound = np.zeros(k, np.float64)
-    size = 0
-    for u in range(n):
-        first = size
+    most = np.empty(k, np.int64)
+    for u in range(nodes[0], nodes[1]):
+        most[:] = 0
+        i = start[u]
         for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
-            if h[0, v] < unreachable:
-                place[size] = a
-                for j in range(k):
-                    kept[size, j] = costs[a, j] + h[j, v] - h[j, u]
-                size += 1
+            v = all_heads[a]
+            if h[0, v] >= unreachable:
+                continue
+            place[i] = a
+            heads[i] = v
+            for j in range(k):
+                cost = all_costs[a, j] + h[j, v] - h[j, u]
+                costs[i, j] = cost
+                most[j] = max(most[j], cost)
+            i += 1
         for j in range(k):
-            most = np.int64(0)
-            for i in range(first, size):
-                most = max(most, kept[i, j])
-            largest[j] = max(largest[j], most)
-            bound[j] += most
-        start[u + 1] = size
-    return start, place[:size], kept[:size], largest, bound
+            largest[j] = max(largest[j], most[j])
+            bound[j] += most[j]
+    return largest, bound
 
 
 @kernel
