@@ -46,7 +46,7 @@ def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None
             return
     covered = math.inf
     if part is not None and planner.eps < COARSE:
-        coarse = query.exact("lattice", purse.budget(query.build_seconds), progress, eps=COARSE)
+        coarse = query.exact("lattice", purse.budget(query.build_seconds), progress, eps=COARSE, stage=True)
         covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
         yield purse.paid(_unfinished(replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance))))

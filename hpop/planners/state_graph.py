@@ -38,6 +38,7 @@ BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for ar
 MAX_COSTS = 6
 TIE_TURNS = 2**18  # more turns than any path makes
 COARSE = 0.01
+SHARE = "this stage's share of the time"
 TURNS = "turns"  # the criterion that ``max_turns`` bounds
 
 
@@ -210,12 +211,14 @@ class GraphQuery:
         tolerance: Mapping[str, float] | None = None,
         checkpoint: CheckpointSpec | None = None,
         covered: float = math.inf,
+        stage: bool = False,
     ) -> Candidates:
         """All non-dominated paths as the candidates of the planner ``name``, or some within ``eps`` of them all.
 
         Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
         in the units of the costs that it names. ``checkpoint``: as in :func:`pareto_paths`. ``covered``: points at hand
-        already, of an earlier stage, cover every optimal vector within the factor 1 + covered.
+        already, of an earlier stage, cover every optimal vector within the factor 1 + covered. ``stage``: before the
+        last, so that the budget's time is a share and not a limit that anybody has set.
         """
         counts = tolerance_counts(self.objectives, tolerance or {})
 
@@ -245,7 +248,8 @@ class GraphQuery:
             each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
             each = f"points are within {factor} of optimal" if factor else each
             each = each if len(paths) else "the search itself found none"
-            claim = f"incomplete ({paths.status}): {each} on {where}, others are missing{missing(gap, tolerance or {})}"
+            ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
+            claim = f"incomplete ({ended}): {each} on {where}, others are missing{missing(gap, tolerance or {})}"
         elif factor:
             claim = (
                 f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "

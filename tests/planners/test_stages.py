@@ -25,7 +25,7 @@ from hpop.planners.nearby import DIAGONAL, STRAIGHT, nearby
 from hpop.planners.state_graph import GraphQuery
 from hpop.planners.trust import judge
 from hpop.problem import Problem
-from hpop.status import Progress, Status
+from hpop.status import Budget, Progress, Status
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
 WORLD = hpop.World.from_polygons(WALLS, extent=shapely.box(0, 0, 7, 5))
@@ -172,6 +172,15 @@ def test_the_coarse_stage_keeps_its_promise() -> None:
     *_, coarse, last = found(problem())
     allowed = (1 + lattice_stages.COARSE) * last.planned[:, None] + 1e-9
     assert (coarse.planned[None] <= allowed).all(axis=2).any(axis=1).all()
+
+
+@pytest.mark.usefixtures("large")
+def test_a_stage_that_has_spent_its_share_speaks_of_no_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user who set none would look for it."""
+    monkeypatch.setattr(lattice_stages._Purse, "budget", lambda purse, seconds: Budget(1e-9))
+    coarse = found(problem())[-2]
+    assert coarse.certificate.startswith("lattice: incomplete (this stage's share of the time): ")
+    assert "time limit" not in coarse.certificate
 
 
 @pytest.mark.usefixtures("large")
