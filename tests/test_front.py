@@ -127,6 +127,21 @@ def test_a_copy_takes_the_map_beside_it_unless_that_changed_and_the_first_one_di
         rebuilt(copy / "out" / "front.json")
 
 
+def test_a_front_whose_map_is_nowhere_names_both_places_for_it(tour: Path) -> None:
+    moved = tour.parent / "far" / "out" / "front.json"
+    moved.parent.mkdir(parents=True)
+    (tour / "out" / "front.json").rename(moved)
+    (tour / "hall.map").rename(tour / "away.map")
+    with pytest.raises(MapError, match="the map of this front is at neither") as error:
+        rebuilt(moved)
+    places = [tour / "hall.map", tour.parent / "far" / "hall.map"]
+    assert all(repr(str(place)) in str(error.value) for place in places)
+    for place in places:
+        shutil.copy(tour / "away.map", place)
+        assert rebuilt(moved).world.describe()["path"] == str(place)
+        place.unlink()
+
+
 def test_a_front_with_whole_paths_alone_is_read(tour: Path) -> None:
     path = tour / "out" / "front.json"
     saved = json.loads(path.read_text())

@@ -94,17 +94,20 @@ def seen_from(folder: str, description: Any) -> Any:
 def found_from(folder: str, description: Any) -> Any:
     """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
 
-    Where they have changed, and those at the whole paths have not, these are.
+    Where they have changed, and those at the whole paths have not, these are. Where one is at neither place, the
+    description goes on saying where the folder would see it, by whole paths.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
         return description
     described = {key: value for key, value in description.items() if key != "relative"}
-    found = described
+    found, seen = described, {}
     for key, path in _paths(described).items():
-        there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
+        seen[key] = there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
         if os.path.isfile(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
             found = {**found, **({key: there} if key == "path" else {"options": {**found["options"], key: there}})}
+    if not all(map(os.path.exists, _paths(found).values())):
+        return {**found, "relative": seen}
     others = found is not described and all(map(os.path.exists, _paths(described).values()))
     return described if others and not _unchanged(found) and _unchanged(described) else found
 
@@ -144,7 +147,11 @@ def _from_files(description: Mapping[str, Any], kind: str) -> World:
     options = dict(description["options"])
     from hpop.world.readers import read_world
 
-    world = read_world(kind, description["path"], **options)
+    try:
+        world = read_world(kind, description["path"], **options)
+    except MapError:
+        _refuse_lost(description)
+        raise
     hashes = None if world.source is None else list(world.source["sha256"])
     if hashes != list(description["sha256"]):
         raise MapError(
@@ -152,6 +159,22 @@ def _from_files(description: Mapping[str, Any], kind: str) -> World:
             "the file, or plan again on the new map."
         )
     return world
+
+
+def _refuse_lost(description: Mapping[str, Any]) -> None:
+    """Raise MapError for a file that is at neither of the places where a saved front looks for it."""
+    beside = description.get("relative")
+    seen = beside if isinstance(beside, Mapping) else {}
+    for key, path in _paths(description).items():
+        there = str(seen.get(key))
+        if os.path.isabs(there) and not os.path.exists(path):
+            what = "the map of this front" if key == "path" else f"the {key} of this front's map"
+            if there == path:
+                raise MapError(f"{what} is no longer at {path!r}. Put it back there, unchanged.")
+            raise MapError(
+                f"{what} is at neither of the places where it is looked for: {path!r}, where it was, and {there!r}, "
+                "where the front would see it had they been moved together. Put it in one of them, unchanged."
+            )
 
 
 def _from_geometry(data: Mapping[str, Any]) -> World:
