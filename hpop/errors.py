@@ -91,11 +91,11 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
     return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{way_out}")
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: object, known: Iterable[str]) -> str:
     """Ask whether the nearest known name was meant; nothing where none is near.
 
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')
     """
-    near = difflib.get_close_matches(name, list(known), n=1)
+    near = difflib.get_close_matches(str(name), list(known), n=1)
     return f" Did you mean {near[0]!r}?" if near else ""

@@ -17,7 +17,7 @@ from importlib.metadata import entry_points
 from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 
-from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, unknown_name
+from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, did_you_mean, unknown_name
 
 T = TypeVar("T", bound=Callable[..., Any])
 
@@ -129,7 +129,7 @@ def made(registry: Registry[type], spec: Any) -> Any:
     if strange:
         raise error(
             f"{kind} {name!r} has no {registry.parameter} {', '.join(map(repr, strange))}; "
-            f"it has {', '.join(known) or 'none'}"
+            f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(name, known) for name in strange)
         )
     try:
         return cls(**(parameters or {}))

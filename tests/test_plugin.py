@@ -156,6 +156,7 @@ def faulty(path, *, what="nothing"):
         ({}, "reader 'faulty' must return a World, got NoneType"),
         ({"what": "error"}, "reader 'faulty' cannot read 'a.txt': KeyError: 'walls'"),
         ({"wat": 1}, r"reader 'faulty' takes \(path, \*, what='nothing'\); got an unexpected keyword argument 'wat'"),
+        ({"wat": 1}, r"argument 'wat'\. Did you mean 'what'\?"),
     ],
 )
 def test_a_reader_that_fails_is_named(monkeypatch, options, message):

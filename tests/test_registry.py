@@ -159,6 +159,7 @@ def test_a_model_is_made_of_its_name_and_parameters():
         (None, ModelError, "one name"),
         ({"differential_drive": [1]}, ModelError, "parameters"),
         ({"differential_drive": {"wings": 2}}, ModelError, "no parameter 'wings'; it has radius"),
+        ({"differential_drive": {"raduis": 2}}, ModelError, "no parameter 'raduis'; .* Did you mean 'radius'"),
         ({"diferential_drive": {}}, UnknownName, "Did you mean 'differential_drive'"),
     ],
 )

@@ -15,7 +15,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
-from hpop.errors import OptionError
+from hpop.errors import OptionError, did_you_mean
 from hpop.motions import States
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import exceeds
@@ -66,9 +66,12 @@ class Roles:
     def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
         """Bounds (k,) from bounds by name; raises OptionError for a name that is not there and what cannot be kept."""
         names = [criterion.name for criterion in self.criteria]
-        unknown = sorted(set(epsilon) - set(names))
+        unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:
-            raise OptionError(f"epsilon bounds {', '.join(unknown)}, but the objectives are {', '.join(names)}")
+            hints = (did_you_mean(name, names) for name in unknown)
+            raise OptionError(
+                f"epsilon bounds {', '.join(unknown)}, but the objectives are {', '.join(names)}.{''.join(hints)}"
+            )
         limits = np.array([epsilon.get(name, np.inf) for name in names], float)
         least = np.array([_least(criterion, problem) for criterion in self.criteria])
         for j in np.flatnonzero(exceeds(least, limits, self.criteria)):

@@ -160,7 +160,7 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
         if name not in names:
             raise OptionError(
                 f"tolerance names {name!r}, but the costs that are searched for are {', '.join(names)}."
-                + did_you_mean(str(name), names)
+                + did_you_mean(name, names)
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
             raise OptionError(f"the tolerance in {name} must be a number of at least 0, got {value!r}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
 from hpop.motions import Motions, States
 from hpop.planners.base import Integral
 from hpop.planners.nlp import SparseWorld, vector
@@ -57,7 +57,9 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
     names = [criterion.name for criterion in criteria]
     smooth = [criterion.name for criterion in criteria if criterion.smooth]
     if name not in smooth:
-        raise OptionError(f"minimise is one of the smooth costs ({', '.join(smooth)}), got {name!r}")
+        raise OptionError(
+            f"minimise is one of the smooth costs ({', '.join(smooth)}), got {name!r}.{did_you_mean(name, smooth)}"
+        )
     return names.index(name)
 
 

@@ -15,7 +15,7 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-from hpop.errors import HpopError, MapError
+from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.registry import readers
 from hpop.world import geojson, image, movingai, ros_map
 from hpop.world.world import World
@@ -37,7 +37,8 @@ def read_world(reader: str, path: str | Path, **options: Any) -> World:
     try:
         known.bind(path, **options)
     except TypeError as error:
-        raise MapError(f"reader {reader!r} takes {known}; {error}") from None
+        hints = (did_you_mean(name, known.parameters) for name in options if name not in known.parameters)
+        raise MapError(f"reader {reader!r} takes {known}; {error}.{''.join(hints)}") from None
     try:
         world = read(path, **options)
     except HpopError:
