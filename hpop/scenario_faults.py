@@ -186,7 +186,9 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
         hint = f"; did you mean {near[0]!r}?" if near else "."
         return f"no such key{hint} Known here: {', '.join(known)}"
     if fault["type"] == "missing":
-        return "an entry is missing here" if isinstance(loc[-1], int) else "this key is missing; add it"
+        return (
+            f"an entry is missing here, got {got!r:.60}" if isinstance(loc[-1], int) else "this key is missing; add it"
+        )
     if fault["type"] in ("too_short", "too_long"):
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
         return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
@@ -198,6 +200,8 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
 
 
 def _note(got: Any) -> str:
+    if isinstance(got, list):
+        return next(filter(None, map(_note, got)), "")
     if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
         return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
     if isinstance(got, bool):

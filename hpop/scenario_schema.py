@@ -4,16 +4,35 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic_core import PydanticCustomError
 
 from hpop.world.geojson_content import FLOW_WIDTH
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 DEFAULT_MODEL = "differential_drive"
 DEFAULT_PLANNER = "lattice"
-Point = tuple[float, float]
-Heights = tuple[float, float]
 Paths = str | list[str]
+
+
+def _form(what: str) -> WrapValidator:
+    """One fault for a short list as a whole: that its entry 2 is missing does not say what that entry is."""
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError:
+            raise PydanticCustomError("form", "expected {what}", {"what": what}) from None
+
+    return WrapValidator(check)
+
+
+# A validator is given JSON's lists, which strictly are no tuples; what is in them stays strict.
+Pair = Annotated[tuple[float, float], Strict(False)]
+Pose = Annotated[tuple[float, float, float | str], Strict(False)]
+Origin = Annotated[tuple[float, float, float], Strict(False), _form("an origin [x, y, yaw] in m, m and rad")]
+Point = Annotated[Pair, _form("a point [x, y] in m")]
+Heights = Annotated[Pair, _form("heights [z_min, z_max] in m")]
 
 
 class _Strict(BaseModel):
@@ -45,7 +64,7 @@ class GeoJSON(_Strict):
 
     path: str
     scale: float = Field(default=1.0, gt=0)
-    origin: Point = (0.0, 0.0)
+    origin: Annotated[Pair, _form("an origin [x, y] in the file's units")] = (0.0, 0.0)
     polygons: Literal["obstacles", "free", "outline"] = "obstacles"
     landmarks: Paths = []
     flows: Paths = []
@@ -59,7 +78,7 @@ class Image(_Strict):
     path: str
     resolution: float = Field(gt=0)
     threshold: float = Field(default=0.5, gt=0, lt=1)
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    origin: Origin = (0.0, 0.0, 0.0)
     height: Heights | None = None
 
 
@@ -101,7 +120,7 @@ class PersonEntry(_Strict):
     x: float
     y: float
     yaw: float | str = 0.0
-    velocity: Point = (0.0, 0.0)
+    velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)
     radius: float = Field(default=0.25, gt=0)
     name: str = ""
 
@@ -136,8 +155,8 @@ class ScenarioFile(_Strict):
 
     world: WorldSection
     model: str | Named = DEFAULT_MODEL
-    start: tuple[float, float, float | str]
-    goal: tuple[float, float, float | str]
+    start: Annotated[Pose, _form("[x, y, yaw], numbers in m, m and rad (or a yaw such as 90 deg)")]
+    goal: Annotated[Pose, _form("[x, y, yaw], numbers in m, m and rad (or a yaw such as 90 deg, or any)")]
     criteria: list[str | Named] = Field(min_length=1)
     planner: str | Named | Annotated[list[str | Named], Field(min_length=1)] = DEFAULT_PLANNER
     people: list[Entry] = []

@@ -132,8 +132,13 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("goal: [5.0, 1.0, any]\n", ""), 1, "goal", "missing"),
         (("corners: [[2.5, 0], [3.5, 0], [3.5, 2.2], [2.5, 2.2]], ", ""), 5, "world.polygons.obstacles.0.corners",
          "missing"),
-        (("[1.0, 1.0, 0]", "[1.0, 1.0]"), 8, "start.2", "missing"),
-        (("[1.0, 1.0, 0]", "[1.0, 1.0, 0, 0]"), 8, "start", "at most 3 entries, got 4"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0]"), 8, "start", "expected [x, y, yaw], numbers in m, m and rad (or a yaw such as "
+         "90 deg), got [1.0, 1.0]"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, 0, 0]"), 8, "start", "got [1.0, 1.0, 0, 0]"),
+        (("[5.0, 1.0, any]", "[5.0, 1.0]"), 9, "goal", "(or a yaw such as 90 deg, or any), got [5.0, 1.0]"),
+        (("[2.5, 0], ", "[2.5], "), 5, "world.polygons.obstacles.0.corners.0", "a point [x, y] in m, got [2.5]"),
+        (("height: [0, 2]", "height: 2"), 5, "world.polygons.obstacles.0.height", "[z_min, z_max] in m, got 2"),
+        (("radius: 0.2", "camera_offset: [1]"), 7, "model.differential_drive.camera_offset.1", "missing here, got [1]"),
         (("[turns, length]", "[]"), 10, "criteria", "at least 1 entries, got 0"),
         (("[3.5, 0], [3.5, 2.2], ", ""), 5, "world.polygons.obstacles.0.corners", "at least 3 entries, got 2"),
         (("\n  lattice: {step: 0.5}", " []"), 11, "planner", "at least 1 entries, got 0"),
@@ -149,17 +154,18 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("turns,", "{},"), 10, "criteria.0", "one name with its parameters, got none"),
         (("turns,", "{turns: {}, rotation: {}},"), 10, "criteria.0", "got turns, rotation"),
         (("turns,", "{turns: 3},"), 10, "criteria.0.turns", "expected keys with values"),
-        (("[1.0, 1.0, 0]", "{x: 1}"), 8, "start", "expected a list"),
+        (("[1.0, 1.0, 0]", "{x: 1}"), 8, "start", "expected [x, y, yaw]"),
+        (("[1.0, 1.0, 0]", "[1e3, 1.0, 0]"), 8, "start", "YAML reads 1e3 as text"),
         (("{step: 0.5}", "[step, 0.5]"), 12, "planner.lattice", "expected keys with values"),
         # floats that are no numbers
-        (("[1.0, 1.0, 0]", "[.nan, 1.0, 0]"), 8, "start.0", "expected a finite number, got nan"),
-        (("[5.0, 1.0, any]", "[5.0, -.inf, any]"), 9, "goal.1", "expected a finite number, got -inf"),
+        (("[1.0, 1.0, 0]", "[.nan, 1.0, 0]"), 8, "start", "got [nan, 1.0, 0]"),
+        (("[5.0, 1.0, any]", "[5.0, -.inf, any]"), 9, "goal", "got [5.0, -inf, 'any']"),
         (("0.5}", ".inf}"), 12, "planner.lattice.step", "expected a finite number, got inf"),
         (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
         # yaws
         (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),
         (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),
-        (("any]", "no]"), 9, "goal.2", "expected a number or text, got False"),
+        (("any]", "no]"), 9, "goal", "got [5.0, 1.0, False] (YAML reads no"),
     ],
 )  # fmt: skip
 def test_a_fault_is_said_with_line_key_and_what_to_do(
