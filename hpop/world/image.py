@@ -9,7 +9,7 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_image, row_blocks, shades
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span, shown
 from hpop.world.world import WHOLE, Heights, World
 
 
@@ -51,6 +51,7 @@ def read(
     heights = WHOLE if height is None else check_heights(height)
     content = read_bytes(path, "image")
     colours, alpha = read_image(content, path)
+    check_span(len(colours), colours.shape[1], resolution, path)
     dark = np.empty(colours.shape[:2], dtype=bool)
     for rows in row_blocks(len(dark), dark[0].size):
         brightness = shades(colours[rows]).mean(axis=-1)

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml, row_blocks, shades
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, shown
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span, shown
 from hpop.world.world import WHOLE, Heights, World
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -110,6 +110,7 @@ def load(path: str | Path) -> OccupancyMap:
     image = read_bytes(image_path, "map image")
     colours, alpha = read_image(image, image_path)
     height, width = colours.shape[:2]
+    check_span(height, width, resolution, path)
     occupied, free = np.empty((2, height, width), dtype=bool)
     for rows in row_blocks(height, width):
         occupied[rows], free[rows] = classify(

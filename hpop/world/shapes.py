@@ -18,6 +18,8 @@ from hpop.errors import MapError
 
 MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
+SMALLEST, LARGEST = 0.1, 1e6
+"""Least and greatest longer side of a map that is read, m."""
 
 
 def shown(value: Any) -> str:
@@ -82,6 +84,16 @@ def check_size(height: int, width: int, what: str) -> None:
         raise MapError(
             f"{what} is {width} x {height} = {height * width:,} cells; at most {MAX_CELLS:,} are read. "
             "Crop the map or lower its resolution."
+        )
+
+
+def check_span(height: int, width: int, resolution: float, path: Any) -> None:
+    """Refuse the map in a file if no robot fits on it or no country holds it: its resolution is wrong."""
+    side = max(height, width) * resolution
+    if not SMALLEST <= side <= LARGEST:
+        raise MapError(
+            f"{path}: a resolution of {resolution:g} m makes {width} x {height} cells a map {side:.3g} m across; "
+            "resolution is the side of a cell in m, such as 0.05."
         )
 
 

@@ -41,6 +41,7 @@ def test_heights_and_the_outside_can_be_chosen(tmp_path):
     ("options", "message"),
     [
         ({"resolution": 0}, "resolution"),
+        ({"resolution": 1e-9}, r"\.png: a resolution of 1e-09 m makes 2 x 1 cells a map 2e-09 m across"),
         ({"resolution": float("nan")}, "resolution"),
         ({"threshold": 1.5}, "threshold"),
         ({"threshold": "dark"}, "threshold"),
