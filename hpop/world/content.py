@@ -143,11 +143,13 @@ class Content:
     zones: tuple[Zone, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("people", Person), ("groups", Iterable), ("landmarks", Landmark), ("zones", Zone)):
+        kinds = {"people": Person, "groups": Iterable, "landmarks": Landmark, "zones": Zone}
+        for name, kind in kinds.items():
             given = getattr(self, name)
             items = tuple(given) if isinstance(given, Iterable) else None
             if items is None or not all(isinstance(item, kind) for item in items):
-                raise MapError(f"{name} must be a list, each a {kind.__name__}; got {shown(given)}.")
+                each = "a list of places in people" if kind is Iterable else f"a {kind.__name__}"
+                raise MapError(f"{name} must be a list, each {each}; got {shown(given)}.")
             object.__setattr__(self, name, items)
         object.__setattr__(self, "groups", tuple(tuple(group) for group in self.groups))
         for group in self.groups:

@@ -159,7 +159,12 @@ class Raster:
 
     def __post_init__(self) -> None:
         """Copy the cells and check sizes and numbers."""
-        cells = np.asarray(self.cells)
+        try:
+            cells = np.asarray(self.cells)
+        except ValueError:  # of numpy, which knows no ragged rows
+            raise MapError(
+                f"cells must be a 2-D array of bool (H, W), all rows of one length; got {shown(self.cells)}."
+            ) from None
         if cells.ndim != 2 or cells.dtype != np.bool_:
             raise MapError(
                 f"cells must be a 2-D array of bool (H, W); got shape {cells.shape}, {cells.dtype}. "

@@ -63,8 +63,10 @@ class World:
     def __post_init__(self) -> None:
         """Fill in the extent and check the geometries."""
         object.__setattr__(self, "obstacles", check_prisms(self.obstacles))
+        if not isinstance(self.raster, Raster | None):
+            raise MapError(f"raster must be a hpop.world.Raster; got {self.raster!r:.80}. See World.from_cells(cells).")
         extent = self.extent
-        if extent.is_empty:
+        if _is_empty(extent):
             if self.raster is not None:
                 extent = self.raster.rectangle()
             elif self.obstacles:
@@ -114,13 +116,18 @@ class World:
         >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
         array([1. , 0.5, 0. ])
         """
+        if not isinstance(obstacles, Iterable):
+            raise MapError(f"obstacles must be a list of shapely polygons; got {obstacles!r:.80}. Put one in brackets.")
         prisms = []
         for item in obstacles:
             shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, WHOLE)
             if not isinstance(shape, Polygon | MultiPolygon):
-                raise MapError(f"an obstacle must be a shapely Polygon or MultiPolygon; got {shape!r:.80}.")
+                raise MapError(
+                    "an obstacle must be a shapely Polygon or MultiPolygon, such as shapely.Polygon([(0, 0), (1, 0), "
+                    f"(1, 1)]); got {shape!r:.80}."
+                )
             prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
-        if extent is not None and extent.is_empty:
+        if _is_empty(extent):
             raise MapError("extent is empty: the robot would have nowhere to be.")
         return cls(tuple(prisms), keep_out=_or_nothing(keep_out), extent=_or_nothing(extent))
 
@@ -293,7 +300,7 @@ class World:
         zones: Iterable[Zone] = (),
     ) -> World:
         """Return this world with people, conversations (places in ``people``), landmarks and zones in it."""
-        content = Content(tuple(people), tuple(tuple(g) for g in groups), tuple(landmarks), tuple(zones))
+        content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
         world = replace(self, content=content)
         return world if self.source is None else world.read_from(self.source)
 
@@ -375,6 +382,11 @@ def _union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
     """Union, m; one alone is not computed again, which in a building takes a tenth of a second."""
     filled = [geometry for geometry in geometries if not geometry.is_empty]
     return filled[0] if len(filled) == 1 else shapely.union_all(filled)
+
+
+def _is_empty(geometry: Any) -> bool:
+    """Whether a geometry is empty; what is none is refused elsewhere."""
+    return isinstance(geometry, BaseGeometry) and geometry.is_empty
 
 
 def _or_nothing(geometry: BaseGeometry | None) -> BaseGeometry:

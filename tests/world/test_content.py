@@ -137,6 +137,8 @@ def test_a_group_is_two_or_more_people_who_are_there(group):
 def test_content_is_made_of_what_it_says(name, wrong):
     with pytest.raises(MapError, match=f"{name} must be a list"):
         Content(**{name: wrong})
+    with pytest.raises(MapError, match=f"{name} must be a list"):
+        World.from_polygons([], extent=HALL).with_content(**{name: wrong})
 
 
 def test_a_person_walks_on_in_a_straight_line():
