@@ -19,8 +19,9 @@ def test_the_first_block_of_the_readme_plans_and_draws(tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     exec(compile(blocks("README.md")[0], "README.md", "exec"), {})
-    written = {path.name for path in tmp_path.iterdir()}
+    written = {path.name for path in (tmp_path / "out/museum").iterdir()}
     assert {"front.json", "map.png", "front.png", "trace.png", "where.png"} <= written
+    assert {path.name for path in tmp_path.iterdir()} == {"examples", "out"}  # which git ignores in a clone
 
 
 def test_the_scenario_in_the_readme_is_the_one_of_the_demo(tmp_path):
