@@ -8,7 +8,7 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Raster, check_positive, check_size, shown
+from hpop.world.shapes import Raster, check_positive, check_size, check_span, shown
 from hpop.world.world import World
 
 PASSABLE = ".GS"
@@ -51,6 +51,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     cells = np.frombuffer(text.encode("ascii"), dtype=np.uint8).reshape(height, width)
     occupied = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
     resolution = check_positive("resolution", resolution)
+    check_span(height, width, resolution, path)
     return World(
         raster=Raster(occupied[::-1], resolution),
         outside_is_obstacle=True,

@@ -75,7 +75,7 @@ def test_binary_files_directories_and_missing_ones_are_refused(tmp_path):
             World.from_movingai(path)
 
 
-@pytest.mark.parametrize("resolution", [0, -1, float("nan"), "1"])
+@pytest.mark.parametrize("resolution", [0, -1, float("nan"), "1", 1e-9, 1e9])
 def test_the_resolution_must_be_a_length(tmp_path, resolution):
     with pytest.raises(MapError, match="resolution"):
         World.from_movingai(write(tmp_path, SMALL), resolution=resolution)
