@@ -47,9 +47,12 @@ _held: dict[str, Any] = {}  # in a worker: the data of the sweep it works for
 
 
 def _work(
-    key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any]
+    key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any], _number: int
 ) -> tuple[str, list[R] | None]:
-    """Do some tasks in a worker: its name, and results, or None where the shared data did not come and are not here."""
+    """Do some tasks in a worker: its name, and results, or None where the shared data did not come and are not here.
+
+    The number tells messages apart: Dask takes equal ones for one, and may give the answer that it gave before.
+    """
     shared = _held.get(key)
     if shared is None:
         if payload is not None:
@@ -118,6 +121,7 @@ class Sweep(Generic[S, T, R]):
         self.notes: list[str] = []
         self._key = uuid4().hex
         self._payload = b""
+        self._messages = 0
         self._folder: TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> Self:
@@ -166,7 +170,8 @@ class Sweep(Generic[S, T, R]):
                 sent += more
             while pending and not stop():
                 done, _ = wait(pending, timeout=POLL, return_when=FIRST_COMPLETED)
-                for future in done:
+                done |= {future for future in pending if future.cancelled()}  # a pool shut down does not tell wait()
+                for future in sorted(done, key=supplies.__contains__):  # a worker asked before its data arrived
                     places = pending.pop(future)
                     if supplies.pop(future, None) is not None:
                         for others in waiting:
@@ -200,8 +205,9 @@ class Sweep(Generic[S, T, R]):
         if with_shared:
             self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
         payload = self._payload if with_shared else None
+        self._messages += 1
         try:
-            return self.executor.submit(_work, self._key, file, payload, self.job, tasks)
+            return self.executor.submit(_work, self._key, file, payload, self.job, tasks, self._messages)
         except Exception as error:  # whatever an executor that is shut down, broken or out of reach raises
             self._failed(error, gone=True)
             return None

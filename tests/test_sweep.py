@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import operator
 import os
+import pickle
 import signal
 import sys
+import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -131,6 +134,66 @@ def test_each_of_many_workers_elsewhere_is_sent_the_shared_data(seed: int, monke
             assert dict(sweep.run(TASKS)) == EXPECTED
     assert all(memories.values())
     assert far.sent <= 12  # tasks: 200
+
+
+class InTurn(Elsewhere):
+    """One worker elsewhere that takes messages in turn; equal ones get the answer that the first got, as from Dask."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.queue: list[tuple[Future[Any], Any]] = []
+        self.answers: dict[bytes, Any] = {}
+
+    def submit(self, fn: Any, /, *arguments: Any) -> Future[Any]:  # type: ignore[override]
+        self.queue.append((Future(), (fn, *arguments)))
+        return self.queue[-1][0]
+
+    def work(self, messages: int) -> None:
+        for future, message in self.queue[:messages]:
+            known = pickle.dumps(message)
+            if known not in self.answers:
+                self.answers[known] = super().submit(*message).result()
+            future.set_result(self.answers[known])
+        del self.queue[:messages]
+
+
+@pytest.mark.parametrize("together", range(1, 12))
+def test_answers_from_before_the_shared_data_came_do_not_bring_them_again(
+    together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    far = InTurn()
+
+    def wait_for_some(futures: Any, **how: Any) -> Any:
+        far.work(together)
+        return wait(futures, **how)
+
+    monkeypatch.setattr(module, "wait", wait_for_some)
+    with Sweep(operator.mul, 7, far) as sweep:
+        assert dict(sweep.run(TASKS)) == EXPECTED
+    assert far.sent == 1
+
+
+GATE = threading.Event()
+
+
+def first_alone(shared: int, task: int) -> int:
+    """The product; all but the first wait for the gate."""
+    if task:
+        GATE.wait()
+    return shared * task
+
+
+def test_what_a_pool_drops_that_is_shut_down_meanwhile_is_done_here() -> None:
+    GATE.clear()
+    begin = monotonic()
+    with ThreadPoolExecutor(1) as pool, Sweep(first_alone, 7, pool) as sweep:
+        results = {}
+        for i, result in sweep.run(TASKS, stop=lambda: monotonic() > begin + 10):
+            results[i] = result
+            pool.shutdown(wait=False, cancel_futures=True)
+            GATE.set()
+    assert results == EXPECTED
+    assert len(sweep.notes) == 1
 
 
 @pytest.mark.parametrize("error", [BrokenExecutor, RuntimeError, OSError])
