@@ -18,26 +18,23 @@ from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
 from shlex import quote
-from tempfile import TemporaryFile, mkdtemp
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from hpop import __version__
+from hpop import __version__, results
 from hpop.errors import CriterionError, HpopError, OptionError, OutputError
 from hpop.pictures import PicturesBeside
+from hpop.results import SAVED
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from hpop.front import Front
     from hpop.planners import Planner
-    from hpop.problem import Problem
     from hpop.scenario import Scenario
 
-SAVED = "front.json"
-PICTURES = ("map.png", "front.png", "trace.png", "where.png")
 MOST_FAULTS = 20
 OBJECTS = 100_000  # new ones between two collections of garbage: what is imported stays, looking through it costs
 NO_PATH = 6
@@ -107,7 +104,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
     if workers is not None and dask is not None:
         raise click.UsageError("give --workers or --dask, not both")
     loaded = load_scenario(scenario)
-    _check_writable(out)
+    results.check_writable(out)
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
         names = ", ".join(planner.name for planner in loaded.planners)
         click.echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
@@ -120,7 +117,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
     report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
-    pictures = _draw(loaded.problem, front, out)
+    pictures = results.draw(loaded.problem, front, out)
     click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
     if checkpoint is not None:
         _tidy(checkpoint, front)
@@ -144,7 +141,7 @@ def show(folder: Path) -> None:
     from hpop.verify import verify
 
     path = folder / SAVED if folder.is_dir() else folder
-    with _output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+    with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
         front = Front.load(path)
     problem = Problem.from_description(front.problem or {})
     faults = verify(problem, front)
@@ -189,19 +186,6 @@ def planners() -> None:
     from hpop import report
 
     report.print_planners()
-
-
-@contextmanager
-def _output_errors(what: str, way_out: str) -> Iterator[None]:
-    """Errors of reading or writing a front, as one message."""
-    from hpop.frontier import FrontFileError
-
-    try:
-        yield
-    except FrontFileError as error:
-        raise OutputError(str(error)) from None
-    except OSError as error:
-        raise OutputError(f"{what}: {error.strerror or error}; {way_out}") from None
 
 
 @contextmanager
@@ -255,7 +239,7 @@ def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> tuple[l
 
         def keep(front: Front) -> None:
             pictures.stop()
-            _save(front, out)
+            results.save(front, out)
             say(front)
 
         def stage(front: Front) -> None:
@@ -303,7 +287,7 @@ def _tidy(checkpoint: str, front: Front) -> None:
 
     file = Path(checkpoint).resolve()
     if set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}:
-        with _output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
+        with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
         click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
@@ -324,44 +308,6 @@ def _why_nothing(status: str) -> str:
         Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
     }
     return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))
-
-
-def _check_writable(out: Path) -> None:
-    """Make sure that results can be written, before hours are spent on finding them; nothing is left behind."""
-    with _output_errors(f"cannot write to {out}", "choose another --out"):
-        there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
-        TemporaryFile(dir=there).close()
-
-
-def _save(front: Front, out: Path) -> None:
-    """Write the front, elsewhere if need be; pictures of an earlier one would contradict it."""
-    try:
-        with _output_errors(f"cannot write to {out}", "choose another --out"):
-            out.mkdir(parents=True, exist_ok=True)
-            front.save(out / SAVED)
-            for name in PICTURES:
-                (out / name).unlink(missing_ok=True)
-    except OutputError as error:
-        rescue = Path(mkdtemp(prefix="hpop-"))
-        try:
-            front.save(rescue / SAVED)
-        except (OSError, ValueError):
-            rescue.rmdir()
-            raise error from None
-        raise OutputError(f"{error}; the front is saved in {rescue / SAVED}") from None
-
-
-def _draw(problem: Problem, front: Front, out: Path) -> list[str]:
-    """Names of the pictures drawn; they come last, and whatever goes wrong with them, the front is saved."""
-    try:
-        from hpop.view import save_pictures
-
-        return [path.name for path in save_pictures(problem, front, out)]
-    except Exception as error:
-        raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error
-    except KeyboardInterrupt:
-        click.echo(f"the front is saved in {out / SAVED}, but the pictures are not", err=True)
-        raise
 
 
 def _criterion(spec: str) -> Any:
