@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 
 from hpop import __version__, results
-from hpop.errors import CriterionError, HpopError, OptionError, OutputError
+from hpop.errors import CriterionError, HpopError, OptionError, OutputError, UnknownName
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
 
@@ -41,6 +41,14 @@ NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
 F = TypeVar("F", bound=Callable[..., Any])
+
+_imports = click.option(
+    "--import",
+    "imports",
+    metavar="FILE_OR_MODULE",
+    multiple=True,
+    help="Python of your own, FILE.py or a module, for the criteria, planners and readers it registers. Repeatable.",
+)
 
 
 def _user_errors(command: F) -> F:
@@ -92,17 +100,21 @@ def main() -> None:
     metavar="FILE",
     help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
 )
+@_imports
 @_user_errors
-def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None) -> None:
+def plan(
+    scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None, imports: tuple[str, ...]
+) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     gc.set_threshold(OBJECTS)
-    from hpop import report
+    from hpop import own_code, report
     from hpop.planners.base import sweeps
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
     if workers is not None and dask is not None:
         raise click.UsageError("give --workers or --dask, not both")
+    own_code.register(imports)
     loaded = load_scenario(scenario)
     results.check_writable(out)
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
@@ -113,7 +125,7 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
         if Path(checkpoint).exists():
             click.echo(f"going on from {checkpoint}")
     with _executor(workers, dask) as executor, _stopping_told():
-        fronts, first = _solved(loaded, out, executor)
+        fronts, first = _solved(loaded, out, executor, imports)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
     report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
@@ -132,18 +144,23 @@ def plan(scenario: Path, out: Path, workers: int | None, dask: str | None, check
 
 @main.command()
 @click.argument("folder", type=click.Path(path_type=Path))
+@_imports
 @_user_errors
-def show(folder: Path) -> None:
+def show(folder: Path, imports: tuple[str, ...]) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, re-evaluate its costs and check it for collisions."""
-    from hpop import report
+    from hpop import own_code, report
     from hpop.front import Front
     from hpop.problem import Problem
     from hpop.verify import verify
 
+    own_code.register(imports)
     path = folder / SAVED if folder.is_dir() else folder
     with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
         front = Front.load(path)
-    problem = Problem.from_description(front.problem or {})
+    try:
+        problem = Problem.from_description(front.problem or {})
+    except UnknownName as error:
+        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
     faults = verify(problem, front)
     for fault in faults[:MOST_FAULTS]:
         click.echo(f"fault: {fault}", err=True)
@@ -155,14 +172,17 @@ def show(folder: Path) -> None:
 
 
 @main.command()
-@click.argument("criterion", metavar="MODULE:NAME")
+@click.argument("criterion", metavar="CRITERION")
+@_imports
 @_user_errors
-def check(criterion: str) -> None:
-    """Run the conformance checks on a criterion: MODULE:NAME of its class, or a registered name."""
+def check(criterion: str, imports: tuple[str, ...]) -> None:
+    """Run the conformance checks on a CRITERION: FILE.py:NAME or MODULE:NAME of its class, or a registered name."""
+    from hpop import own_code
     from hpop.testing import conformance
 
+    own_code.register(imports)
     faults = 0
-    made = _criterion(criterion)
+    made = own_code.named_criterion(criterion)
     for result in conformance(made):
         faults += bool(result.fault)
         click.echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
@@ -171,20 +191,24 @@ def check(criterion: str) -> None:
 
 
 @main.command()
+@_imports
 @_user_errors
-def criteria() -> None:
+def criteria(imports: tuple[str, ...]) -> None:
     """List the criteria: group, unit, how motions add up, and what each is."""
-    from hpop import report
+    from hpop import own_code, report
 
+    own_code.register(imports)
     report.print_criteria()
 
 
 @main.command()
+@_imports
 @_user_errors
-def planners() -> None:
+def planners(imports: tuple[str, ...]) -> None:
     """List the planners and their options."""
-    from hpop import report
+    from hpop import own_code, report
 
+    own_code.register(imports)
     report.print_planners()
 
 
@@ -226,7 +250,9 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
         yield None
 
 
-def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> tuple[list[Front], Front | None]:
+def _solved(
+    scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str]
+) -> tuple[list[Front], Front | None]:
     """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
 
     So are the fronts of a planner's stages, and other processes draw them while the search goes on.
@@ -235,7 +261,7 @@ def _solved(scenario: Scenario, out: Path, executor: Executor | None) -> tuple[l
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with report.progress_bar() as progress, PicturesBeside(out) as pictures:
+    with report.progress_bar() as progress, PicturesBeside(out, imports) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()
@@ -308,31 +334,3 @@ def _why_nothing(status: str) -> str:
         Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
     }
     return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))
-
-
-def _criterion(spec: str) -> Any:
-    """A criterion with its default parameters from "module:Name" or a registered name."""
-    from importlib import import_module
-
-    from hpop.criteria.base import make_criterion
-    from hpop.registry import criteria
-
-    module, colon, name = spec.partition(":")
-    if not colon:
-        found: Any = criteria[spec]
-    else:
-        sys.path.insert(0, str(Path.cwd()))
-        try:
-            found = getattr(import_module(module), name)
-        except HpopError:
-            raise
-        except AttributeError as error:
-            raise CriterionError(f"{spec!r} is not there ({error}); give MODULE:NAME of a criterion") from None
-        except Exception as error:  # whatever a user's module does
-            raise CriterionError(
-                f"cannot import {module!r}: {type(error).__name__}: {error}; give MODULE:NAME, seen from this folder"
-            ) from error
-    try:
-        return make_criterion(found() if isinstance(found, type) else found)
-    except TypeError as error:
-        raise CriterionError(f"{spec} needs defaults for all its parameters to be checked ({error})") from None

@@ -78,17 +78,24 @@ class OutputError(HpopError, OSError):
     exit_code = 12
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Build the error that lists the known names and suggests the nearest, or else where one's own come from.
+class OwnCodeError(HpopError, ImportError):
+    """Python of the user's own, named on the command line, cannot be imported or registers nothing."""
 
-    >>> print(unknown_name("criterion", "turn", ["turns", "length"]))
+    exit_code = 14
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
+    """Build the error that lists the known names and suggests the nearest, and how one of the user's own gets known.
+
+    >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
     unknown criterion 'turn'; known: length, turns. Did you mean 'turns'?
-    >>> print(unknown_name("criterion", "glare", ["turns", "length"]))
-    unknown criterion 'glare'; known: length, turns. Import the module of one of your own first, or install its package.
+    For one of your own, import its module first (on the command line --import FILE_OR_MODULE) or install its package.
     """
     names = sorted(known)
-    way_out = did_you_mean(name, names) or " Import the module of one of your own first, or install its package."
-    return UnknownName(f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{way_out}")
+    return UnknownName(
+        f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} For one of your "
+        "own, import its module first (on the command line --import FILE_OR_MODULE) or install its package."
+    )
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:

@@ -1,13 +1,15 @@
 """Pictures of a front while the search for a better one goes on: another process draws them.
 
 Drawing takes seconds of Python, which would stand in the search's way. The other process reads what is saved, a front
-with its problem, so it needs nothing else; ``python -m hpop.pictures FOLDER`` is all it runs.
+with its problem, so it needs nothing else but the user's own code, if there is any;
+``python -m hpop.pictures FOLDER [FILE_OR_MODULE ...]`` is all it runs.
 """
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen
@@ -18,10 +20,14 @@ NICENESS = 10  # the search comes first
 
 
 class PicturesBeside:
-    """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops."""
+    """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops.
 
-    def __init__(self, folder: Path) -> None:
+    imports  files and modules that register what the front was planned with
+    """
+
+    def __init__(self, folder: Path, imports: Sequence[str] = ()) -> None:
         self.folder = folder
+        self.imports = imports
         self._process: Popen[Any] | None = None
 
     def __enter__(self) -> PicturesBeside:
@@ -35,7 +41,7 @@ class PicturesBeside:
     def start(self) -> None:
         """Begin to draw; pictures are a help, so where no process can be had there are none."""
         self.stop()
-        command = [sys.executable, "-m", "hpop.pictures", str(self.folder)]
+        command = [sys.executable, "-m", "hpop.pictures", str(self.folder), *self.imports]
         with suppress(OSError):
             # A session of its own: Ctrl-C on the terminal is not meant for it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
@@ -51,17 +57,19 @@ class PicturesBeside:
             half.unlink(missing_ok=True)
 
 
-def draw(folder: Path) -> None:
+def draw(folder: Path, imports: Sequence[str]) -> None:
     """Draw the front saved in a folder, when there is nothing better to do."""
+    from hpop import own_code
     from hpop.front import Front
     from hpop.problem import Problem
     from hpop.view import save_pictures
 
     if hasattr(os, "nice"):
         os.nice(NICENESS)
+    own_code.register(imports)
     front = Front.load(folder / "front.json")
     save_pictures(Problem.from_description(front.problem or {}), front, folder)
 
 
 if __name__ == "__main__":
-    draw(Path(sys.argv[1]))
+    draw(Path(sys.argv[1]), sys.argv[2:])

@@ -39,7 +39,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self.error = error
         self.parameter = parameter
         self._module = module
-        self._group = group
+        self.group = group
         self._types: dict[str, T] = {}
         self._loaded = False
 
@@ -75,6 +75,10 @@ class Registry(Mapping[str, T], Generic[T]):
         self._load()
         return len(self._types)
 
+    def own(self) -> dict[str, T]:
+        """Types by name that are registered so far and do not come with hpop; loads nothing."""
+        return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
+
     def _load_home(self, name: str) -> None:
         """Import the one module at home that is called as the type is, if there is one."""
         home = str(name).replace("-", "_")
@@ -88,7 +92,7 @@ class Registry(Mapping[str, T], Generic[T]):
         package = import_module(self._module)
         for name in getattr(package, "__all__", ()):
             getattr(package, name)  # a package may import what it names on first use
-        for point in entry_points(group=self._group):
+        for point in entry_points(group=self.group):
             try:
                 item = point.load()
             except Exception as error:

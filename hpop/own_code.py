@@ -1,0 +1,156 @@
+"""Python of the user's own, named on the command line: imported before a scenario or a front is read, which runs none.
+
+A file is imported under its own name with its folder on the path, so that worker processes and pickles find it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from importlib import import_module, invalidate_caches
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
+from typing import Any
+
+from hpop.criteria.base import Criterion, make_criterion
+from hpop.errors import CriterionError, HpopError, OwnCodeError
+from hpop.registry import Registry, criteria, models, planners, readers
+
+REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, readers)
+LIBRARIES = (Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib")))
+FORM = "give FILE.py, or MODULE as seen from this folder"
+
+
+def register(specs: Iterable[str]) -> None:
+    """Import files (``FILE.py``) and modules, for the criteria, planners, models and readers that they register.
+
+    Raises OwnCodeError where one cannot be imported or registers nothing, and the registry's own error where what it
+    registers is declared wrongly or has a name that is taken; both with file and line.
+    """
+    for spec in dict.fromkeys(specs):
+        before, module = list(_registered()), imported(spec)
+        inside = f"{module.__name__}."
+        if not any(item not in before or f"{item.__module__}.".startswith(inside) for item in _registered()):
+            raise OwnCodeError(
+                f"{spec} ({getattr(module, '__file__', None) or 'no file'}) registers no criterion, planner, model or "
+                "reader; declare one, such as a class with @hpop.criterion"
+            )
+    for registry in REGISTRIES:
+        own = registry.own()
+        if own and any(point.name in own for point in entry_points(group=registry.group)):
+            len(registry)  # loads what is installed, which tells of a name that is taken
+
+
+def _registered() -> Iterator[Any]:
+    """What is registered so far and does not come with hpop."""
+    for registry in REGISTRIES:
+        yield from registry.own().values()
+
+
+def named_criterion(spec: str) -> Criterion:
+    """A criterion with its default parameters: ``FILE.py:NAME`` or ``MODULE:NAME`` of its class, or a registered name.
+
+    Raises OwnCodeError where its module cannot be imported, CriterionError where that has no such criterion, and
+    UnknownName.
+    """
+    source, colon, name = spec.rpartition(":")
+    try:
+        found: Any = getattr(imported(source), name) if colon else criteria[spec]
+    except AttributeError as error:
+        raise CriterionError(f"{spec!r} is not there ({error}); give FILE.py:NAME or MODULE:NAME") from None
+    try:
+        return make_criterion(found() if isinstance(found, type) else found)
+    except TypeError as error:
+        raise CriterionError(f"{spec} needs defaults for all its parameters to be checked ({error})") from None
+
+
+def imported(spec: str) -> ModuleType:
+    """The module of a ``FILE.py``, or of a dotted name as seen from the current folder.
+
+    Raises OwnCodeError, or the HpopError that came up meanwhile, with file and line.
+    """
+    source, _, name = spec.rpartition(":")
+    if source and name.isidentifier():
+        raise OwnCodeError(f"cannot import {spec!r}: it is imported as a whole; give {source}")
+    is_file = spec.endswith(".py") or "/" in spec or os.sep in spec
+    if not is_file:
+        _look_in(Path.cwd())
+    try:
+        return import_module(_placed(Path(spec)) if is_file else spec)
+    except OwnCodeError:
+        raise
+    except (Exception, SystemExit) as error:  # whatever the user's code does
+        raise _told(error, spec, is_file=is_file) from error
+
+
+def _placed(file: Path) -> str:
+    """Name by which a file can be imported, once its folder is on the path.
+
+    Workers and pickles know a module by its name, so another module of that name would be taken for it.
+    """
+    if not file.is_file():
+        raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
+    name = file.stem
+    if file.suffix != ".py" or "." in name:
+        raise OwnCodeError(f"cannot import {str(file)!r}: a file of Python is called NAME.py, without further points")
+    _only(name, file)
+    _look_in(file.absolute().parent)
+    _only(name, file)
+    return name
+
+
+def _only(name: str, file: Path) -> None:
+    """Make sure that no module but the file has a name."""
+    try:
+        found = find_spec(name)
+    except ValueError:  # __main__, and what else has no origin
+        other = "a part of Python"
+    else:
+        if found is None or found.origin is None:  # a plain folder gives way to a file
+            return
+        if found.has_location and file.resolve() == Path(found.origin).resolve():
+            return
+        other = found.origin
+    raise OwnCodeError(
+        f"cannot import {str(file)!r}: its name is taken by the module {name!r} ({other}), which Python would find "
+        "instead; rename the file"
+    )
+
+
+def _look_in(folder: Path) -> None:
+    """Let imports look in a folder first, as those of a script do in its own."""
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+    invalidate_caches()
+
+
+def _place(error: BaseException) -> str:
+    """File and line of an error in the innermost of the user's code, as far as that is known."""
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
+        return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
+    for frame in reversed(extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        if file.is_file() and not any(file.is_relative_to(library) for library in LIBRARIES):
+            return f"{file}, line {frame.lineno}"
+    return ""
+
+
+def _told(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
+    """What the command line says of an error while code was imported; one of hpop keeps its kind."""
+    place = _place(error)
+    if isinstance(error, HpopError):
+        return type(error)(f"{place or spec}: {error}")
+    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    what = ": ".join(part for part in (place, type(error).__name__, text) if part)
+    if isinstance(error, SystemExit):
+        way_out = "; what it does as a program goes below if __name__ == '__main__'"
+    elif isinstance(error, ImportError) and "relative import" in text:
+        way_out = "; it is part of a package: give PACKAGE.MODULE, as seen from this folder"
+    else:
+        way_out = "" if place or is_file else f"; {FORM}"
+    return OwnCodeError(f"cannot import {spec!r}: {what}{way_out}")

@@ -1,0 +1,183 @@
+"""`--import`: the user's own Python on the command line, in real processes as a user starts them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hpop.front import Front
+from hpop.pictures import PicturesBeside
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+WAY = """\
+from dataclasses import dataclass
+import hpop
+
+@hpop.criterion("my_way", group="C", unit="m", aggregate="sum")
+@dataclass(frozen=True)
+class Way:
+    def cost(self, m):
+        return 2.0 * m.base.length
+"""
+MORE = """\
+from dataclasses import dataclass
+import hpop
+from hpop.planners import planner
+from hpop.planners.lattice import Lattice
+from hpop.registry import readers
+
+@planner("my_lattice")
+@dataclass(frozen=True)
+class MyLattice(Lattice):
+    "A planner of somebody's own."
+
+readers.add("my_map", lambda path: hpop.World.from_ros_map(path))
+"""
+OWN = [("turns, length", "my_way, length"), ("lattice: {step: 0.5}", "weighted-sum: {step: 0.5}")]
+
+
+def hpop(*arguments: object, cwd: Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command; like the installed one it does not look for modules in the current folder by itself."""
+    command = [sys.executable, "-P", "-c", "from hpop.cli import main; main()", *map(str, arguments)]
+    looked_in = os.pathsep.join(filter(None, [str(path or ""), os.environ.get("PYTHONPATH", "")]))
+    environment = {**os.environ, "COLUMNS": "200", "PYTHONPATH": looked_in}
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    """A folder with code of somebody's own, apart from scenarios and from where commands are run."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "ways.py").write_text(WAY)
+    return tmp_path / "mine"
+
+
+def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
+    room: Path, write: Callable[..., None], mine: Path
+) -> None:
+    write(room, *OWN)
+    planned = hpop("plan", "room.yaml", "--out", "out", "--workers", "2", "--import", "mine/ways.py", cwd=room)
+    assert planned.returncode == 0, planned.stderr
+    front = Front.load(room / "out" / "front.json")
+    assert front.names == ("my_way", "length")
+    assert front.costs[:, 0] == pytest.approx(2.0 * front.costs[:, 1])
+    assert not any("worker" in note for note in front.notes)  # they found the code
+
+    shown = hpop("show", "out", "--import", mine / "ways.py", cwd=room)
+    assert (shown.returncode, "verified" in shown.stdout) == (0, True), shown.stderr
+
+    (room / "out" / "map.png").unlink()
+    with PicturesBeside(room / "out", [str(mine / "ways.py")]) as pictures:
+        pictures.start()
+        assert pictures._process is not None
+        assert pictures._process.wait(120) == 0
+    assert (room / "out" / "map.png").exists()
+
+    without = hpop("show", "out", cwd=room)
+    assert without.returncode == 7
+    assert "out/front.json was planned with a criterion that is not known here: unknown criterion 'my_way'" in (
+        without.stderr
+    )
+    assert "--import FILE_OR_MODULE" in without.stderr
+
+
+def test_what_a_scenario_names_is_not_imported_for_it(room: Path, write: Callable[..., None]) -> None:
+    write(room, ("turns, length", "ways, length"))
+    (room / "ways.py").write_text("open('ran', 'w')\n" + WAY.replace("my_way", "ways"))
+    refused = hpop("plan", "room.yaml", "--out", "out", cwd=room)
+    assert refused.returncode == 7
+    assert "line 7, criteria.0: unknown criterion 'ways'" in refused.stderr
+    assert "--import FILE_OR_MODULE" in refused.stderr
+    assert not (room / "ran").exists()
+    assert hpop("criteria", "--import", "ways", cwd=room).returncode == 0
+    assert (room / "ran").exists()  # by the command line alone
+
+
+def test_planners_and_readers_of_several_modules_come_along(room: Path, write: Callable[..., None], mine: Path) -> None:
+    write(room, ("turns, length", "my_way, length"), ("ros_map:", "my_map:"), ("lattice:", "my_lattice:"))
+    (mine / "more.py").write_text(MORE)  # seen from the folder of the room, the modules are in the package `mine`
+    both = ("--import", "mine.more", "--import", "mine/ways.py")
+    (mine / "__init__.py").touch()
+    planned = hpop("plan", "room.yaml", "--out", "out", *both, cwd=room)
+    assert planned.returncode == 0, planned.stderr
+    assert Front.load(room / "out" / "front.json").names == ("my_way", "length")
+    assert "A planner of somebody's own." in hpop("planners", *both, cwd=room).stdout
+    assert "my_way  m, sum" in hpop("criteria", *both, cwd=room).stdout
+
+
+def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(mine: Path) -> None:
+    for named in (["ways.py:Way"], ["ways:Way"], ["my_way", "--import", "ways.py"]):
+        done = hpop("check", *named, cwd=mine)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.count("ok") > 5
+
+
+def test_the_example_is_planned_as_it_says(tmp_path: Path) -> None:
+    lines = (EXAMPLES / "own_criterion.yaml").read_text().splitlines()
+    (command,) = (line.removeprefix("#").split() for line in lines if "--import" in line)
+    said = [str(tmp_path) if word.startswith("out/") else word for word in command[1:]]
+    assert hpop(*said, cwd=EXAMPLES.parent).returncode == 0
+    assert Front.load(tmp_path / "front.json").names == ("glare", "turns", "length")
+
+
+@pytest.mark.parametrize(
+    ("content", "named", "status", "said"),
+    [
+        (None, "gone.py", 14, "there is no such file; give FILE.py, or MODULE"),
+        (None, "gone", 14, "No module named 'gone'; give FILE.py, or MODULE"),
+        ("import hpop\nclass :\n", "own.py", 14, "own.py, line 2: SyntaxError: invalid syntax"),
+        ("import hpop\nimport gone\n", "own.py", 14, "own.py, line 2: ModuleNotFoundError: No module named 'gone'"),
+        ("\n\n1 / 0\n", "own", 14, "own.py, line 3: ZeroDivisionError: division by zero"),
+        ("def f():\n    return {}['x']\nf()\n", "own.py", 14, "own.py, line 2: KeyError: 'x'"),
+        ("raise SystemExit\n", "own.py", 14, "own.py, line 1: SystemExit; what it does as a program"),
+        ("from . import ways\n", "own.py", 14, "give PACKAGE.MODULE"),
+        ("import hpop.criteria\n", "own.py", 14, "registers no criterion, planner, model or reader"),
+        (WAY.replace("my_way", "turns"), "own.py", 8, "own.py, line 4: criterion name 'turns' is taken by hpop."),
+        (WAY.replace('"C"', '"X"'), "own.py", 8, "own.py, line 4: criterion 'my_way' (Way): group must be one of"),
+        (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),
+        (WAY, "moocore.py", 14, "its name is taken by the module 'moocore'"),
+        (WAY, "own.v2.py", 14, "NAME.py, without further points"),
+        (WAY, "own.py:Way", 14, "it is imported as a whole; give own.py"),
+    ],
+)
+def test_what_cannot_be_imported_is_told_in_one_message(
+    tmp_path: Path, content: str | None, named: str, status: int, said: str
+) -> None:
+    if content is not None:
+        (tmp_path / (named.partition(":")[0].removesuffix(".py") + ".py")).write_text(content)
+    done = hpop("criteria", "--import", named, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert said in done.stderr
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_two_files_of_one_name_and_one_criterion_in_two_files_are_refused(mine: Path) -> None:
+    (mine / "again").mkdir()
+    for copy, status, said in [
+        ("again/ways.py", 14, "its name is taken by the module 'ways'"),
+        ("b.py", 8, "ways.Way"),
+    ]:
+        (mine / copy).write_text(WAY)
+        done = hpop("criteria", "--import", "ways.py", "--import", copy, cwd=mine)
+        assert (done.returncode, said in done.stderr) == (status, True), done.stderr
+
+
+def test_a_name_that_an_installed_package_has_is_refused_at_once(mine: Path, tmp_path: Path) -> None:
+    info = tmp_path / "installed" / "paths-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: paths\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[hpop.criteria]\nmy_way = paths:Way\n")
+    (tmp_path / "installed" / "paths.py").write_text(WAY)
+    done = hpop("check", "my_way", "--import", "ways.py", cwd=mine, path=tmp_path / "installed")
+    assert done.returncode == 8
+    assert "criterion name 'my_way' is taken by ways.Way" in done.stderr
+    alone = hpop("check", "my_way", "--import", "paths", cwd=mine, path=tmp_path / "installed")
+    assert alone.returncode == 0, alone.stderr  # the package's own module takes nothing away
