@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +26,7 @@ from hpop.view.style import (
     marks,
     new_figure,
     quantities,
+    stacked,
     whole_ticks,
 )
 
@@ -95,7 +97,7 @@ def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figur
     if size == 1:
         _legend(figure, columns, named)
     else:
-        handles = [_handle(mark, columns, WRAP * (size - 1)) for mark in named]
+        handles = _handles(columns, named, WRAP * (size - 1))
         panels[0, 1].legend(
             handles=handles,
             loc="upper left",
@@ -185,7 +187,7 @@ def _parallel(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
             zorder=3,
         )
     axes.set(xlim=(-0.3, len(columns) - 0.5), ylim=(0, 1), yticks=[])
-    axes.set_xticks(at, [column.label.replace(" (", "\n(") for column in columns], fontsize=NORMAL)
+    axes.set_xticks(at, [stacked(column.label) for column in columns], fontsize=NORMAL)
     axes.spines[:].set_visible(False)
     for j, column in enumerate(columns):
         scale = axes.twinx()
@@ -208,19 +210,27 @@ def _title(columns: Sequence[Quantity], reading: str) -> str:
 
 
 def _legend(figure: Figure, columns: Sequence[Quantity], named: Sequence[Mark]) -> None:
-    handles = [_handle(mark, columns, WIDE) for mark in named]
+    handles = _handles(columns, named, WIDE)
     figure.legend(handles=handles, loc="outside lower center", fontsize=SMALL, frameon=False, handlelength=4.0)
 
 
-def _handle(mark: Mark, columns: Sequence[Quantity], width: int) -> Line2D:
-    """Legend entry of a mark with its costs, as a line where lines are drawn."""
-    return Line2D(
-        [],
-        [],
-        color=mark.colour,
-        linestyle="none" if 2 <= len(columns) <= MOST_IN_MATRIX else mark.dashes,
-        marker=mark.marker,
-        markersize=8,
-        markeredgecolor="white",
-        label=mark.legend(columns, width),
-    )
+def _handles(columns: Sequence[Quantity], named: Sequence[Mark], width: int) -> list[Line2D]:
+    """Legend entries of the marks with their costs, and of the rest; as lines where lines are drawn."""
+    points = 2 <= len(columns) <= MOST_IN_MATRIX
+    entries = [
+        Line2D(
+            [],
+            [],
+            color=mark.colour,
+            linestyle="none" if points else mark.dashes,
+            marker=mark.marker,
+            markersize=8,
+            markeredgecolor="white",
+            label=mark.legend(columns, width),
+        )
+        for mark in named
+    ]
+    if columns[0].values.size > len(named):
+        look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4} if points else {"linewidth": 1.0}
+        entries.append(Line2D([], [], color=POINT, label="one of the other trajectories", **look))
+    return entries

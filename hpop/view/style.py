@@ -38,8 +38,10 @@ DASHES: tuple[tuple[float, tuple[float, ...]], ...] = (
 MARKERS = ("D", "s", "o", "^", "v", "P", "X")
 POINT = "#6d7f8f"
 QUIET = "#555555"
+START, GOAL = "#FFFFFF", "#F0E442"
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
+NAME_WIDTH = 15  # characters a line of a stacked name
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,16 @@ def label(name: str, unit: str, counts: bool) -> str:
     ('length (m)', 'turns (count)', 'obstruction (share)')
     """
     return f"{name} ({('count' if counts else 'share') if unit == '1' else unit})"
+
+
+def stacked(words: str) -> str:
+    r"""Axis label with its unit on a line of its own, and a long name broken after underscores.
+
+    >>> stacked("length (m)"), stacked("landmark_blindness (s)")
+    ('length\n(m)', 'landmark_\nblindness\n(s)')
+    """
+    name, _, unit = words.rpartition(" (")
+    return fill(name.replace("_", "_ "), NAME_WIDTH, break_long_words=False).replace("_ ", "_") + f"\n({unit}"
 
 
 def written(value: float, unit: str, counts: bool) -> str:
@@ -163,9 +175,22 @@ def new_figure(width: float, height: float, layout: Any = "constrained") -> Figu
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
-    """At most so many ticks, on whole numbers where the quantity is a count, each with its whole value."""
+    """At most so many ticks, on whole numbers where the quantity is a count, each with its whole value: 2e-05."""
     axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
-    axis.set_major_formatter(ScalarFormatter(useOffset=False))  # an offset is easily overlooked
+    axis.set_major_formatter(_WholeValue(useOffset=False))
+
+
+class _WholeValue(ScalarFormatter):
+    """Plain numbers; very small and large ones with their power of ten at each tick.
+
+    Offsets and powers at the end of an axis are easily overlooked, and stand where other words do.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:.12g}" if super().get_offset() else super().__call__(x, pos)
+
+    def get_offset(self) -> str:
+        return ""
 
 
 def _unbroken(text: str) -> str:

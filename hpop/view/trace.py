@@ -22,6 +22,7 @@ from hpop.view.style import (
     SMALL,
     label,
     new_figure,
+    stacked,
     turns_in_place,
     whole_ticks,
     written,
@@ -103,7 +104,7 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
         highest = alone.max(initial=0.0)
         values = np.concatenate([values[:1], values]) if values.size else np.zeros(1)
         axes.stairs(alone, trace.times, fill=True, color="#9ecae9", linewidth=0, zorder=1.5)
-        text = f"black: {text}, blue: at the time"
+        text = f"line: {text}, area: value at the time"
     axes.plot(
         trace.times,
         values,
@@ -111,6 +112,7 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
         linewidth=1.6,
         drawstyle="steps-post" if counts else "default",
         zorder=2.5,
+        clip_on=False,  # else a last step at the right end is half as thick
     )
     final = written(cost, criterion.unit, counts)
     axes.set_ylim(0.0, 1.18 * max(values.max(), highest) or 1.0)
@@ -122,7 +124,7 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
 
 
 def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = False) -> None:
-    axes.set_ylabel(label(name, unit, counts).replace(" (", "\n("), fontsize=NORMAL)
+    axes.set_ylabel(stacked(label(name, unit, counts)), fontsize=NORMAL)
     axes.set_title(text, fontsize=SMALL, color=QUIET, loc="left", pad=2)
     whole_ticks(axes.yaxis, counts, most=4)
     axes.spines[["top", "right"]].set_visible(False)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from hpop.errors import OptionError
@@ -88,6 +89,24 @@ def test_the_legend_gives_the_costs_and_covers_no_panel(make, k):
     assert not any(box.overlaps(axes.get_window_extent()) for axes in panels(figure))
     assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
     assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+
+
+@pytest.mark.parametrize("k", [2, 3, 6])
+def test_the_legend_tells_of_the_trajectories_without_a_mark_where_there_are_some(make, make_problem, make_front, k):
+    two = make_front(
+        make_problem(SIX[:k]), costs=np.array([[1.0, 2.0] + [1.0] * (k - 2), [2.0, 1.0] + [1.0] * (k - 2)])
+    )
+    for front, there in ((make(k), True), (two, False)):
+        figure = draw_front(front)
+        (legend,) = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+        entries = {
+            text.get_text(): handle for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+        }
+        assert ("one of the other trajectories" in entries) is there
+        if there:
+            drawn = next(c for axes in figure.axes for c in axes.collections if c.get_label() == "trajectories")
+            colour = drawn.get_edgecolor()[0] if k == 6 else drawn.get_facecolor()[0]
+            assert to_hex(colour) == to_hex(entries["one of the other trajectories"].get_color())
 
 
 def test_what_two_criteria_dominate_is_shaded(make):
