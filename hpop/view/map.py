@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from textwrap import fill as wrapped
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from matplotlib import colormaps
@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
 from hpop.arrays import FloatArray
 from hpop.front import Front
@@ -29,13 +30,15 @@ from hpop.status import Status
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
-from hpop.view.sheet import Box, Sheet
+from hpop.view.sheet import MOST_HIGH, MOST_WIDE, Sheet
 from hpop.view.style import (
     DASHES,
+    GOAL,
     LARGE,
     NORMAL,
     QUIET,
     SMALL,
+    START,
     Mark,
     Quantity,
     marks,
@@ -47,6 +50,7 @@ from hpop.view.style import (
 
 WRAP = 60  # characters a line of costs in the legend
 CLAIM_WRAP = 118  # characters a line of what is claimed
+CIRCLE = 12.0  # points across, of start and goal
 CURVE_PIECES = 12  # a motion that moves and turns at once is drawn as so many straight pieces
 # Without the palest yellow, which is lost on a light ground.
 COST_COLOURS: Colormap = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)), name="cost")
@@ -113,16 +117,23 @@ def draw_map(
     bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
     symbols += _planners(front)
     lines, claim = _draw_named(axes, front, named), _claim(front)
-    if any(_turn_places(front.trajectories[mark.row]).size for mark in named):
-        symbols.append(_dot(QUIET, label="turn in place"))
+    turns = np.concatenate([np.zeros((0, 2)), *(_turn_places(front.trajectories[mark.row]) for mark in named)])
+    if len(turns):
+        symbols.append(turn_dot(QUIET, label="turn in place" + _hidden(turns, problem, view)))
     symbols += _draw_ends(axes, problem, view)
     _draw_frame(axes, view)
-    sheet = Sheet.of(view, bars=len(bars), lines=max(_height(lines), _height(symbols)), claim=claim.count("\n") + 1)
+    drawn = [_draw_bar(figure, bar) for bar in bars]
+    sheet = Sheet.of(
+        view,
+        words=[_width_of_words(figure, cax) for cax in drawn],
+        lines=max(height_of(lines), height_of(symbols)),
+        claim=claim.count("\n") + 1,
+    )
     if own:
         figure.set_size_inches(sheet.width, sheet.height)
     axes.set_position(sheet.map_box())
-    for place, bar in enumerate(bars):
-        _draw_bar(figure, sheet.bar_box(place), bar)
+    for place, cax in enumerate(drawn):
+        cax.set_position(sheet.bar_box(place))
     figure.suptitle(_title(front, scale), x=sheet.title[0], y=sheet.title[1], va="top", fontsize=LARGE)
     if lines:
         _draw_legend(figure, lines, sheet.legends[0], "upper left")
@@ -200,12 +211,20 @@ def _planners(front: Front) -> list[Handle]:
     ]
 
 
-def _draw_bar(figure: Figure, box: Box, bar: Bar) -> None:
-    cax = figure.add_axes(box, label=bar.words)
+def _draw_bar(figure: Figure, bar: Bar) -> Axes:
+    """Draw a colour bar that has no place yet."""
+    cax = figure.add_axes((0.0, 0.0, 0.1, 1.0), label=bar.words)
     drawn = figure.colorbar(bar.of, cax=cax, extend=bar.extend, extendfrac=0.025)
     drawn.set_label(bar.words, fontsize=NORMAL)
     cax.tick_params(labelsize=SMALL)
     whole_ticks(cax.yaxis, bar.counts, most=8)
+    return cax
+
+
+def _width_of_words(figure: Figure, cax: Axes) -> float:
+    """Width of what stands beside a colour bar, ticks and label, inches."""
+    box = cast(Bbox, cax.get_tightbbox())
+    return float(box.x1 - cax.bbox.x1) / figure.dpi
 
 
 def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, float], corner: Corner) -> None:
@@ -220,7 +239,7 @@ def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, flo
     )
 
 
-def _height(handles: Sequence[Handle]) -> int:
+def height_of(handles: Sequence[Handle]) -> int:
     """Lines of text in a legend."""
     return sum(1 + str(handle.get_label()).count("\n") for handle in handles)
 
@@ -242,12 +261,12 @@ def _draw_named(axes: Axes, front: Front, named: Sequence[Mark]) -> list[Handle]
         )
         line.set_path_effects([withStroke(linewidth=3.8, foreground="white")])
         x, y = _turn_places(trajectory).T
-        axes.add_line(_dot(mark.colour, x, y, zorder=5 + 0.1 * layer, gid=f"turns of {mark.label}"))
+        axes.add_line(turn_dot(mark.colour, x, y, zorder=5 + 0.1 * layer, gid=f"turns of {mark.label}"))
         handles.append(line)
     return handles
 
 
-def _dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
+def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
     """Points where a trajectory turns; without coordinates the legend entry for them."""
     nowhere = np.zeros(0)
     return Line2D(
@@ -263,14 +282,22 @@ def _dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, 
     )
 
 
+def _hidden(turns: FloatArray, problem: Problem, view: View) -> str:
+    """Say under which of start and goal some of the turns (N, 2) are: whoever counts the dots misses them."""
+    covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
+    ends = {"S": problem.start, "G": problem.goal}
+    under = [letter for letter, (x, y, _) in ends.items() if (np.hypot(*(turns - (x, y)).T) < covered).any()]
+    return f", also under {' and '.join(under)}" if under else ""
+
+
 def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
     """Start and goal: a letter in a circle, and an arrow along the heading; a goal at the start is a ring round it."""
     reach = 0.055 * max(view.width, view.height)
     handles: list[Handle] = []
     same = problem.start[:2] == problem.goal[:2]
     for name, letter, pose, fill in (
-        ("start", "S", problem.start, "white"),
-        ("goal", "G", problem.goal, "#F0E442"),
+        ("start", "S", problem.start, START),
+        ("goal", "G", problem.goal, GOAL),
     ):
         x, y, yaw = pose
         if yaw is not None:
@@ -281,11 +308,12 @@ def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
                 (x, y),
                 arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.6},
                 zorder=7,
+                annotation_clip=False,  # near the border too
             )
             arrow.set_gid(f"{name} heading")
         look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
         ring = same and name == "goal"
-        look["markersize"] = 19 if ring else 12
+        look["markersize"] = 19 if ring else CIRCLE
         axes.plot([x], [y], linestyle="none", zorder=7.9 if ring else 8, gid=name, **look)
         if not ring:
             axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)

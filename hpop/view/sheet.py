@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from hpop.view.ground import View
 
@@ -11,7 +14,7 @@ Box = tuple[float, float, float, float]  # left, bottom, width, height, as share
 MOST_WIDE, MOST_HIGH = 6.4, 6.2  # of the map
 LEAST = 1.6
 LEFT, TOP, BELOW = 0.75, 0.88, 0.62  # round the map: ticks and label, title and scale bar, ticks and label
-BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next, from the map to the first
+BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next at least, before each
 LEGEND = 8.0  # width of the two legends
 SYMBOLS = 4.95  # where the second one begins
 LINE = 0.205  # height of a line of the legends
@@ -25,6 +28,7 @@ class Sheet:
     width, height          of the figure
     map_width, map_height  of the map, in the proportions of what it shows where these are not extreme
     left, bottom           of the map
+    bars                   left edges of the colour bars
     """
 
     width: float
@@ -33,17 +37,20 @@ class Sheet:
     map_height: float
     left: float
     bottom: float
+    bars: tuple[float, ...]
 
     @classmethod
-    def of(cls, view: View, *, bars: int, lines: int, claim: int) -> Sheet:
-        """Lay out a map of a view with so many colour bars, lines of legend and lines of what is claimed."""
+    def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> Sheet:
+        """Lay out a map of a view with lines of legend and of what is claimed, and colour bars with so wide words."""
         scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
         map_width, map_height = max(LEAST, scale * view.width), max(LEAST, scale * view.height)
-        with_bars = LEFT + map_width + GAP + bars * PITCH
+        offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
+        with_bars = LEFT + map_width + offsets[-1]
         width = max(with_bars, LEGEND)
         bottom = BELOW + LINE * lines + 0.2 + CLAIM_LINE * claim
         left = LEFT + (width - with_bars) / 2
-        return cls(width, bottom + map_height + TOP, map_width, map_height, left, bottom)
+        bars = tuple(float(left + map_width + offset) for offset in offsets[:-1])
+        return cls(float(width), bottom + map_height + TOP, map_width, map_height, float(left), bottom, bars)
 
     @property
     def title(self) -> tuple[float, float]:
@@ -68,7 +75,7 @@ class Sheet:
 
     def bar_box(self, position: int) -> Box:
         """Place a colour bar, counted from the map outwards."""
-        return self._box(self.left + self.map_width + GAP + position * PITCH, BAR)
+        return self._box(self.bars[position], BAR)
 
     def _box(self, left: float, width: float) -> Box:
         return left / self.width, self.bottom / self.height, width / self.width, self.map_height / self.height

@@ -73,6 +73,14 @@ def test_the_colour_bar_spans_the_values_of_the_criterion(problem, make_front, c
     assert bar.get_ylabel() == f"{label} of a trajectory"
 
 
+def test_long_ticks_of_a_colour_bar_leave_room_for_what_stands_beside_it(problem, make_front):
+    costs = np.array([[0.123456, 3.0, 8.0], [0.123458, 2.0, 8.0], [0.12346, 1.0, 8.0]])
+    figure = draw_map(problem, make_front(problem, costs=costs), colour="exposure")
+    figure.canvas.draw()
+    one, other = (axes.get_tightbbox() for axes in figure.axes if axes.get_label() != "map")
+    assert part(figure, "map").get_window_extent().x1 < one.x0 < one.x1 < other.x0 < other.x1 <= figure.bbox.x1
+
+
 def test_counts_have_whole_ticks(problem, make_front):
     figure = draw_map(problem, make_front(problem), colour="turns")
     ticks = part(figure, "turns (count) of a trajectory").get_yticks()
@@ -123,6 +131,23 @@ def test_dots_mark_the_places_where_a_named_trajectory_turns(problem, make_front
     np.testing.assert_array_equal(dots.get_ydata(), trajectory.states.y[turning])
 
 
+def test_the_legend_says_that_turns_are_hidden_by_start_or_goal(make_problem):
+    problem = make_problem()
+    for poses, entry in (
+        ([(1, 1, 0), (5, 1, 0), (9, 1, 0)], ""),
+        ([(1, 1, 0), (3, 1, 0), (3, 4, 0), (6, 1, 0), (9, 1, 0)], "turn in place"),
+        ([(1, 1, 0), (1.1, 1, 0), (3, 4, 0), (6, 1, 0), (9, 1, 0)], "turn in place, also under S"),
+        ([(1, 1, 0), (5, 6, 0), (9, 1, 0)], "turn in place, also under S and G"),
+    ):
+        way = hpop.Trajectory.from_poses(problem.model, poses)
+        front = hpop.Front.of(
+            [[1.0, 1.0]], [way], names=["turns", "length"], units=["1", "m"], quanta=[1, 1e-6],
+            status="complete", certificate="made by hand",
+        )  # fmt: skip
+        told = [text for text in legend_texts(draw_map(problem, front)) if "turn in place" in text]
+        assert told == [entry] * bool(entry)
+
+
 def test_start_and_goal_stand_where_the_problem_says(make_problem, make_front):
     problem = make_problem(start=(1, 1, np.pi / 2), goal=(9, 1, None))
     figure = draw_map(problem, make_front(problem))
@@ -135,6 +160,18 @@ def test_start_and_goal_stand_where_the_problem_says(make_problem, make_front):
     with pytest.raises(StopIteration):
         by_gid(figure, "goal heading")
     assert "G: goal, any heading" in legend_texts(figure)
+
+
+def test_the_heading_of_a_goal_at_the_border_is_there(make_problem, make_front):
+    problem = make_problem(goal=(9.9, 1, 0))
+    figure = draw_map(problem, make_front(problem))
+    arrow = by_gid(figure, "goal heading")
+    assert arrow.xy[0] > part(figure, "map").get_xlim()[1]
+    figure.canvas.draw()
+    with_arrow = np.array(figure.canvas.buffer_rgba())
+    arrow.set_visible(False)
+    figure.canvas.draw()
+    assert (with_arrow != np.asarray(figure.canvas.buffer_rgba())).any()
 
 
 def test_the_axes_are_metres_with_one_scale_and_a_bar_of_round_length(problem, make_front):
@@ -158,7 +195,7 @@ def test_low_and_overhead_obstacles_are_hatched_apart_from_those_at_the_camera(p
     assert light.get_path().get_extents().bounds == (2.0, 3.0, 6.0, 3.0)
     assert dark.get_path().get_extents().bounds == (4.0, 1.5, 2.0, 3.0)
     assert zone.get_path().get_extents().bounds == (0.0, 7.5, 2.0, 0.5)
-    assert {"obstacle", "keep-out zone", "turn in place"} <= set(legend_texts(figure))
+    assert {"obstacle", "keep-out zone"} <= set(legend_texts(figure))
 
 
 @pytest.mark.parametrize(("criteria", "radius"), [(["turns", "length"], 2), ([{"exposure": {"radius": 1.5}}], 1.5)])
