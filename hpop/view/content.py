@@ -26,14 +26,15 @@ WAY = "#2f6690"
 LEAST_RADIUS = 0.0065  # of a person's disc, as a share of the map's longer side
 REACH = 0.06  # length of a velocity of 1 m/s, as a share of the map's longer side
 PITCH = 0.11  # from one arrow of a way to the next, as a share of the map's longer side
+ENLARGED = 1.5  # on a small map these shares are so many times as large
 MOST_NAMES = 12  # landmarks, and people, are named where there are no more
 Handle = Line2D | Patch
 
 
-def draw_content(axes: Axes, world: World, view: View, *, names: bool = True) -> list[Handle]:
+def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -> list[Handle]:
     """Draw what a world's content has in view, but keep-out zones; returns the legend entries of what there is.
 
-    On a small map names would cover each other: leave them out.
+    On a small map names would cover each other and people be specks: names are left out, symbols enlarged.
     """
     content = world.content
     shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)
@@ -41,8 +42,8 @@ def draw_content(axes: Axes, world: World, view: View, *, names: bool = True) ->
     landmarks = [mark for mark in content.landmarks if shapely.intersects_xy(shown, mark.x, mark.y)]
     zones = [zone for zone in content.zones if shown.intersects(zone.area)]
     talks = [[content.people[i] for i in group] for group in content.groups]
-    side = max(view.width, view.height)
-    if names:
+    side = (ENLARGED if small else 1.0) * max(view.width, view.height)
+    if not small:
         _draw_names(axes, people, landmarks, side)
     return [
         *_draw_zones(axes, zones, side),

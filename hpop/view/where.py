@@ -1,8 +1,10 @@
-"""Where along a trajectory each criterion is incurred: its rate on the map."""
+"""Where along a trajectory each criterion is incurred: its rate, or what it counts, on the map."""
 
 from __future__ import annotations
 
 import math
+from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -11,6 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
 from hpop.arrays import FloatArray
@@ -20,11 +23,16 @@ from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import ball_of, draw_obstacles, outline, view_of
-from hpop.view.map import path_points
-from hpop.view.style import LARGE, NORMAL, SMALL, label, new_figure, turns_in_place, whole_ticks, written
+from hpop.view.map import Handle, height_of, path_points, turn_dot
+from hpop.view.sheet import LINE
+from hpop.view.style import GOAL, LARGE, NORMAL, QUIET, SMALL, START, new_figure, turns_in_place, whole_ticks, written
 
-COLUMNS = 2
-WIDTH, MAP_WIDTH = 4.6, 3.5  # inches of one map, with and without its axes and colour bar
+COLUMNS = 2  # of maps
+ENTRIES = 3  # of the legend in a row, below two maps
+WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and colour bar
+WORDS = 0.7  # inches above and below it
+ASIDE = 13.0  # points from an end of the path to the letter beyond it
+TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
 
@@ -32,7 +40,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
-    fast it grows. Turns in place are dots.
+    fast it grows, a count how many there are in the motion. Turns in place are dots; S and G stand beyond
+    start and goal.
 
     Parameters
     ----------
@@ -47,70 +56,105 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     view = view_of(problem, [path_points(trajectory)])
     columns = min(COLUMNS, len(trace.criteria))
     rows = math.ceil(len(trace.criteria) / columns)
-    height = np.clip(MAP_WIDTH * view.height / view.width, 1.5, 2.0 * MAP_WIDTH) + 0.8
-    figure = new_figure(WIDTH * columns, height * rows + 0.5)
+    height = np.clip(MAP_WIDTH * view.height / view.width, 1.0, 2.0 * MAP_WIDTH) + WORDS
+    figure = new_figure(WIDTH * columns, height * rows + 0.35, layout="compressed")
     maps = figure.subplots(rows, columns, squeeze=False).ravel()
+    handles: list[Handle] = []
     for place, axes in enumerate(maps):
         if place >= len(trace.criteria):
             axes.set_axis_off()
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_patch(floor)
-        draw_obstacles(axes, problem.world, ball_of(problem).z)
-        draw_content(axes, problem.world, view, names=False)
-        _draw_rate(figure, axes, trace, place)
+        _draw_shown(figure, axes, trace, place, shown_along(trace, trajectory, place))
+        handles = [
+            Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
+            *([turn_dot(QUIET, label="turn in place")] if turns_in_place(trajectory).any() else []),
+            *_draw_ends(axes, path_points(trajectory)),
+            *draw_obstacles(axes, problem.world, ball_of(problem).z),
+            *draw_content(axes, problem.world, view, small=True),
+        ]
         axes.set_xlim(view.x_min, view.x_max)
         axes.set_ylim(view.y_min, view.y_max)
         axes.set_aspect("equal")
         axes.tick_params(labelsize=SMALL)
         axes.set_xlabel("x (m)", fontsize=SMALL)
         axes.set_ylabel("y (m)", fontsize=SMALL)
-    figure.suptitle(f"Where {name} incurs what: dark is much", fontsize=LARGE)
+        whole_ticks(axes.xaxis, False, most=7)
+        whole_ticks(axes.yaxis, False)
+    abreast = ENTRIES if columns > 1 else 1
+    figure.legend(handles=handles, loc="outside lower center", ncols=abreast, fontsize=SMALL, frameon=False)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + LINE * (height_of(handles) / abreast + 1))
+    title = f"Where along {name} each cost arises: dark is much"
+    figure.suptitle(fill(title, TITLE_WIDTH * columns), fontsize=LARGE)
     return figure
 
 
-def _draw_rate(figure: Figure, axes: Axes, trace: Trace, column: int) -> None:
-    criterion, rate = trace.criteria[column], trace.rate[:, column]
-    counts = criterion.unit == "1" and criterion.quantum == 1.0
+def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray:
+    """What the colours show of each piece (n,): its rate; of a count that adds up, how many there are in its motion."""
+    criterion = trace.criteria[column]
+    if not _counts(criterion) or criterion.aggregate in ("time-mean", "max"):
+        return trace.rate[:, column]
+    owner = np.searchsorted(trajectory.times[1:-1], 0.5 * (trace.times[1:] + trace.times[:-1]), side="right")
+    grown = np.diff(trace.running[:, column], prepend=0.0)  # (n,)
+    number = np.zeros(len(trajectory))
+    np.add.at(number, owner, grown)
+    return number[owner]
+
+
+def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
+    criterion = trace.criteria[column]
     points = np.stack([trace.states.x, trace.states.y], axis=1)
-    norm = Normalize(0.0, float(rate.max(initial=0.0)) or 1.0)
+    norm = Normalize(0.0, float(shown.max(initial=0.0)) or 1.0)
     turning = turns_in_place(trace.trajectory)
     pieces = np.stack([points[:-1], points[1:]], axis=1)[~turning]  # (moves, 2, 2)
     axes.add_collection(
         LineCollection(
-            list(pieces), array=rate[~turning], cmap=RATE_COLOURS, norm=norm, linewidths=3.0, zorder=4, gid="rate"
+            list(pieces), array=shown[~turning], cmap=RATE_COLOURS, norm=norm, linewidths=3.0, zorder=4, gid="rate"
         )
     )
     x, y = points[:-1][turning].T
-    axes.scatter(x, y, c=rate[turning], cmap=RATE_COLOURS, norm=norm, s=42, edgecolors="white", zorder=5)
-    _draw_ends(axes, points)
+    axes.scatter(x, y, c=shown[turning], cmap=RATE_COLOURS, norm=norm, s=42, edgecolors="white", zorder=5, gid="turns")
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)
-    bar.set_label(rate_label(criterion), fontsize=SMALL)
-    whole_ticks(bar.ax.yaxis, False, most=5)
-    total = written(float(trace.cost[column]), criterion.unit, counts)
+    bar.set_label(shown_label(criterion), fontsize=SMALL)
+    whole_ticks(bar.ax.yaxis, _counts(criterion))
+    total = written(float(trace.cost[column]), criterion.unit, _counts(criterion))
     words = {"time-mean": "on average", "max": "at worst"}.get(criterion.aggregate, "in all")
     axes.set_title(f"{criterion.name}: {total} {words}", fontsize=NORMAL)
 
 
-def _draw_ends(axes: Axes, points: FloatArray) -> None:
-    for place, letter in ((0, "S"), (-1, "G")):
+def _draw_ends(axes: Axes, points: FloatArray) -> list[Handle]:
+    """Start and goal: a letter in a circle beyond the end of the path (N, 2), so that it covers no turn made there."""
+    handles: list[Handle] = []
+    for name, letter, fill_colour, way in (("start", "S", START, points), ("goal", "G", GOAL, points[::-1])):
+        moved = np.flatnonzero((way != way[0]).any(axis=1))
+        apart = way[0] - way[moved[0]] if moved.size else np.zeros(2)
+        aside = ASIDE * apart / (np.hypot(*apart) or 1.0)
+        circle = {"boxstyle": "circle,pad=0.2", "facecolor": fill_colour, "linewidth": 1.0}
         axes.annotate(
-            letter, points[place], fontsize=SMALL, fontweight="bold", ha="center", va="center", zorder=6,
-            bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "linewidth": 1.0},
+            letter, way[0], tuple(aside), textcoords="offset points", fontsize=7.5, fontweight="bold",
+            ha="center", va="center_baseline", zorder=7, bbox=circle, annotation_clip=False, gid=name,
         )  # fmt: skip
+        look: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": fill_colour}
+        handles.append(Line2D([], [], linestyle="none", markeredgecolor="black", label=f"{letter}: {name}", **look))
+    return handles
 
 
-def rate_label(criterion: Criterion) -> str:
-    """Words for a criterion's rate.
+def shown_label(criterion: Criterion) -> str:
+    """Words for what the colours show of a criterion.
 
     >>> from hpop.criteria import Clearance, Length, Turns
-    >>> rate_label(Length()), rate_label(Turns()), rate_label(Clearance())
-    ('m a second', 'count a second', 'clearance (m) on the spot')
+    >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())
+    ('m a second', 'count on the spot', 'm on the spot')
     """
-    counts = criterion.unit == "1" and criterion.quantum == 1.0
-    if criterion.aggregate in ("time-mean", "max"):
-        return f"{label(criterion.name, criterion.unit, counts)} on the spot"
-    unit = ("count" if counts else "share") if criterion.unit == "1" else criterion.unit
-    return f"{unit} a second"
+    if _counts(criterion):
+        return "count on the spot"
+    unit = "share" if criterion.unit == "1" else criterion.unit
+    return f"{unit} on the spot" if criterion.aggregate in ("time-mean", "max") else f"{unit} a second"
+
+
+def _counts(criterion: Criterion) -> bool:
+    return criterion.unit == "1" and criterion.quantum == 1.0

@@ -71,6 +71,17 @@ def test_people_too_small_to_be_seen_are_enlarged_and_the_legend_says_so(drawn):
     assert entries == ["person (enlarged), tick: heading"]
 
 
+def test_on_a_small_map_people_are_larger_and_nobody_is_named(world):
+    furnished, wide = world.with_content(people=STANDING, landmarks=[STATUE]), View(0, 0, 200, 100)
+    radii = []
+    for small in (False, True):
+        axes = new_figure(5, 4).add_subplot()
+        draw_content(axes, furnished, wide, small=small)
+        radii.append(of(axes, "person")[0].radius)
+        assert ("Sue" in texts(axes)) is not small
+    assert radii[1] > radii[0]
+
+
 def test_who_walks_has_an_arrow_along_the_velocity(drawn):
     axes, entries = drawn(people=[WALKING, Person(1.0, 1.0, velocity=(1.0, 0.5))])
     assert entries == ["person walking, arrow: velocity"]

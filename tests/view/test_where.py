@@ -6,12 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
+from hpop.models.driven import driven
 from hpop.view import draw_where
-from hpop.world.content import Landmark
+from hpop.view.where import shown_along
+from hpop.world.content import Landmark, Person
 
 NAMES = ["obstruction", "turns", "length"]
+ENTRIES = {  # of what is drawn with a gid or a label
+    "rate": "a test",
+    "turns": "turn in place",
+    "start": "S: start",
+    "goal": "G: goal",
+    "obstacle": "obstacle",
+    "obstacle below or above the camera (at 1.2 m)": "obstacle below or above the camera (at 1.2 m)",
+    "keep-out zone": "keep-out zone",
+    "landmark": "landmark, tick: its front",
+    "facing": "landmark, tick: its front",
+    "person": "person, tick: heading",
+    "heading": "person, tick: heading",
+    "conversation": "conversation",
+}
 
 
 @pytest.fixture
@@ -32,6 +49,14 @@ def lines(axes):
     return next(c for c in axes.collections if c.get_gid() == "rate")
 
 
+def dots(axes):
+    return next(c for c in axes.collections if c.get_gid() == "turns")
+
+
+def legend_texts(figure):
+    return [" ".join(text.get_text().split()) for text in figure.legends[0].get_texts()]
+
+
 def test_there_is_one_map_a_criterion_with_its_cost(problem, trajectory):
     figure = draw_where(problem, trajectory, name="a test")
     titles = [axes.get_title() for axes in maps(figure)]
@@ -44,17 +69,37 @@ def test_there_is_one_map_a_criterion_with_its_cost(problem, trajectory):
 def test_the_colours_are_the_rates_of_the_trace_where_the_robot_moves(problem, trajectory):
     trace = problem.trace(trajectory)
     moving = np.array([kind == "move" for kind in trace.trajectory.kinds])
-    for column, axes in enumerate(maps(draw_where(problem, trajectory))):
-        drawn = lines(axes)
-        np.testing.assert_array_equal(drawn.get_array(), trace.rate[moving, column])
+    figure = draw_where(problem, trajectory)
+    for name in ("obstruction", "length"):
+        drawn, rate = lines(maps(figure)[NAMES.index(name)]), trace.rate[:, NAMES.index(name)]
+        np.testing.assert_array_equal(drawn.get_array(), rate[moving])
         assert drawn.norm.vmin == 0.0
-        assert drawn.norm.vmax == (trace.rate[:, column].max() or 1.0)
+        assert drawn.norm.vmax == (rate.max() or 1.0)
+
+
+def test_each_turn_in_place_counts_one_however_long_it_lasts(problem):
+    bent = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (1, 6, 0), (9, 1, 0)])
+    assert np.ptp(bent.durations[[kind == "turn" for kind in bent.kinds]]) > 0.5
+    axes = maps(draw_where(problem, bent))[1]
+    assert dots(axes).get_array().tolist() == [1.0] * 4
+    assert set(lines(axes).get_array()) == {0.0}
+    assert "count on the spot" in [axes.get_ylabel() for axes in axes.child_axes]
+
+
+def test_a_turn_along_a_curve_colours_the_motion_in_which_it_ends(problem):
+    curve = driven(hpop.DifferentialDrive(), (2, 2, 0), [(0.0, 1.0, 2.0), (0.5, 0.0, 3.0), (0.0, -1.0, 2.0)], speed=0.5)
+    trace, turns = problem.trace(curve), NAMES.index("turns")
+    shown = shown_along(trace, curve, turns)
+    where = (trace.times[:-1, None] >= curve.times[:-1] - 1e-9) & (trace.times[1:, None] <= curve.times[1:] + 1e-9)
+    assert where.any(axis=0).all()
+    each = [set(shown[inside]) for inside in where.T]
+    assert all(len(values) == 1 for values in each)
+    assert sum(values.pop() for values in each) == trace.cost[turns] > 0
 
 
 def test_turns_in_place_are_dots_where_they_are_made(problem, trajectory):
-    axes = maps(draw_where(problem, trajectory))[1]
-    (dots,) = (c for c in axes.collections if c.get_gid() is None and len(c.get_offsets()) == 4)
-    assert sorted(map(tuple, np.round(dots.get_offsets(), 9))) == [(1, 1), (1, 6), (9, 1), (9, 6)]
+    (axes, *_) = maps(draw_where(problem, trajectory))
+    assert sorted(map(tuple, np.round(dots(axes).get_offsets(), 9))) == [(1, 1), (1, 6), (9, 1), (9, 6)]
 
 
 def test_a_trajectory_without_motions_can_be_drawn(problem):
@@ -82,3 +127,48 @@ def test_landmarks_are_drawn_without_the_names_that_would_cover_each_other(probl
     for axes in maps(draw_where(furnished, trajectory)):
         assert sum(line.get_gid() == "landmark" for line in axes.lines) == 2
         assert {text.get_text() for text in axes.texts} == {"S", "G"}
+
+
+def test_what_is_drawn_is_in_the_legend_and_nothing_else(problem, trajectory):
+    talk = problem.world.with_content(
+        people=[Person(3.0, 6.5), Person(4.0, 6.5)], groups=[(0, 1)], landmarks=[Landmark(6.0, 3.0, facing=0.0)]
+    )
+    figure = draw_where(replace(problem, world=talk), trajectory, name="a test")
+    for axes in maps(figure):
+        artists = [*axes.lines, *axes.patches, *axes.collections, *axes.texts]
+        drawn = {" ".join((artist.get_gid() or str(artist.get_label())).split()) for artist in artists}
+        assert {ENTRIES[what] for what in drawn if not what.startswith("_") and what} == set(legend_texts(figure))
+    assert len(set(legend_texts(figure))) == len(legend_texts(figure)) == len(set(ENTRIES.values()))
+
+
+def test_nothing_is_in_the_legend_that_is_not_there(problem):
+    empty = hpop.World.from_polygons([], extent=shapely.box(0, 0, 10, 8))
+    straight = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (9, 1, 0)])
+    assert legend_texts(draw_where(replace(problem, world=empty), straight)) == [
+        "the trajectory",
+        "S: start",
+        "G: goal",
+    ]
+
+
+@pytest.mark.parametrize("criteria", [["turns"], NAMES])
+def test_legend_and_title_lie_outside_the_maps_and_inside_the_page(make_problem, trajectory, criteria):
+    figure = draw_where(make_problem(criteria), trajectory, name="a trajectory")
+    figure.canvas.draw()
+    for box in (figure.legends[0].get_window_extent(), figure._suptitle.get_window_extent()):
+        assert not any(box.overlaps(axes.get_tightbbox()) for axes in maps(figure))
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
+
+
+def test_no_circle_covers_a_turn_at_the_start_or_the_goal(problem, trajectory):
+    figure = draw_where(problem, trajectory)
+    figure.canvas.draw()
+    for axes in maps(figure):
+        circles = [text.get_bbox_patch().get_window_extent() for text in axes.texts if text.get_gid() in ENTRIES]
+        places = axes.transData.transform([(1, 1), (9, 1)])
+        radius = np.sqrt(dots(axes).get_sizes()[0]) / 2 * figure.dpi / 72
+        for circle, place in zip(circles, places, strict=True):
+            centre = (circle.x0 + circle.x1) / 2, (circle.y0 + circle.y1) / 2
+            apart = np.hypot(*np.subtract(centre, place))
+            assert circle.width / 2 + radius < apart < 3 * circle.width
