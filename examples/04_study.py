@@ -14,7 +14,7 @@ from shapely.plotting import plot_polygon
 import hpop
 
 HERE = Path(__file__).parent
-LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-")}
+LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-.")}
 
 
 def main(folder: Path = Path("out/04_study"), runs: int = 30) -> dict[str, hpop.Trajectory]:
@@ -52,19 +52,21 @@ def main(folder: Path = Path("out/04_study"), runs: int = 30) -> dict[str, hpop.
 
 def draw(problem: hpop.Problem, trajectories: dict[str, hpop.Trajectory], rows: dict[str, dict[str, float]]) -> Figure:
     """The trajectories on the map, their costs in the legend."""
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     axes = figure.add_subplot(aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.set_title("Three ways through the museum: fewest turns, shortest, and what an RRT finds")
-    plot_polygon(problem.world.solid(0.0, 1.2), axes, add_points=False, facecolor="#b9b9b9", edgecolor="#555555")
+    axes.set_title("Three ways through the museum: two optima of a lattice, and what an RRT finds")
+    grey = {"facecolor": "#b9b9b9", "edgecolor": "#555555", "label": "obstacle"}
+    plot_polygon(problem.world.solid(0.0, 1.2), axes, add_points=False, **grey)
     for name, trajectory in trajectories.items():
         v, n, d, flips = rows[name].values()
         states = trajectory.at(np.linspace(0.0, trajectory.duration, 4000))
         colour, dashes = LINES[name]
-        label = f"{name}: {n:.0f} turns, {d:.1f} m, {100 * v:.1f} % obstructed, curvature sign changes: {flips:.0f}"
-        axes.plot(states.x, states.y, dashes, color=colour, linewidth=2.2, label=label)
-    for name, (x, y, yaw) in {"start": problem.start, "goal": problem.goal}.items():
+        which = "run with the fewest sign changes" if name == "RRT" else "on the 0.5 m lattice"
+        costs = f"{n:.0f} turns, {d:.1f} m, {100 * v:.1f} % obstructed, curvature sign changes: {flips:.0f}"
+        axes.plot(states.x, states.y, dashes, color=colour, linewidth=2.2, label=f"{name} {which}: {costs}")
+    for name, (x, y, yaw), above in (("start", problem.start, -1.0), ("goal", problem.goal, 0.7)):
         axes.plot(x, y, "o", color="black", markersize=7)
-        axes.text(x - 0.6, y - 1.0, name, weight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+        axes.text(x - 0.6, y + above, name, weight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})
         axes.annotate(
             "", (x + np.cos(yaw), y + np.sin(yaw)), (x, y), arrowprops={"arrowstyle": "-|>", "linewidth": 1.6}
         )

@@ -11,6 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import hpop
 from hpop.planners.lattice import Lattice
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -71,6 +72,25 @@ def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
+def test_the_studys_picture_says_what_each_line_is(tmp_path):
+    study = example("04_study.py")
+    problem = hpop.Problem(
+        hpop.World.from_geojson(EXAMPLES / "museum.geojson"), hpop.DifferentialDrive(), (2, 10, 0), (28, 17, 0),
+        ["obstruction", "turns", "length", "curvature_sign_changes"],
+    )  # fmt: skip
+    way = hpop.Trajectory.from_poses(problem.model, [problem.start, problem.goal])
+    figure = study.draw(problem, dict.fromkeys(study.LINES, way), dict.fromkeys(study.LINES, problem.evaluate(way)))
+    figure.savefig(tmp_path / "study.png")
+    (legend,) = figure.legends
+    of = [text.get_text().split(":")[0] for text in legend.get_texts()]
+    lattice = [f"{name} on the 0.5 m lattice" for name in ("least turns", "shortest")]
+    assert of == ["obstacle", *lattice, "RRT run with the fewest sign changes"]
+    assert len({str(handle.get_linestyle()) for handle in legend.legend_handles[1:]}) == 3  # apart without colour
+    for box in (legend.get_window_extent(), figure.axes[0].title.get_window_extent()):
+        assert 0 <= box.y0 < box.y1 <= figure.bbox.y1
+        assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+
+
 def test_the_papers_structure_is_reproduced(tmp_path):
     """One optimum with V = 0 and N = 8; one with N = 0 that is the shortest; others between."""
     front = example("paper_figure/paper_figure.py").main(tmp_path)
@@ -87,8 +107,6 @@ def test_the_papers_structure_is_reproduced(tmp_path):
 def test_no_path_of_the_papers_figure_keeps_everything_clear_with_fewer_turns():
     """V = 0 is impossible with seven turns: a second search, on turns and exposure alone, agrees."""
     museum = example("paper_figure/paper_figure.py").museum
-    import hpop
-
     problem = hpop.Problem(
         museum(), hpop.DifferentialDrive(), (4.0, 10.0, 0.0), (19.75, 10.0, 0.0), ["exposure", "turns"]
     )
