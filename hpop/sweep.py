@@ -1,6 +1,6 @@
 """Sweeps: many small jobs over the same data, on any ``concurrent.futures.Executor`` or none.
 
-Serial, process pools and Dask (``Client.get_executor()``) give the same results. What a job needs beside its own
+Serial, process pools and Dask (:func:`dask`) give the same results. What a job needs beside its own
 task is shipped once: workers on this machine map one file into their memory. One elsewhere asks for it and gets it with
 a job; what it could not do meanwhile waits for that. A worker that dies loses only what it was at: that is done again,
 in this process.
@@ -233,6 +233,35 @@ def processes(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
 
 
+class _Cluster(Executor):
+    """The workers of a Dask client.
+
+    Dask's own executor leaves a job open for ever where the scheduler dies while its result is on the way.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        there = self._client.submit(fn, *arguments, **named, pure=False)
+        here: Future[T] = Future()
+        here.add_done_callback(lambda ended: there.cancel() if ended.cancelled() else None)
+        self._client.loop.add_callback(_answer, there, here)
+        return here
+
+
+async def _answer(there: Any, here: Future[Any]) -> None:
+    """Hand over what comes of a job of Dask's, whatever that is."""
+    try:
+        result = await there
+    except Exception as error:
+        if here.set_running_or_notify_cancel():
+            here.set_exception(error)
+    else:
+        if here.set_running_or_notify_cancel():
+            here.set_result(result)
+
+
 @contextmanager
 def dask(address: str) -> Iterator[Executor]:
     """The workers of a Dask scheduler, such as ``tcp://host:8786``; hpop must be installed where they run.
@@ -254,4 +283,4 @@ def dask(address: str) -> Iterator[Executor]:
             "address"
         ) from None
     with client:
-        yield client.get_executor()
+        yield _Cluster(client)

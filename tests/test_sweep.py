@@ -310,6 +310,17 @@ def test_dask_workers_find_the_same_and_one_that_is_killed_loses_nothing(cluster
     assert same(serial, there)
 
 
+def test_results_that_a_scheduler_takes_with_it_are_made_here(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def gather(*_: Any, **__: Any) -> None:
+        raise OSError("the connection broke while results were on their way")
+
+    begin = monotonic()
+    with dask(cluster.scheduler_address) as executor, Sweep(operator.mul, 7, executor) as sweep:
+        monkeypatch.setattr("distributed.Client._gather", gather)
+        assert dict(sweep.run(TASKS, stop=lambda: monotonic() > begin + 10)) == EXPECTED
+    assert len(sweep.notes) == 1
+
+
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(module, "CONNECT", 0.2)
