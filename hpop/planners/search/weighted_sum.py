@@ -263,12 +263,14 @@ class _Run:
         start = self.clock.call(arcs_onward, graph.indptr, graph.heads, h[0], unreachable)
         m = int(start[-1])
         farthest = h.max(axis=1, initial=0, where=h < unreachable)
-        narrow = (graph.largest + farthest).max() < 2**31  # no reduced cost is more
+        narrow = (graph.largest + farthest).max() < 2**31  # no reduced cost is more, though all may be less
         self.place, heads = np.empty(m, np.int64), np.empty(m, np.int32)
         costs = np.empty((m, k), np.int32 if narrow else np.int64)
         borders = np.linspace(0, graph.nodes, PARTS + 1).astype(int).tolist()
         rest = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.place, heads, costs)
         largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *rest) for p in pairwise(borders)]), strict=True)
+        if np.max(largest) < 2**31:
+            costs = costs.astype(np.int32, copy=False)
         is_target = np.zeros(graph.nodes, np.uint8)
         is_target[targets] = 1
         # No path adds up to this much in a cost, so these are the digits of lexicographic order.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from hpop.planners.search import Graph, SupportedPaths, pareto_paths, supported_
 from hpop.planners.search.weighted_path import encoded, weighted_path
 from hpop.planners.search.weighted_sum import integer_weights, simplex_lattice
 from hpop.status import Budget, Progress, Status
+from hpop.sweep import _mapped
 
 DRAWS = ((0, 9), (1, 9), (2, 3), (2, 4), (3, 2), (7, 3))  # seed, largest cost: small ones put points inside faces
 
@@ -245,3 +247,21 @@ def test_results_do_not_depend_on_the_executor(workers: int, options: dict[str, 
     for i in range(len(serial)):
         assert there.arcs(i).tolist() == serial.arcs(i).tolist()
         assert sorted(there.weights[i].tolist()) == sorted(serial.weights[i].tolist())
+
+
+def test_workers_are_sent_32_bits_a_cost_where_reduced_ones_fit_though_paths_cost_more() -> None:
+    sent = []
+
+    class Seen(ThreadPoolExecutor):
+        def submit(self, fn: Any, key: str, file: str, *rest: Any) -> Any:  # type: ignore[override]
+            sent.append(_mapped(Path(file)).costs)
+            return super().submit(fn, key, file, *rest)
+
+    tails = np.arange(6).repeat(3)
+    for most, width in ((2**30, np.int32), (2**40, np.int64)):
+        costs = np.tile([[2**30, 2**30 + most], [2**30 + 1, 2**30 + 1], [2**30 + most, 2**30]], (6, 1))
+        with Seen(1) as executor:
+            found = supported_paths(Graph.from_arcs(7, tails, tails + 1, costs), 0, 6, executor=executor)
+        assert vectors(found) == [(6 * 2**30, 6 * (2**30 + most)), (6 * (2**30 + 1),) * 2, vectors(found)[0][::-1]]
+        assert sent[-1].dtype == width
+        assert sent[-1].max() == most
