@@ -11,6 +11,7 @@ import os
 import statistics
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ from hpop.verify import verify
 ROOT = Path(__file__).parents[1]
 CASES = 40  # polylines, evenly chosen from a front
 CRITERIA = ["exposure", "turns", "length"]
+HARDER = ["clearance", "optic_flow", "energy", "angular_acceleration", "peak_optic_flow"]  # in the place of exposure
+FEW = 12  # polylines for each of these
 
 
 class Clock:
@@ -114,6 +117,31 @@ def smoothing(problem: hpop.Problem, step: float) -> dict[str, Any]:
     return row
 
 
+def harder(problem: hpop.Problem, step: float) -> dict[str, dict[str, Any]]:
+    """Smooth some of the same polylines for criteria with kinks, or that look around."""
+    front = problem.solve("lattice", step=step)
+    polylines = [front.trajectories[i] for i in np.unique(np.linspace(0, len(front) - 1, FEW).astype(int))]
+    rows = {}
+    for name in HARDER:
+        asked = replace(problem, criteria=(name, "turns", "length"))
+        job = SmoothingJob(asked, edge_objectives(asked.criteria, "smoothing").optimised, None, 60)
+        with Clock() as clock:
+            outcomes = [job.solve(polyline) for polyline in polylines]
+        pairs = [(p.execution(), o.found.trajectory) for p, o in zip(polylines, outcomes, strict=True) if o.found]
+        before, after = (
+            trajectory_costs(job.criteria[:1], [pair[side] for pair in pairs], problem.world)[:, 0] for side in (0, 1)
+        )
+        rows[name] = {
+            "polylines": len(polylines),
+            "smoothed": len(pairs),
+            "dropped": dict(Counter(o.reason for o in outcomes if o.reason)),
+            **clock.row(np.array(clock.intervals) == 60),
+            "cost over the polyline's execution, median": float(np.median(after / np.maximum(before, 1e-9))),
+        }
+        print(name, json.dumps(rows[name]), flush=True)
+    return rows
+
+
 def checked(problem: hpop.Problem) -> int:
     """Faults that an independent check finds in a small front of the planner."""
     faults = verify(problem, problem.solve("smoothing", step=1.0))
@@ -130,10 +158,13 @@ def main() -> None:
     museum = hpop.World.from_geojson(ROOT / "examples" / "museum.geojson")
     problem = hpop.Problem(museum, robot, (2, 10, 0), (28, 10, 0), CRITERIA)
     result: dict[str, Any] = {"museum": smoothing(problem, 0.5), "faults": checked(problem)}
+    result["museum"]["harder"] = harder(problem, 0.5)
     office = options.data / "pal_office" / "map.yaml"
     if office.exists():
         world = hpop.World.from_ros_map(office)
-        result["pal_office"] = smoothing(hpop.Problem(world, robot, (6, -8, np.pi / 2), (-10, 1, None), CRITERIA), 0.25)
+        problem = hpop.Problem(world, robot, (6, -8, np.pi / 2), (-10, 1, None), CRITERIA)
+        result["pal_office"] = smoothing(problem, 0.25)
+        result["pal_office"]["harder"] = harder(problem, 0.25)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(json.dumps(result, indent=1))
 

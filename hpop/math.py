@@ -6,10 +6,14 @@ numbers they are exact, on symbols they are smoothed within the width stated, so
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextvars import ContextVar
+
 import numpy as np
 
 from hpop.arrays import Column
 
+instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
 SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
 
 
@@ -44,6 +48,25 @@ def smooth_abs(x: Column) -> Column:
     square = (x / SMOOTHING) ** 2
     inside = SMOOTHING * square * (15.0 - 10.0 * square + 3.0 * square * square) / 8.0
     return np.where(square < 1.0, inside, np.abs(x))
+
+
+def hinge(x: Column) -> Column:
+    """max(x, 0), of what a cost rises with; on symbols without a kink.
+
+    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.hinges`). Elsewhere it is
+    a convex polynomial within SMOOTHING of zero, twice differentiable, exact outside: with s = x/w it is
+    w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
+
+    >>> float(hinge(-2.0)), float(hinge(0.5))
+    (0.0, 0.5)
+    """
+    if not is_symbolic(x):
+        return np.maximum(x, 0.0)
+    if (above := instead_of_hinges.get()) is not None:
+        return above(x)
+    s = np.minimum(np.maximum(x / SMOOTHING, -1.0), 1.0)
+    square = s * s
+    return np.where(s < 1.0, SMOOTHING * (3.0 + 8.0 * s + square * (6.0 - square)) / 16.0, x)
 
 
 def smooth_step(x: Column) -> Column:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.math import SMOOTHING, hypot, is_symbolic, smooth_abs, smooth_step, wrap
+from hpop.math import SMOOTHING, hinge, hypot, is_symbolic, smooth_abs, smooth_step, wrap
 from hpop.symbols import lift
 
 finite = st.floats(-1e6, 1e6)
@@ -108,3 +108,21 @@ def test_symbols_are_told_from_numbers():
     assert is_symbolic(lift(casadi.MX.sym("x", 3), 3))
     assert not is_symbolic(np.zeros(3))
     assert not is_symbolic(1.0)
+
+
+@given(finite)
+@settings(deadline=None)
+def test_a_hinge_is_exact_on_numbers(x):
+    assert hinge(x) == max(x, 0.0)
+
+
+def test_a_hinge_on_symbols_lies_just_above_and_is_smooth_convex_and_exact_outside():
+    x = np.linspace(-2 * SMOOTHING, 2 * SMOOTHING, 401)
+    values, slopes = np.array([(v, g[0]) for v, g in (on_symbols(hinge, at) for at in x)]).T
+    above = values - np.maximum(x, 0.0)
+    assert (above >= -1e-15).all()
+    assert above.max() == pytest.approx(3 / 16 * SMOOTHING)
+    assert (np.diff(slopes) >= -1e-12).all()
+    assert np.diff(slopes).max() < 0.02
+    outside = np.abs(x) >= SMOOTHING
+    np.testing.assert_allclose(values[outside], np.maximum(x, 0.0)[outside], atol=1e-15)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,15 +12,18 @@ from hpop.arrays import Column
 from hpop.criteria.base import Criterion
 from hpop.models.driven import Drive, gauss
 from hpop.motions import Motions, States
+from hpop.planners.hinges import Slacks, slackened
 from hpop.planners.nlp import moments, vector
 from hpop.planners.treatable import on_symbols
 from hpop.symbols import lift
+from hpop.world.looks import looking
 from hpop.world.world import Heights
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 NODES = ("x", "y", "yaw", "speed", "turn_rate")
+OWN = 2 * len(NODES) + 1  # variables of an interval without slacks
 PANELS = 2  # of an interval, for what criteria integrate
 
 
@@ -59,8 +63,8 @@ class Forward(Drive):
 class Interval:
     """What is nonlinear in one interval.
 
-    Its variables are the nodes at its start, those at its end, and the duration; its parameter is the sign of the yaw
-    rate.
+    Its variables are the nodes at its start, those at its end, the duration, and the slacks of hinges; its parameter is
+    the sign of the yaw rate.
 
     criteria  (k)
     heights   ranges with different obstacles
@@ -72,30 +76,53 @@ class Interval:
     heights: tuple[Heights, ...]
     shares: tuple[float, ...]
 
+    @cached_property
+    def hinges(self) -> int:
+        """Hinges of the costs, for each of which there is a slack variable."""
+        import casadi
+
+        with looking():
+            motions = self._motions(casadi.SX.sym("z", OWN), Forward(sign=lift(casadi.SX.sym("p"), 1)))
+            return len(self._costs(motions)[1].below)
+
     def write(self, z: Any, p: Any) -> list[Any]:
         """Columns of values, SX: the law's defects, the effort, each criterion's costs, the clearances of each range.
 
-        A criterion that takes the worst moment has a value for each moment that is looked at.
+        The last column is what each hinge exceeds its slack by. A criterion that takes the worst moment has a value for
+        each moment that is looked at.
         """
-        model, world, count = self.problem.model, self.problem.world, len(NODES)
-        duration = z[2 * count]
-        start, end = (
-            States(**{name: lift(z[first + i], 1) for i, name in enumerate(NODES)}, clock=lift(clock, 1))
-            for first, clock in ((0, 0.0 * duration), (count, duration))
-        )
-        law = Forward(sign=lift(p, 1))
+        import casadi
+
+        model, world, law = self.problem.model, self.problem.world, Forward(sign=lift(p, 1))
+        motions = self._motions(z, law)
+        start, end = motions.start, motions.end
         defects = [vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")]
         gain, bend = (vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate"))
-        effort = (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2) / duration
-        motions = Motions(world, model, law, start, end, panels=PANELS)
-        costs = [
-            [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
-            for criterion in self.criteria
-        ]
+        effort = (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2) / z[OWN - 1]
         places = [[law.interpolate(axis, start, end, share) for axis in ("x", "y")] for share in self.shares]
         fields = [world.clearance_field(z=z) for z in self.heights]
         clear = [[vector(field(*place), 1) for place in places] for field in fields]
-        return [_column(group) for group in (defects, [effort], *costs, *clear)]
+        costs, slacks = self._costs(motions)
+        excess = [below - symbol for below, symbol in zip(slacks.below, slacks.symbols, strict=True)]
+        groups = [_column(group) for group in (defects, [effort], *costs, *clear, excess)]
+        variables = casadi.vertsplit(z[OWN:])
+        return list(casadi.substitute(groups, slacks.symbols, variables)) if excess else groups
+
+    def _motions(self, z: Any, law: Forward) -> Motions:
+        duration = z[OWN - 1]
+        start, end = (
+            States(**{name: lift(z[first + i], 1) for i, name in enumerate(NODES)}, clock=lift(clock, 1))
+            for first, clock in ((0, 0.0 * duration), (len(NODES), duration))
+        )
+        return Motions(self.problem.world, self.problem.model, law, start, end, panels=PANELS)
+
+    def _costs(self, motions: Motions) -> tuple[list[list[Any]], Slacks]:
+        with slackened() as slacks:
+            costs = [
+                [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
+                for criterion in self.criteria
+            ]
+        return costs, slacks
 
 
 def _column(values: list[Any]) -> Any:

@@ -141,9 +141,10 @@ class DrivenProgram:
         n, k, model = len(self.structure.phase), len(self.criteria), self.problem.model
         of_nodes, of_lasts = self.structure.places
         moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
+        of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
         signs, usual = casadi.MX.sym("signs", n), casadi.MX.sym("usual")
-        variables = casadi.vertcat(moving, slack)
+        variables = casadi.vertcat(moving, slack, of_hinges)
         parameters = casadi.vertcat(weights, scale, signs, usual)
         intervals = self._intervals(variables, signs)
         defects, effort, *others = intervals.symbols
@@ -180,7 +181,8 @@ class DrivenProgram:
                 [turned],
                 [costs[j] / scale[j] for j in self._summed],
                 above,
-                [casadi.vec(values.T) for values in others[k:]],
+                [casadi.vec(values.T) for values in others[k : k + len(self.spaces)]],
+                [casadi.vec(values) for values in others[k + len(self.spaces) :]],
             )
         ]
         program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
@@ -191,11 +193,21 @@ class DrivenProgram:
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
         """All that is nonlinear, interval by interval."""
-        n = len(self.structure.phase)
         of_nodes, of_lasts = self.structure.places
-        shares = tuple(self.samples[1][: len(self.samples[1]) // n].tolist())
-        interval = Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
-        return Separable.of(interval.write, np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts]), variables, signs)
+        slacks = self._hinges.reshape(-1, len(of_lasts))
+        where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
+        return Separable.of(self._interval.write, where, variables, signs)
+
+    @cached_property
+    def _interval(self) -> Interval:
+        shares = tuple(self.samples[1][: len(self.samples[1]) // len(self.structure.phase)].tolist())
+        return Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
+
+    @property
+    def _hinges(self) -> IntArray:
+        """Places of the slacks of hinges among the variables, one hinge after the other."""
+        n, first = len(self.structure.phase), int(self.structure.places[1][-1]) + 1 + len(self._worst)
+        return first + np.arange(n * self._interval.hinges)
 
     @cached_property
     def _newton(self) -> Any:
@@ -240,16 +252,20 @@ class DrivenProgram:
         below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
         spread = np.concatenate(list(clearances))
         wheel, bend = model.wheel_acceleration, model.turn_acceleration
-        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_TURN, -np.inf, -np.inf, spread]
+        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_TURN, -np.inf, -np.inf, spread, -np.inf]
         highs: list[Any] = [
             *(0.0, wheel, bend, model.wheel_speed, np.inf),
-            *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf),
+            *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf, 0.0),
         ]
         lbg, ubg = (
             np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
             for side in (lows, highs)
         )
-        box = np.concatenate([lowest, least / counts, below]), np.concatenate([highest, LONGEST / counts, more])
+        free = np.full(len(self._hinges), np.inf)
+        box = (
+            np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
+            np.concatenate([highest, LONGEST / counts, more, free]),
+        )
         with interrupts_held():
             found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=lbg, ubg=ubg)
         stats = solver.stats()
@@ -261,7 +277,7 @@ class DrivenProgram:
                 status = "Limits_Not_Kept"
             else:
                 point, trajectory = kept, self._trajectory(guess, kept)
-        costs = np.array(values(point, parameters)).ravel()
+        costs = np.array(values(self._on_hinges(point, parameters), parameters)).ravel()
         return Driven(trajectory, costs, status, int(stats["iter_count"]))
 
     def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
@@ -321,10 +337,24 @@ class DrivenProgram:
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
         parameters = np.concatenate([weights, scale, guess.signs[self.structure.phase], [guess.lasts.sum()]])
+        count = len(point)
+        point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
+        point = self._on_hinges(point, parameters)
         if self._worst:
-            tops = np.array(self._formulas.values(np.append(point, np.zeros(len(self._worst))), parameters)).ravel()
-            point = np.concatenate([point, tops[self._worst]])
+            point[count : count + len(self._worst)] = np.array(self._formulas.values(point, parameters)).ravel()[
+                self._worst
+            ]
         return point, parameters
+
+    def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """The point with its slacks where they are least: so the costs are those of the criteria."""
+        if not len(self._hinges):
+            return point
+        point = point.copy()
+        point[self._hinges] = 0.0
+        excess = self._formulas.limits(point, parameters)[0][-len(self._hinges) :]
+        point[self._hinges] = np.maximum(excess, 0.0)
+        return point
 
     def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
         """The trajectory of the program's variables, on its bounds exactly."""

@@ -31,6 +31,7 @@ QUADRATURE = 0.01  # relative: a program's sums over its intervals against sums 
 REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
 OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
+LEAST_LEFT = 0.4  # of what it is there: more may be out of reach
 POINTS = 20  # of each interval, by which its way is compared with the polyline
 
 
@@ -132,15 +133,16 @@ class SmoothingJob:
         scale = np.where(aim > 1e-3, aim, 1.0)
         guess = first_guess(polyline, program.structure, model)
 
-        def solve(exact: bool) -> Driven:
-            counts["programs"] += 1
-            return program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+        def solve() -> Driven:
+            for exact in (True, False) if not counts["saved by quasi-Newton"] else (False,):
+                counts["programs"] += 1
+                found = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+                if found.trajectory is not None:
+                    counts["saved by quasi-Newton"] += not exact
+                    break
+            return found
 
-        solution = solve(exact := True)
-        if solution.trajectory is None:
-            solution = solve(exact := False)
-            counts["saved by quasi-Newton"] += solution.trajectory is not None
-        repaired = ""
+        solution, repaired = solve(), ""
         while solution.trajectory is not None:
             judged = judge(self.problem, self.criteria, [solution.trajectory], epsilon=epsilon[None])
             excess = np.where(worst, judged.costs[0][smooth] - epsilon[smooth], 0.0)
@@ -153,9 +155,10 @@ class SmoothingJob:
             counts["repairs"] += 1
             if reason == "collides":
                 bounds = program.raised(bounds, solution.trajectory)
-            aim = np.where(excess > 0, solution.costs - OVERSHOOT * excess, aim)
+            lower = np.maximum(solution.costs - OVERSHOOT * excess, LEAST_LEFT * solution.costs)
+            aim = np.where(excess > 0, lower, aim)
             guess = program.again(guess, solution.trajectory)
-            solution = solve(exact)
+            solution = solve()
         return f"{repaired}not converged ({solution.status})"
 
     def _checked(

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from hpop.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)
+CAMERA = DifferentialDrive(radius=0.3, camera_height=1.2)
 BLOCK = World.from_polygons([shapely.box(2.8, 1.4, 3.4, 2.6)], extent=shapely.box(0, 0, 6, 4))
 OPEN = World.from_polygons([], extent=shapely.box(-1, -1, 12, 6))
 COSTS = ["turns", "exposure", "length", "duration", "rotation", "clearance"]
@@ -224,6 +226,60 @@ def test_costs_with_a_kink_at_rest_end_too():
     outcome = asked.solve(polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0)))
     assert outcome.reason == ""
     assert outcome.counts["saved by quasi-Newton"] == 0
+
+
+def test_a_hinge_costs_in_the_program_what_the_criterion_says():
+    """(|α| - threshold)₊ has its kink where gentle turns want to be: with the kink itself no solver converges."""
+    asked = job(BLOCK, "angular_acceleration", "length", start=(1, 2, 0), goal=(5, 2, 0))
+    way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
+    outcome = asked.solve(way)
+    assert outcome.reason == ""
+    assert outcome.counts["saved by quasi-Newton"] == 0
+    turned, before = (
+        trajectory_costs(asked.criteria, [t], BLOCK)[0] for t in (outcome.found.trajectory, way.execution())
+    )
+    assert outcome.found.planned == pytest.approx(turned, rel=1e-3)
+    assert turned[0] < 0.7 * before[0]
+
+
+def test_a_repair_that_does_not_converge_is_tried_again_without_exact_second_derivatives(monkeypatch):
+    solve, calls = DrivenProgram.solve, []
+
+    def stubborn(program, *args, exact=True, **options):
+        calls.append(exact)
+        solution = solve(program, *args, exact=exact, **options)
+        return dataclasses.replace(solution, trajectory=None) if exact and len(calls) > 1 else solution
+
+    monkeypatch.setattr(DrivenProgram, "solve", stubborn)
+    asked = job(BLOCK, Clearance(enough=2.0), Length(), start=(1, 2, 0), goal=(5, 2, 0), minimise=1)
+    outcome = asked.solve(polyline((1, 2, 0), (2.6, 2.95, 0), (3.6, 2.95, 0), (5, 2, 0)))
+    assert outcome.reason == ""
+    assert calls[:3] == [True, True, False]
+    assert outcome.counts["saved by quasi-Newton"] >= 1
+
+
+def test_a_worst_moment_far_above_its_bound_is_not_bounded_out_of_reach():
+    """The program's moments miss half of the flow past the statues; less by all that would ask for next to none."""
+    museum = World.from_geojson(Path(__file__).parents[2] / "examples" / "museum.geojson")
+    ways = [
+        (2, 10),
+        (3.5, 10),
+        (7.5, 6),
+        (11, 6),
+        (12.5, 4.5),
+        (16.5, 4.5),
+        (17.5, 5.5),
+        (21.5, 5.5),
+        (26, 10),
+        (28, 10),
+    ]
+    asked = job(museum, "peak_optic_flow", "length", start=(2, 10, 0), goal=(28, 10, 0), robot=CAMERA)
+    way = Trajectory.from_poses(CAMERA, [(x, y, 0) for x, y in ways])
+    outcome = asked.solve(way)
+    assert outcome.reason == ""
+    both = trajectory_costs(asked.criteria, [way, way.execution()], museum).max(axis=0)
+    after = trajectory_costs(asked.criteria, [outcome.found.trajectory], museum)[0]
+    assert after[0] <= 1.021 * both[0]
 
 
 def test_solutions_that_keep_colliding_are_dropped(monkeypatch):

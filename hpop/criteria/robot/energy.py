@@ -9,7 +9,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import is_symbolic
+from hpop.math import hinge, is_symbolic
 from hpop.motions import Instants, Motions
 
 
@@ -62,4 +62,4 @@ class Energy:
     def _wheel(self, v: Column, a: Column) -> Column:
         """Power (M,) that one wheel takes, W."""
         even = self.c1 * a * a + self.c2 * v * v + self.c3 * np.abs(v) + self.c4
-        return np.maximum(even + self.c5 * a * np.sign(v) + self.c6 * v * a, 0.0)
+        return hinge(even + self.c5 * a * np.sign(v) + self.c6 * v * a)
