@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,17 @@ def test_another_version_is_refused_by_name(interrupted, changes):
     file.write_bytes(rewritten(file, **changes))
     (new,) = changes.values()
     refused(graph, file, f"is of hpop .*{new}.*; this is hpop {module.__version__}, format {module.FORMAT}")
+
+
+def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monkeypatch):
+    """As of a version that breaks ties otherwise between the paths that are least in one cost."""
+    graph, file = interrupted
+    before = file.read_bytes()
+    code = sys.modules["hpop.planners.search.pareto_paths"]  # where the function has the module's name
+    monkeypatch.setattr(code, "_by_spread", lambda *arguments, usual=code._by_spread: usual(*arguments)[::-1])
+    with pytest.raises(CheckpointError, match="does not hold what this search keeps; remove it"):
+        pareto_paths(graph, 0, 60, checkpoint=file)
+    assert file.read_bytes() == before
 
 
 def test_a_truncated_or_lengthened_file_is_refused(interrupted):
