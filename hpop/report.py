@@ -157,8 +157,9 @@ def _hypervolumes(fronts: Sequence[Front], scale: Front) -> list[float]:
         return [0.0] * len(fronts)
     if len(scale.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(scale.names), 0):
         return [math.nan] * len(fronts)
-    ideal, span = scale.ideal(), scale.nadir() - scale.ideal()
-    span = np.where(span > 0, span, 1.0)
+    ideal = scale.ideal()
+    same = np.ptp(scale.integers, axis=0) == 0  # in whole quanta: no scale is made of rounding
+    span = np.where(same, 1.0, scale.nadir() - ideal)
     reference = np.full(len(scale.names), 1.1)
     return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
 

@@ -269,6 +269,14 @@ def test_a_criterion_that_became_constant_still_counts() -> None:
     assert second.after == pytest.approx(1.1 * 3.1)
 
 
+def test_no_scale_is_made_of_rounding() -> None:
+    declared = {"names": ("a", "b", "c"), "units": ("1",) * 3, "quanta": (1e-6,) * 3}
+    wide = by("first", [[0.3, 0.0, 2.0], [0.1 + 0.2, 1.0, 0.0]], **declared)
+    best = by("second", [[0.2, 0.5, 1.0]], **declared)
+    _, second = contributions(["first", "second"], [wide, wide | best])
+    assert 0 < second.after < 2
+
+
 def test_what_is_printed_of_several_planners() -> None:
     ends, middle = by("first", [[0.0, 2.0], [10.0, 0.0]]), by("[second]", [[5.0, 1.0]])
     console = Console(file=io.StringIO(), width=80)
