@@ -54,7 +54,7 @@ def hinge(x: Column) -> Column:
     """max(x, 0), of what a cost rises with; on symbols without a kink.
 
     Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.hinges`). Elsewhere it is
-    a convex polynomial within SMOOTHING of zero, twice differentiable, exact outside: with s = x/w it is
+    a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with s = x/w it is
     w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
 
     >>> float(hinge(-2.0)), float(hinge(0.5))
@@ -64,9 +64,10 @@ def hinge(x: Column) -> Column:
         return np.maximum(x, 0.0)
     if (above := instead_of_hinges.get()) is not None:
         return above(x)
-    s = np.minimum(np.maximum(x / SMOOTHING, -1.0), 1.0)
+    width = 0.5 * SMOOTHING
+    s = np.minimum(np.maximum(x / width, -1.0), 1.0)
     square = s * s
-    return np.where(s < 1.0, SMOOTHING * (3.0 + 8.0 * s + square * (6.0 - square)) / 16.0, x)
+    return np.where(s < 1.0, width * (3.0 + 8.0 * s + square * (6.0 - square)) / 16.0, x)
 
 
 def smooth_step(x: Column) -> Column:

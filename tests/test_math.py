@@ -121,8 +121,8 @@ def test_a_hinge_on_symbols_lies_just_above_and_is_smooth_convex_and_exact_outsi
     values, slopes = np.array([(v, g[0]) for v, g in (on_symbols(hinge, at) for at in x)]).T
     above = values - np.maximum(x, 0.0)
     assert (above >= -1e-15).all()
-    assert above.max() == pytest.approx(3 / 16 * SMOOTHING)
+    assert above.max() == pytest.approx(3 / 32 * SMOOTHING)
     assert (np.diff(slopes) >= -1e-12).all()
     assert np.diff(slopes).max() < 0.02
-    outside = np.abs(x) >= SMOOTHING
+    outside = np.abs(x) >= 0.5 * SMOOTHING
     np.testing.assert_allclose(values[outside], np.maximum(x, 0.0)[outside], atol=1e-15)

@@ -105,8 +105,14 @@ class Interval:
         costs, slacks = self._costs(motions)
         excess = [below - symbol for below, symbol in zip(slacks.below, slacks.symbols, strict=True)]
         groups = [_column(group) for group in (defects, [effort], *costs, *clear, excess)]
-        variables = casadi.vertsplit(z[OWN:])
-        return list(casadi.substitute(groups, slacks.symbols, variables)) if excess else groups
+        if not excess:
+            return groups
+        variables = casadi.vertsplit(z[OWN:], 1)
+        if len(variables) != len(excess):  # CasADi crashes
+            raise ValueError(
+                f"an interval with {len(excess)} hinges has {OWN + len(excess)} variables, got {z.numel()}"
+            )
+        return list(casadi.substitute(groups, slacks.symbols, variables))
 
     def _motions(self, z: Any, law: Forward) -> Motions:
         duration = z[OWN - 1]

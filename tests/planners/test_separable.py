@@ -6,6 +6,7 @@ import pytest
 
 from hpop import registry
 from hpop.criteria import make_criterion
+from hpop.math import instead_of_hinges
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.planners.driven_interval import NODES, Forward, Interval
@@ -129,11 +130,12 @@ def test_every_smooth_criterion_has_the_derivatives_of_whole_columns(name):
     world, model, criterion = random_world(rng), DifferentialDrive(), make_criterion(name)
     problem = Problem(world, model, (1, 1, 0), (2, 2, 0), ["length"])
     interval = Interval(problem, (criterion,), (WHOLE,), (0.25, 0.75))
-    nodes = len(NODES)
-    x, signs = casadi.MX.sym("x", nodes * (N + 1) + N), casadi.MX.sym("signs", N)
+    nodes, hinges = len(NODES), interval.hinges
+    x, signs = casadi.MX.sym("x", nodes * (N + 1) + (1 + hinges) * N), casadi.MX.sym("signs", N)
     first = np.arange(nodes)[:, None] * (N + 1) + np.arange(N)
     last = nodes * (N + 1) + np.arange(N)
-    parts = Separable.of(interval.write, np.vstack([first, first + 1, last]), x, signs)
+    slacks = last[-1] + 1 + np.arange(hinges * N).reshape(hinges, N)
+    parts = Separable.of(interval.write, np.vstack([first, first + 1, last, slacks]), x, signs)
 
     start, end = (
         States(**{m: lift(x[(first[i] + k).tolist()], N) for i, m in enumerate(NODES)}, clock=lift(clock, N))
@@ -141,13 +143,16 @@ def test_every_smooth_criterion_has_the_derivatives_of_whole_columns(name):
     )
     motions = Motions(SparseWorld.of(world), model, Forward(sign=lift(signs, N)), start, end, panels=2)
     batches = moments(motions) if criterion.aggregate == "max" else [motions]
+    columns = iter(slacks.tolist())
+    token = instead_of_hinges.set(lambda below: lift(x[next(columns)], N))
     whole = [casadi.horzcat(*(vector(criterion.cost(batch), N) for batch in batches))]
+    instead_of_hinges.reset(token)
     point = np.concatenate(
         [
             *(begin + np.cumsum(rng.uniform(0.1, 0.3, N + 1)) for begin in (3.0, 4.0)),
             np.cumsum(rng.uniform(0.05, 0.2, N + 1)),
             *rng.uniform(0.3, 0.9, (2, N + 1)),
-            rng.uniform(0.2, 0.5, N),
+            rng.uniform(0.2, 0.5, (1 + hinges) * N),
         ]
     )
     rates = [casadi.MX.sym("r", *y.shape) for y in parts.values]
