@@ -33,6 +33,7 @@ from typing import Any, Generic, Self, TypeVar
 from uuid import uuid4
 
 from hpop.errors import OptionError
+from hpop.interrupts import interrupts_held
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -224,13 +225,24 @@ class Sweep(Generic[S, T, R]):
             self.notes.append(note)
 
 
+class _Processes(ProcessPoolExecutor):
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the workers, once they have ended what they are at.
+
+        Ctrl-C waits for that: one that comes into the join of the pool's own thread leaves it, and with it the process,
+        waiting for ever.
+        """
+        with interrupts_held():
+            super().shutdown(wait, cancel_futures=cancel_futures)
+
+
 def processes(workers: int) -> ProcessPoolExecutor:
     """A pool of fresh processes on this machine; Ctrl-C is left to the process that plans."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise OptionError(f"workers must be a whole number of processes, at least 1, got {workers!r}")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(method)
-    return ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    return _Processes(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
 
 
 class _Cluster(Executor):

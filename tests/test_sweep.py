@@ -6,10 +6,12 @@ import operator
 import os
 import pickle
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -227,6 +229,27 @@ def test_a_sweep_stops_when_told() -> None:
 def test_a_pool_needs_workers(workers: Any) -> None:
     with pytest.raises(OptionError, match="at least 1"):
         processes(workers)
+
+
+LEAVING = """
+import os, signal, threading, time
+from hpop.sweep import processes
+
+if __name__ == "__main__":
+    with processes(2) as pool:
+        jobs = [pool.submit(time.sleep, seconds) for seconds in (0, 0, 3, 3)]
+        jobs[0].result(), jobs[1].result()
+        for wait in (0.5, 1.0):
+            threading.Timer(wait, os.kill, (os.getpid(), signal.SIGINT)).start()
+"""
+
+
+def test_ctrl_c_while_workers_are_waited_for_ends_when_they_do(tmp_path: Path) -> None:
+    script = tmp_path / "leaving.py"
+    script.write_text(LEAVING)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode != 0
+    assert done.stderr.rstrip().endswith("KeyboardInterrupt")
 
 
 # Workers that are killed, in the sweep of weights

@@ -20,11 +20,11 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
+from hpop.interrupts import interrupts_held
 from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.driven_interval import NODES, Interval
 from hpop.planners.driven_structure import Guess, Structure
-from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import reaches
 from hpop.planners.separable import Separable
 from hpop.planners.settled import settled

@@ -18,8 +18,8 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.interrupts import interrupts_held
 from hpop.planners.hinges import unhinged
-from hpop.planners.interrupts import interrupts_held
 from hpop.planners.nlp import SparseWorld, moments, reaches, vector
 from hpop.planners.polyline_motions import Pieces, sparse
 from hpop.planners.treatable import on_symbols

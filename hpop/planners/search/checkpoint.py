@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from hpop import __version__
 from hpop.errors import OptionError, OutputError
-from hpop.planners.interrupts import interrupts_held
+from hpop.interrupts import interrupts_held
 from hpop.status import Status
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.planners.interrupts import interrupts_held
+from hpop.interrupts import interrupts_held
 from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.status import Budget, Progress, ProgressCallback, Status
 

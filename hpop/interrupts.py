@@ -1,4 +1,4 @@
-"""Ctrl-C while a solver runs: CasADi takes it for a failed evaluation, warns, and lets the plan go on without it."""
+"""Ctrl-C where it must wait: CasADi takes it for a failed evaluation and goes on; a pool that is left never ends."""
 
 from __future__ import annotations
 
