@@ -45,6 +45,15 @@ def test_the_goal_is_snapped_to_the_nearest_position_and_the_note_says_how_far(s
     assert any(text in note for note in found.notes)
 
 
+def test_planners_that_end_at_different_places_are_noted():
+    """The goal is a step away from the fine lattice's start, but half a step from the coarse one's positions."""
+    problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (2.5, 2.0, 0.0), ["length"])
+    front = problem.solve([{"lattice": {"step": 0.5}}, {"lattice": {"step": 1.0}}])
+    assert any("end up to 0.500 m away from those of planners before" in note for note in front.notes)
+    same = problem.solve([{"lattice": {"step": 0.5}}, {"lattice": {"step": 0.25}}])
+    assert same.notes == problem.solve("lattice", step=0.5).notes
+
+
 def test_a_goal_on_a_position_is_not_snapped_and_a_blocked_corner_gives_way_to_the_next():
     problem = Problem(OPEN, ROBOT, (1.0, 2.0, 0.0), (5.0, 2.0, 0.0), ["length"])
     assert solve(problem, step=0.1).notes == ()
