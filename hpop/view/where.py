@@ -31,7 +31,8 @@ COLUMNS = 2  # of maps
 ENTRIES = 3  # of the legend in a row, below two maps
 WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and colour bar
 WORDS = 0.7  # inches above and below it
-ASIDE = 13.0  # points from an end of the path to the letter beyond it
+ASIDE = 8.0  # points from an end of the path, or from the dot of a turn made there, to the letter beyond it
+DOT = 4.0  # points: radius of a turn's dot with its edge
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
@@ -41,7 +42,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
     fast it grows, a count how many there are in the motion. Turns in place are dots; S and G stand beyond
-    start and goal.
+    start and goal, each joined to it by a line.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
             *([turn_dot(QUIET, label="turn in place")] if turns_in_place(trajectory).any() else []),
-            *_draw_ends(axes, path_points(trajectory)),
+            *_draw_ends(axes, trajectory),
             *draw_obstacles(axes, problem.world, ball_of(problem).z),
             *draw_content(axes, problem.world, view, small=True),
         ]
@@ -126,17 +127,24 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     axes.set_title(f"{criterion.name}: {total} {words}", fontsize=NORMAL)
 
 
-def _draw_ends(axes: Axes, points: FloatArray) -> list[Handle]:
-    """Start and goal: a letter in a circle beyond the end of the path (N, 2), so that it covers no turn made there."""
+def _draw_ends(axes: Axes, trajectory: Trajectory) -> list[Handle]:
+    """Start and goal: a letter in a circle beyond the end of the path, so that it covers no turn made there.
+
+    A line joins it to the end, which would seem to lie under the letter otherwise.
+    """
+    points, states = path_points(trajectory), trajectory.states
+    turns = np.stack([states.x, states.y], axis=1)[:-1][turns_in_place(trajectory)]  # (turns, 2)
     handles: list[Handle] = []
     for name, letter, fill_colour, way in (("start", "S", START, points), ("goal", "G", GOAL, points[::-1])):
         moved = np.flatnonzero((way != way[0]).any(axis=1))
         apart = way[0] - way[moved[0]] if moved.size else np.zeros(2)
-        aside = ASIDE * apart / (np.hypot(*apart) or 1.0)
+        dot = DOT if (turns == way[0]).all(axis=1).any() else 0.0
+        aside = (ASIDE + dot) * apart / (np.hypot(*apart) or 1.0)
         circle = {"boxstyle": "circle,pad=0.2", "facecolor": fill_colour, "linewidth": 1.0}
         axes.annotate(
             letter, way[0], tuple(aside), textcoords="offset points", fontsize=7.5, fontweight="bold",
             ha="center", va="center_baseline", zorder=7, bbox=circle, annotation_clip=False, gid=name,
+            arrowprops={"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 0.0, "shrinkB": dot},
         )  # fmt: skip
         look: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": fill_colour}
         handles.append(Line2D([], [], linestyle="none", markeredgecolor="black", label=f"{letter}: {name}", **look))
