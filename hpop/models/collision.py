@@ -152,7 +152,7 @@ def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
 
 
 def why_blocked(model: DifferentialDrive, world: World, x: float, y: float, yaw: float) -> str:
-    """What blocks a state, in words; empty when it is free."""
+    """What blocks a state and what helps, in words without the last full stop; empty when it is free."""
     collision = PlanarCollision(model, world)
     one = States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw]))
     if collision.states_free(one)[0]:
@@ -160,14 +160,15 @@ def why_blocked(model: DifferentialDrive, world: World, x: float, y: float, yaw:
     here = shapely.Point(x, y)
     if not shapely.covers(world.extent, here):
         x_min, y_min, x_max, y_max = world.bounds
-        return f"it is outside the map, which spans x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
+        spans = f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
+        return f"it is outside the map, which spans {spans}. Move it"
     if shapely.covers(world.closed, here):
-        return "it is in a keep-out zone or in a person who stands there"
+        return "it is in a keep-out zone or in a person who stands there. Move it"
     part = next(part for part in model.parts if not collision.part_free(part, one)[0])
     if shapely.covers(world.solid(part.z_min, part.z_max), here):
-        return "it is inside an obstacle"
+        return "it is inside an obstacle. Move it"
     distance = float(world.clearance(one.x, one.y, z=(part.z_min, part.z_max))[0])
     return (
         f"the nearest obstacle, keep-out zone or map border is {distance:.3f} m away and the robot reaches "
-        f"{part.reach:.3f} m"
+        f"{part.reach:.3f} m. Move it, or take a smaller robot"
     )

@@ -195,8 +195,9 @@ class Lattice:
         heading = self._heading(yaw, "start")
         start = lattice.state(-lattice.first[0], -lattice.first[1], heading)
         if start < 0:
-            reason = why_blocked(lattice.model, lattice.world, x, y, yaw) or "the lattice does not reach it"
-            raise QueryError(f"the start ({x:.3f}, {y:.3f}) is not usable: {reason}. Move it, or take a smaller robot.")
+            reason = why_blocked(lattice.model, lattice.world, x, y, yaw)
+            reason = reason or "the lattice does not reach it. Move it, or take a smaller robot"
+            raise QueryError(f"the start ({x:.3f}, {y:.3f}) is not usable: {reason}.")
         gx, gy, goal_yaw = problem.goal
         wanted = range(self.headings) if goal_yaw is None else [self._heading(goal_yaw, "goal")]
         column, row = (gx - x) / self.step, (gy - y) / self.step
@@ -211,11 +212,10 @@ class Lattice:
                 snapped.refuse_far(math.hypot(gx - x, gy - y), self.step)
                 return start, ids, snapped
         reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
-        remedy = f"{reason}. Move it, or take a smaller robot" if reason else ""
-        remedy = (
-            remedy or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
+        reason = (
+            reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
         )
-        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {remedy}.")
+        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {reason}.")
 
     @staticmethod
     def _joined(lattice: StateLattice, state: int, x: float, y: float) -> bool:

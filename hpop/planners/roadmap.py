@@ -139,9 +139,7 @@ def checked_ends(problem: Problem) -> FloatArray:
             continue
         reason = why_blocked(problem.model, problem.world, x, y, yaw or 0.0)
         if reason:
-            raise QueryError(
-                f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}. Move it, or take a smaller robot."
-            )
+            raise QueryError(f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.")
     start, goal = problem.start[:2], problem.goal[:2]
     return np.array([start, goal] if math.dist(start, goal) > SAME else [start])
 

@@ -101,10 +101,18 @@ def test_a_goal_that_differs_from_the_start_by_rounding_is_the_start():
 @pytest.mark.parametrize(
     ("start", "goal", "message"),
     [
-        ((3.1, 2.0, 0.0), (5.0, 2.0, 0.0), r"the start \(3.100, 2.000\) is not usable: it is inside an obstacle"),
-        ((-1.0, 2.0, 0.0), (5.0, 2.0, 0.0), "the start .* outside the map"),
-        ((0.1, 2.0, 0.0), (5.0, 2.0, 0.0), "the start .* is 0.100 m away and the robot reaches 0.250 m"),
-        ((1.0, 2.0, 0.0), (3.1, 2.0, 0.0), "the goal .* inside an obstacle"),
+        (
+            (3.1, 2.0, 0.0),
+            (5.0, 2.0, 0.0),
+            r"the start \(3.100, 2.000\) is not usable: it is inside an obstacle\. Move it\.$",
+        ),
+        ((-1.0, 2.0, 0.0), (5.0, 2.0, 0.0), r"the start .* outside the map, .* m\. Move it\.$"),
+        (
+            (0.1, 2.0, 0.0),
+            (5.0, 2.0, 0.0),
+            r"the start .* 0.100 m away and the robot reaches 0.250 m\. Move it, or take a",
+        ),
+        ((1.0, 2.0, 0.0), (3.1, 2.0, 0.0), r"the goal .* inside an obstacle\. Move it\.$"),
         ((1.0, 2.0, 0.0), (2.8, 2.0, 0.0), "the goal .* is 0.100 m away and the robot reaches 0.250 m"),
         ((1.0, 2.0, 0.0), (5.0, 9.0, 0.0), "the goal .* outside the map"),
         ((1.0, 2.0, 0.3), (5.0, 2.0, 0.0), r"start heading 0.300000 rad \(17.19 deg\) .* 0.000000 .* or 0.785398"),
