@@ -113,7 +113,9 @@ class Faults:
         if not isinstance(spec, str | dict):
             return None  # the file's schema says so
         if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
-            self.add(place, f"expected one name with its parameters, got {', '.join(named) or 'none'}")
+            several = "; several planners are written as a list, each with a dash"
+            got = (", ".join(named) or "none") + several * bool(named and place[0] == "planner")
+            self.add(place, f"expected one name with its parameters, got {got}")
             return None
         ((name, parameters),) = named.items()
         if not isinstance(parameters, dict | None):

@@ -153,6 +153,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("turns,", "~,"), 10, "criteria.0", "got nothing"),
         (("turns,", "{},"), 10, "criteria.0", "one name with its parameters, got none"),
         (("turns,", "{turns: {}, rotation: {}},"), 10, "criteria.0", "got turns, rotation"),
+        (("{step: 0.5}", "{}\n  roadmap: {}"), 11, "planner", "got lattice, roadmap; several planners"),
         (("turns,", "{turns: 3},"), 10, "criteria.0.turns", "expected keys with values"),
         (("[1.0, 1.0, 0]", "{x: 1}"), 8, "start", "expected [x, y, yaw]"),
         (("[1.0, 1.0, 0]", "[1e3, 1.0, 0]"), 8, "start", "YAML reads 1e3 as text"),
