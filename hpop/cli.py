@@ -71,6 +71,13 @@ def _user_errors(command: F) -> F:
     return cast(F, guarded)
 
 
+def _folder(context: click.Context, option: click.Parameter, given: str) -> Path:
+    """A folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
+    if not given:
+        raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
+    return Path(given)
+
+
 @contextmanager
 def _sigterm_interrupts() -> Iterator[None]:
     """SIGTERM (kill, timeout, the end of a batch job's time) does what Ctrl-C does: hours of search are not lost."""
@@ -92,7 +99,7 @@ def main() -> None:
 
 @main.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for the front and the pictures.")
+@click.option("--out", required=True, callback=_folder, help="Folder for the front and the pictures.", metavar="PATH")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes for planners that sweep, such as weighted-sum.")
 @click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
 @click.option(

@@ -38,6 +38,9 @@ def check_writable(out: Path) -> None:
     with output_errors(f"cannot write to {out}", "choose another --out"):
         there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
         TemporaryFile(dir=there).close()
+    for name in (SAVED, *PICTURES):
+        if (out / name).is_dir():
+            raise OutputError(f"cannot write to {out / name}: it is a folder; remove it, or choose another --out")
 
 
 def save(front: Front, out: Path) -> None:

@@ -197,6 +197,21 @@ def test_an_output_folder_that_cannot_be_written_is_found_before_planning(
         refused(run("plan", room / "room.yaml", "--out", out), 12, "cannot write to", "choose another --out")
 
 
+def test_an_empty_name_of_the_output_folder_is_refused(run: Callable[..., Result], room: Path) -> None:
+    result = run("plan", room / "room.yaml", "--out", "")
+    assert result.exit_code == 2
+    assert "expected a folder, got ''" in result.stderr
+
+
+@pytest.mark.parametrize("name", ["front.json", "map.png"])
+def test_a_folder_where_a_file_is_to_be_written_is_found_before_planning(
+    plan: Callable[..., Result], refused: Callable[..., None], room: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(Problem, "fronts", lambda *a, **k: pytest.fail("planned before looking"))
+    (room / "out" / name).mkdir(parents=True)
+    refused(plan(room), 12, f"cannot write to {room / 'out' / name}: it is a folder", "choose another --out")
+
+
 @pytest.mark.usefixtures("no_pictures")
 def test_a_disk_that_is_full_is_said_and_leaves_no_half_a_front(
     plan: Callable[..., Result], refused: Callable[..., None], room: Path, monkeypatch: pytest.MonkeyPatch
