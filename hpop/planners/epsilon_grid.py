@@ -17,6 +17,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, did_you_mean
 from hpop.motions import States
+from hpop.planners.base import integral_of
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import exceeds
 from hpop.planners.vertices import Polyline
@@ -68,7 +69,13 @@ class Roles:
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:
-            hints = (did_you_mean(name, names) for name in unknown)
+            means = {mean.name: integral_of(mean).name for mean in problem.criteria if mean.aggregate == "time-mean"}
+            hints = (
+                f" {name} is a mean and does not add up, so {means[name]} stands in for it: bound that."
+                if name in means
+                else did_you_mean(name, names)
+                for name in unknown
+            )
             raise OptionError(
                 f"epsilon bounds {', '.join(unknown)}, but the objectives are {', '.join(names)}.{''.join(hints)}"
             )

@@ -73,6 +73,12 @@ def test_costs_that_are_not_there_are_refused(options, match):
         EpsilonConstraint(step=0.5, **options).solve(PAPER)
 
 
+def test_a_bound_on_a_mean_is_refused_with_what_stands_in_for_it():
+    problem = dataclasses.replace(PAPER, criteria=["obstruction", "turns", "length"])
+    with pytest.raises(OptionError, match=r"are exposure, turns, length.* exposure stands in for it: bound that"):
+        EpsilonConstraint(step=0.5, epsilon={"obstruction": 0.1}).solve(problem)
+
+
 def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
     candidates = EpsilonConstraint(step=0.5, epsilon={"length": 4.1}, max_points=6).solve(PAPER)
     assert candidates.trajectories == ()
