@@ -24,7 +24,16 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 
 from hpop import __version__, results
-from hpop.errors import CriterionError, HpopError, OptionError, OutputError, UnknownName
+from hpop.errors import (
+    CriterionError,
+    HpopError,
+    OptionError,
+    OutputError,
+    OwnCodeError,
+    UnknownName,
+    own_failure,
+    own_place,
+)
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
 
@@ -60,11 +69,15 @@ def _user_errors(command: F) -> F:
             with _sigterm_interrupts():
                 return command(*args, **kwargs)
         except HpopError as error:
-            code, text = error.exit_code, str(error)
+            code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
         except KeyboardInterrupt:
             code, text = INTERRUPTED, "interrupted"
         except MemoryError:
             code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
+        except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
+            if not (kwargs.get("imports") and own_place(error)):
+                raise
+            code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
         click.echo(f"error: {text}", err=True)
         sys.exit(code)
 

@@ -7,7 +7,10 @@ errors: they are a :class:`hpop.status.Status`.
 from __future__ import annotations
 
 import difflib
+import sysconfig
 from collections.abc import Iterable
+from pathlib import Path
+from traceback import extract_tb
 from typing import ClassVar
 
 
@@ -79,9 +82,12 @@ class OutputError(HpopError, OSError):
 
 
 class OwnCodeError(HpopError, ImportError):
-    """Python of the user's own, named on the command line, cannot be imported or registers nothing."""
+    """Python of the user's own, named on the command line, cannot be imported, registers nothing, or fails."""
 
     exit_code = 14
+
+
+OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
@@ -93,8 +99,8 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
     """
     names = sorted(known)
     return UnknownName(
-        f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} For one of your "
-        "own, import its module first (on the command line --import FILE_OR_MODULE) or install its package."
+        f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} "
+        f"For one of your own, {OWN}"
     )
 
 
@@ -106,3 +112,26 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(str(name), list(known), n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
+
+
+def own_place(error: BaseException) -> str:
+    """File and line of an error in the innermost of the user's code; "" where none of it is known to be involved."""
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
+        return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
+    libraries = [Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib"))]
+    for frame in reversed(extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        if file.is_file() and not any(file.is_relative_to(library) for library in libraries):
+            return f"{file}, line {frame.lineno}"
+    return ""
+
+
+def own_failure(what: str, error: BaseException) -> str:
+    """What is said of the user's code that raised an error: where, and which.
+
+    >>> own_failure("criterion 'mine'", ZeroDivisionError("division by zero"))
+    "criterion 'mine' failed: ZeroDivisionError: division by zero"
+    """
+    place = own_place(error)
+    said = ": ".join(filter(None, (type(error).__name__, str(error))))
+    return f"{what} failed{f' ({place})' if place else ''}: {said}"

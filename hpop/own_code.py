@@ -7,22 +7,19 @@ from __future__ import annotations
 
 import os
 import sys
-import sysconfig
 from collections.abc import Iterable, Iterator
 from importlib import import_module, invalidate_caches
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from traceback import extract_tb
 from types import ModuleType
 from typing import Any
 
 from hpop.criteria.base import Criterion, make_criterion
-from hpop.errors import CriterionError, HpopError, OwnCodeError
+from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place
 from hpop.registry import Registry, criteria, models, planners, readers
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, readers)
-LIBRARIES = (Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib")))
 FORM = "give FILE.py, or MODULE as seen from this folder"
 
 
@@ -59,6 +56,8 @@ def named_criterion(spec: str) -> Criterion:
     UnknownName.
     """
     source, colon, name = spec.rpartition(":")
+    if not colon and _is_file(spec) and spec not in criteria:
+        raise CriterionError(f"{spec!r} does not say which criterion: give {spec}:NAME, with the name of its class")
     try:
         found: Any = getattr(imported(source), name) if colon else criteria[spec]
     except AttributeError as error:
@@ -77,7 +76,7 @@ def imported(spec: str) -> ModuleType:
     source, _, name = spec.rpartition(":")
     if source and name.isidentifier():
         raise OwnCodeError(f"cannot import {spec!r}: it is imported as a whole; give {source}")
-    is_file = spec.endswith(".py") or "/" in spec or os.sep in spec
+    is_file = _is_file(spec)
     if not is_file:
         _look_in(Path.cwd())
     try:
@@ -88,11 +87,22 @@ def imported(spec: str) -> ModuleType:
         raise _told(error, spec, is_file=is_file) from error
 
 
+def _is_file(spec: str) -> bool:
+    """Whether a file is meant, or a folder, rather than a module."""
+    path_like = spec.endswith(".py") or spec.startswith(".") or "/" in spec or os.sep in spec
+    return path_like or ("." in spec and Path(spec).is_file())
+
+
 def _placed(file: Path) -> str:
     """Name by which a file can be imported, once its folder is on the path.
 
     Workers and pickles know a module by its name, so another module of that name would be taken for it.
     """
+    if file.is_dir():
+        raise OwnCodeError(
+            f"cannot import {str(file)!r}: it is a folder; give a file in it, such as {file / 'NAME.py'}, or MODULE as "
+            "seen from where you are"
+        )
     if not file.is_file():
         raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
     name = file.stem
@@ -129,20 +139,9 @@ def _look_in(folder: Path) -> None:
     invalidate_caches()
 
 
-def _place(error: BaseException) -> str:
-    """File and line of an error in the innermost of the user's code, as far as that is known."""
-    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
-        return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
-    for frame in reversed(extract_tb(error.__traceback__)):
-        file = Path(frame.filename)
-        if file.is_file() and not any(file.is_relative_to(library) for library in LIBRARIES):
-            return f"{file}, line {frame.lineno}"
-    return ""
-
-
 def _told(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
     """What the command line says of an error while code was imported; one of hpop keeps its kind."""
-    place = _place(error)
+    place = own_place(error)
     if isinstance(error, HpopError):
         return type(error)(f"{place or spec}: {error}")
     text = error.msg if isinstance(error, SyntaxError) else str(error)

@@ -14,9 +14,9 @@ from typing import Any, TypeVar, get_type_hints
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from hpop.errors import HpopError, QueryError, ScenarioError
+from hpop.errors import OWN, HpopError, QueryError, ScenarioError
 from hpop.math import not_radians
-from hpop.registry import Registry
+from hpop.registry import Registry, readers
 from hpop.scenario_schema import STRICT, WorldSection
 from hpop.yaml_lines import Document, Place
 
@@ -183,10 +183,15 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     fault = next((one for one in faults if one["type"] not in EXPECTED), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
-        known = _keys_at(schema, loc[:-1])
+        known, way_out = _keys_at(schema, loc[:-1]), ""
+        if loc[:-1] == ("world",):
+            if loc[-1] in readers:
+                return "no such key beside another; give exactly one reader"
+            known += [name for name in readers if name not in known]
+            way_out = f". For a reader of your own, {OWN}"
         near = difflib.get_close_matches(str(loc[-1]), known, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "."
-        return f"no such key{hint} Known here: {', '.join(known)}"
+        return f"no such key{hint} Known here: {', '.join(known)}{way_out}"
     if fault["type"] == "missing":
         return (
             f"an entry is missing here, got {got!r:.60}" if isinstance(loc[-1], int) else "this key is missing; add it"

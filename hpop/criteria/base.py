@@ -16,14 +16,16 @@ C comfort of the immersed user, R robot, O others near the robot.
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.errors import CriterionError, UnsupportedCriterion
+from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
 from hpop.motions import Motions, missing
 from hpop.registry import criteria, made
@@ -155,10 +157,25 @@ def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
     return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields}}
 
 
+def check_command(criterion: Criterion) -> str:
+    """How the conformance checks of a criterion are run: by the file of its class, or its module in a package."""
+    cls = _asked(criterion)
+    file = getattr(sys.modules.get(cls.__module__), "__file__", None)
+    source = cls.__module__ if "." in cls.__module__ or file is None else file
+    return f"hpop check {quote(f'{source}:{cls.__qualname__}')}"
+
+
+def _asked(criterion: Criterion) -> type:
+    """The class of the criterion that was asked for: of a mean, where its time integral stands in for it."""
+    cls, mean = type(criterion), getattr(criterion, "mean", None)
+    return type(mean) if cls.__module__.startswith("hpop.") and isinstance(mean, Criterion) else cls
+
+
 def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     """Costs (M,) of motions, checked: one finite number >= 0 a motion.
 
-    Raises CriterionError that names the criterion, the kind of motion and the first wrong value.
+    Raises CriterionError that names the criterion, the kind of motion and the first wrong value; where somebody's
+    ``cost`` itself raises an error, one that says where, from that error.
     """
     return _checked(criterion, motions, len(motions), motions.kind)
 
@@ -173,6 +190,14 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
         costs = np.asarray(criterion.cost(m))
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
+    except (HpopError, MemoryError):
+        raise
+    except Exception as error:  # someone else's criterion: anything can come; one of hpop's own that fails is a bug
+        if _asked(criterion).__module__.startswith("hpop."):
+            raise
+        failure = CriterionError(own_failure(f"criterion {criterion.name!r}", error))
+        failure.add_note(f"`{check_command(criterion)}` tests it")
+        raise failure from error
     if costs.shape != (size,):
         raise CriterionError(
             f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion, check_command, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
 from hpop.motions import Motions, States
-from hpop.planners.base import Integral
 from hpop.planners.nlp import SparseWorld, vector
 from hpop.planners.outcome import ALONE
 from hpop.symbols import SymbolicMotions
@@ -72,12 +71,11 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
     except Exception as error:  # someone else's criterion on CasADi's symbols: anything can come
-        asked = type(criterion.mean if isinstance(criterion, Integral) else criterion)
         why = (str(error).strip() or type(error).__name__).splitlines()[-1].rstrip(".")
         raise UnsupportedCriterion(
             f"criterion {criterion.name!r} does not work on symbols, as a nonlinear program needs: {why}. See "
-            f"'hpop check {asked.__module__}:{asked.__qualname__}'; use NumPy functions of whole columns and no 'if' "
-            "on values, or planner 'lattice'."
+            f"`{check_command(criterion)}`; use NumPy functions of whole columns and no 'if' on values, or planner "
+            "'lattice'."
         ) from error
     return column
 

@@ -145,18 +145,57 @@ def test_the_example_is_planned_as_it_says(tmp_path: Path) -> None:
         (WAY, "moocore.py", 14, "its name is taken by the module 'moocore'"),
         (WAY, "own.v2.py", 14, "NAME.py, without further points"),
         (WAY, "own.py:Way", 14, "it is imported as a whole; give own.py"),
+        (WAY, "own.txt", 14, "a file of Python is called NAME.py"),
+        (WAY, ".", 14, "it is a folder; give a file in it, such as NAME.py"),
     ],
 )
 def test_what_cannot_be_imported_is_told_in_one_message(
     tmp_path: Path, content: str | None, named: str, status: int, said: str
 ) -> None:
     if content is not None:
-        (tmp_path / (named.partition(":")[0].removesuffix(".py") + ".py")).write_text(content)
+        file = named.partition(":")[0].removesuffix(".py")
+        (tmp_path / (file if file.endswith(".txt") else f"{file}.py")).write_text(content)
     done = hpop("criteria", "--import", named, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (status, "")
     assert said in done.stderr
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
+
+
+def test_an_error_in_cost_is_told_with_file_and_line(room: Path, write: Callable[..., None], mine: Path) -> None:
+    write(room, *OWN)
+    own = ("--import", "mine/ways.py")
+    assert hpop("plan", "room.yaml", "--out", "out", *own, cwd=room).returncode == 0
+    (mine / "ways.py").write_text(WAY.replace("m.base.length", "m.base.lenght"))
+    for command in (["plan", "room.yaml", "--out", "again", "--workers", "2"], ["show", "out"]):
+        done = hpop(*command, *own, cwd=room)
+        assert done.returncode == 8
+        assert "criterion 'my_way' failed (" in done.stderr
+        assert "ways.py, line 8): AttributeError: 'Body' object has no attribute 'lenght'; `hpop check /" in done.stderr
+        assert "mine/ways.py:Way` tests it\n" in done.stderr
+
+
+def test_a_planner_that_fails_is_told_with_file_and_line(room: Path, write: Callable[..., None]) -> None:
+    write(room, ("lattice:", "my_lattice:"))
+    fails = "    def stages(self, problem, progress=None):\n        raise ValueError('too far')\n"
+    (room / "more.py").write_text(MORE.partition("readers.add")[0] + fails)
+    done = hpop("plan", "room.yaml", "--out", "out", "--import", "more.py", cwd=room)
+    assert done.returncode == 14
+    assert "error: code of your own failed (" in done.stderr
+    assert "more.py, line 13): ValueError: too far\n" in done.stderr
+
+
+def test_an_unknown_reader_and_a_check_without_a_name_say_the_way_out(
+    room: Path, write: Callable[..., None], mine: Path
+) -> None:
+    write(room, ("ros_map:", "my_map:"))
+    unknown = hpop("plan", "room.yaml", "--out", "out", cwd=room)
+    assert unknown.returncode == 4
+    assert "line 2, world.my_map: no such key" in unknown.stderr
+    assert "--import FILE_OR_MODULE" in unknown.stderr
+    nameless = hpop("check", "ways.py", cwd=mine)
+    assert nameless.returncode == 8
+    assert "give ways.py:NAME" in nameless.stderr
 
 
 def test_two_files_of_one_name_and_one_criterion_in_two_files_are_refused(mine: Path) -> None:

@@ -9,7 +9,7 @@ import shapely
 
 from hpop.criteria import Exposure, Turns, criterion, make_criterion, motion_costs, trajectory_cost
 from hpop.criteria.base import Criterion, describe_criterion, running_costs
-from hpop.errors import CriterionError, UnknownName
+from hpop.errors import CriterionError, MapError, UnknownName
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.registry import criteria
@@ -142,6 +142,27 @@ def moves(size=3):
 def test_costs_are_checked_and_the_criterion_named(cost, message):
     declared = criterion("glare", **GOOD)(dataclass(frozen=True)(type("Wrong", (), {"cost": lambda self, m: cost(m)})))
     with pytest.raises(CriterionError, match="'glare'.*" + message):
+        motion_costs(declared(), moves())
+
+
+@pytest.mark.parametrize("aggregate", ["sum", "trajectory"])
+def test_an_error_in_cost_is_told_with_its_line_and_kept(aggregate):
+    failing = type("Failing", (), {"cost": lambda self, m: m.nothing})
+    declared = criterion("glare", **{**GOOD, "aggregate": aggregate})(dataclass(frozen=True)(failing))
+    trajectory = Trajectory.from_poses(ROBOT, [(1, 1, 0), (2, 1, 0)])
+    said = r"'glare' failed \(.*test_base.py, line \d+\): AttributeError: .*nothing"
+    with pytest.raises(CriterionError, match=said) as told:
+        trajectory_cost(declared(), trajectory, WORLD)
+    assert isinstance(told.value.__cause__, AttributeError)
+
+
+@pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt, MapError])
+def test_what_is_no_mistake_in_cost_passes(error):
+    def cost(self, m):
+        raise error("as it is")
+
+    declared = criterion("glare", **GOOD)(dataclass(frozen=True)(type("Stopped", (), {"cost": cost})))
+    with pytest.raises(error, match="as it is"):
         motion_costs(declared(), moves())
 
 
