@@ -53,9 +53,9 @@ class Smoothing:
     model's wheel speeds and accelerations, has no fewer turns than its polyline, can be deformed into it without
     crossing an obstacle, and costs at most 2 % more in each smooth criterion than the polyline, planned or executed,
     whichever is more. Each is a local optimum for its sequence of turns, or lies where the objective falls no more,
-    which is said. Costs with kinks at every change of a control (angular acceleration, peak optic flow) often do not
-    converge, which is counted. Cost: a program is built once a structure, in 80 to 200 ms, and solved in 50 to 200 ms;
-    what collides between two samples is solved again, once in two to eight polylines.
+    which is said. The peak of the optic flow, whose kinks are everywhere, may not converge, which is counted. Cost: a
+    program is built once a structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and optic flow in one or
+    two seconds; what collides between two samples is solved again, once in two to eight polylines.
     """
 
     step: float = 0.25

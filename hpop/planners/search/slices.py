@@ -26,6 +26,7 @@ from hpop.status import Budget, Progress, ProgressCallback, Status
 DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
 # The counters that a kernel and its driver share.
 N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
+PARTS = 8  # of a table that is worked on side by side
 WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
 INT32_LIMIT = 2**30  # below it, costs and their sums are kept in 32 bits
 

@@ -28,11 +28,10 @@ from numpy.typing import NDArray
 from hpop.arrays import IntArray
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.kernels import kernel
-from hpop.planners.search.slices import Clock
+from hpop.planners.search.slices import PARTS, Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
-PARTS = 8  # of the groups, told and checked side by side
 
 
 @dataclass(frozen=True, eq=False)

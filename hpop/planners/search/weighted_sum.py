@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 ROUND = 16  # weights tested before the hull is updated: the same with and without workers
 CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredths of a second
-PARTS = 8  # of the graph, reduced side by side
 FINEST = 10**6  # denominators of given weights
 LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 MAX_WEIGHTS = 100_000
@@ -257,6 +256,7 @@ class _Run:
 
     def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
         """Drop arcs that lead nowhere and reduce the costs of the rest."""
+        from hpop.planners.search.slices import PARTS
         from hpop.planners.search.weighted_path import arcs_onward, reduce_costs
 
         graph, k = self.graph, len(h)
