@@ -4,13 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test bench reference lint clean
+.PHONY: demo test proof bench reference lint clean
 
 demo: $(READY)
 	$(BIN)/hpop plan examples/museum.yaml --out out/museum
 
 test: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# The same tests, larger: all seeds, all instances. `make proof PART=search` runs one part of it.
+proof: $(READY)
+	$(BIN)/python tests/proof.py $(PART)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json

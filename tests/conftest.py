@@ -1,4 +1,4 @@
-"""What tests share: where the public data are, and that Ctrl-C works."""
+"""What tests share: where the public data are, how many examples are drawn, and that Ctrl-C works."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# `make test` draws the same examples each time, `make proof` more of them, others each time (--hypothesis-profile).
+settings.register_profile("test", deadline=None, derandomize=True, max_examples=25)
+settings.register_profile("proof", deadline=None, max_examples=500)
+settings.load_profile("test")
 
 
 def pytest_configure() -> None:
@@ -27,3 +33,11 @@ def shared_data() -> Callable[[str], Path]:
         return root / name
 
     return folder
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give `seed` as `@pytest.mark.seeds(few, of=many)` says: all in `make proof`, the first few in `make test`."""
+    if mark := metafunc.definition.get_closest_marker("seeds"):
+        few, many = mark.args[0], mark.kwargs["of"]
+        seeds = [*range(few), *(pytest.param(seed, marks=pytest.mark.proof) for seed in range(few, many))]
+        metafunc.parametrize("seed", seeds)
