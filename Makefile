@@ -19,6 +19,7 @@ proof: $(READY)
 bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json
 	$(BIN)/python benchmarks/first_answer.py --out out/bench/first_answer.json
+	$(BIN)/python benchmarks/first_minute.py --out out/bench/first_minute.json
 	$(BIN)/python benchmarks/graph.py --out out/bench/graph.json
 	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
 	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
