@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import stat
 from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
 
 from hpop.errors import ScenarioError
+from hpop.regular_file import read_regular
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
@@ -104,22 +104,14 @@ class Document:
 
 def _read(path: Path) -> str:
     try:
-        info = path.stat()
-        if stat.S_ISDIR(info.st_mode):
-            raise ScenarioError(f"{path} is a folder; give the path of a scenario (YAML) in it")
-        if not stat.S_ISREG(info.st_mode):
-            raise ScenarioError(f"{path} is no regular file; give the path of a scenario (YAML)")
-        if info.st_size > MAX_BYTES:
-            raise ScenarioError(f"{path}: {info.st_size:,} bytes are no scenario; at most {MAX_BYTES:,} are read")
-        return path.read_text(encoding="utf-8-sig")
+        return read_regular(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ScenarioError(f"{path}: no such file; give the path of a scenario (YAML)") from None
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, ScenarioError):
-            raise
-        raise ScenarioError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    except OSError as error:
+        reason = error.strerror or error
+        raise ScenarioError(f"{path}: cannot be read: {reason}; give the path of a scenario (YAML)") from None
 
 
 def _shown(value: object) -> str:

@@ -110,10 +110,10 @@ def test_a_byte_order_mark_is_no_part_of_the_first_key(tmp_path: Path) -> None:
 def test_a_missing_file_a_folder_and_a_pipe_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="no such file"):
         Document(tmp_path / "gone.yaml")
-    with pytest.raises(ScenarioError, match="is a folder"):
+    with pytest.raises(ScenarioError, match="found a folder"):
         Document(tmp_path)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(ScenarioError, match="no regular file"):
+    with pytest.raises(ScenarioError, match="found a FIFO"):
         Document(tmp_path / "pipe")
     with pytest.raises(ScenarioError, match="cannot be read"):
         Document(Path("nul\0byte"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-import stat
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +15,8 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
+from hpop.regular_file import read_regular
+from hpop.text import shown
 from hpop.world.shapes import MAX_CELLS, check_size
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
@@ -29,28 +30,21 @@ MAX_DEPTH = 20
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
-    """Return a file's bytes; `MapError` if it is missing, a directory, empty, too large or not readable."""
+    """Return a file's bytes; `MapError` if it is missing, no regular file, empty, too large or not readable."""
     if not isinstance(path, str | os.PathLike):  # a number would be an open file's
-        raise MapError(f"{what} is named by its path; got {path!r:.80}.")
+        raise MapError(f"{what} is named by its path; got {shown(path)}.")
     try:
-        info = os.stat(path)
-    except (OSError, ValueError) as error:
-        raise MapError(f"{what} {str(path)!r} cannot be opened: {_reason(error)}. Check the path.") from None
-    if not stat.S_ISREG(info.st_mode):
-        kind = "a directory" if stat.S_ISDIR(info.st_mode) else "no regular file"
-        raise MapError(f"{what} must be a file; {str(path)!r} is {kind}.")
-    if info.st_size == 0:
-        raise MapError(f"{what} {str(path)!r} is empty (0 bytes).")
-    if info.st_size > limit:
-        raise MapError(f"{what} {str(path)!r} has {info.st_size:,} bytes; at most {limit:,} are read.")
-    try:
-        return Path(path).read_bytes()
+        data = read_regular(path, limit)
     except OSError as error:
-        raise MapError(f"{what} {str(path)!r} cannot be read: {_reason(error)}.") from None
+        raise MapError(f"{what} {named(path)} cannot be opened: {error.strerror or error}. Check the path.") from None
+    if not data:
+        raise MapError(f"{what} {named(path)} is empty (0 bytes).")
+    return data
 
 
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)
+def named(path: str | Path) -> str:
+    """A path as a message names it: whole, unless a file says one that no system has."""
+    return shown(str(path), 400)
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
@@ -59,7 +53,7 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MapError(
-            f"{what} {str(path)!r} must be UTF-8 text; byte {error.start} is not. Is it another kind of file?"
+            f"{what} {named(path)} must be UTF-8 text; byte {error.start} is not. Is it another kind of file?"
         ) from None
 
 
@@ -114,16 +108,16 @@ def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
             image = Image.open(io.BytesIO(data), formats=FORMATS)
     except Image.DecompressionBombError:
         raise MapError(
-            f"image {str(path)!r} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its resolution."
+            f"image {named(path)} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its resolution."
         ) from None
     except UnidentifiedImageError:
         raise MapError(
-            f"image {str(path)!r} is no image that can be read; expected PGM (P2, P5), PNG, BMP, GIF or JPEG."
+            f"image {named(path)} is no image that can be read; expected PGM (P2, P5), PNG, BMP, GIF or JPEG."
         ) from None
     except Exception as error:  # each decoder fails in its own way
-        raise MapError(f"image {str(path)!r} cannot be read ({error}); is its header broken?") from None
+        raise MapError(f"image {named(path)} cannot be read ({error}); is its header broken?") from None
     width, height = image.size
-    check_size(height, width, f"image {str(path)!r}")
+    check_size(height, width, f"image {named(path)}")
     try:
         if image.mode in ("I", "I;16", "I;16B", "F"):
             deep = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
@@ -133,7 +127,7 @@ def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
         pixels = np.asarray(image.convert(mode))
     except Exception as error:  # each decoder fails in its own way
         raise MapError(
-            f"image {str(path)!r} is {width} x {height} by its header, but its pixels cannot be read "
+            f"image {named(path)} is {width} x {height} by its header, but its pixels cannot be read "
             f"({error}). Is the file cut off?"
         ) from None
     pixels = pixels.reshape(height, width, -1)

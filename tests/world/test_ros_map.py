@@ -181,7 +181,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"image": ""}, "image must be the path"),
         ({"image": 5}, "image must be the path"),
         ({"image": "nowhere.pgm"}, "map image .*nowhere.pgm.* cannot be opened"),
-        ({"image": "."}, "is a directory"),
+        ({"image": "."}, "found a folder"),
         ({"image": '"a\\0b"'}, "cannot be opened"),
         ({"resolution": None}, "lacks resolution"),
         ({"image": None, "origin": None}, "lacks image, origin"),
@@ -217,7 +217,7 @@ def test_a_file_that_is_no_map_is_refused(tmp_path, content, message):
 def test_a_missing_file_and_a_directory_are_refused(tmp_path):
     with pytest.raises(MapError, match="cannot be opened"):
         World.from_ros_map(tmp_path / "none.yaml")
-    with pytest.raises(MapError, match="is a directory"):
+    with pytest.raises(MapError, match="found a folder"):
         World.from_ros_map(tmp_path)
 
 

@@ -1,0 +1,54 @@
+"""Text for people out of what comes from files and callers: short whatever its size, and harmless to a terminal."""
+
+from __future__ import annotations
+
+import re
+from math import log10
+from reprlib import Repr
+from typing import Any
+
+HARMFUL = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, what turns the direction of writing, what separates lines, and halves of surrogate pairs."""
+LENGTH = 80
+"""Characters of a value that a message shows, at most."""
+
+
+def printable(text: object, *, newlines: bool = False) -> str:
+    r"""Text that can be printed: what would steer a terminal or reorder a line is written as its escape.
+
+    >>> print(printable("Käthe \x1b[2J \u202e!"))
+    Käthe \x1b[2J \u202e!
+    """
+    return HARMFUL.sub(lambda found: "\n" if newlines and found[0] == "\n" else ascii(found[0])[1:-1], str(text))
+
+
+def shown(value: Any, most: int = LENGTH) -> str:
+    """A repr for a message, short whatever the value: it may be huge, an alias of an alias, or fail to print.
+
+    >>> shown([1, "two"]), shown("x" * 1000, 20)
+    ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
+    >>> shown(10**5000)
+    'a whole number of 5,001 digits'
+    """
+    try:
+        text = _Short(most).repr(value)
+    except Exception:  # a repr of the caller's own
+        text = f"a {type(value).__name__} that cannot be printed"
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+class _Short(Repr):
+    """Reprs that look at a few entries and levels only."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self.maxlevel = 4
+        self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 8
+        self.maxstring = self.maxother = most
+        self.maxlong = 40
+
+    def repr_int(self, x: int, level: int) -> str:
+        """As ever, but of numbers that Python does not print."""
+        if x.bit_length() > 10_000:
+            return f"a whole number of {int(x.bit_length() * log10(2)) + 1:,} digits"
+        return super().repr_int(x, level)
