@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -27,6 +28,7 @@ from hpop import __version__, results
 from hpop.errors import (
     CriterionError,
     HpopError,
+    HpopWarning,
     OptionError,
     OutputError,
     OwnCodeError,
@@ -66,7 +68,7 @@ def _user_errors(command: F) -> F:
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
         try:
-            with _sigterm_interrupts():
+            with _sigterm_interrupts(), _warnings_as_notes():
                 return command(*args, **kwargs)
         except HpopError as error:
             code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
@@ -102,6 +104,22 @@ def _sigterm_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
+def _warnings_as_notes() -> Iterator[None]:
+    """What hpop warns of is a note to whoever reads a terminal, without the line of Python that it comes from."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+            if issubclass(category, HpopWarning):
+                click.echo(f"note: {message}", err=True)
+            else:
+                usual(message, category, *rest)
+
+        setattr(warnings, "showwarning", show)  # noqa: B010  (its type names arguments that are only handed on)
+        yield
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,4 +1,8 @@
-"""numba, loaded without scipy.linalg: kernels come from here. Imported on first use only, it takes half a second.
+"""How kernels are compiled, and where they are kept; numba comes from here. Imported on first use only: half a second.
+
+numba looks for a folder beside the source, then in the user's cache (NUMBA_CACHE_DIR overrides both). Where none can be
+written it refuses to decorate, and it fails where a disk is full; here kernels are then compiled anew in each process,
+which is said once.
 
 Before its first kernel numba imports scipy.linalg, only to learn whether matrix products can be compiled: a quarter of
 a second, for products that no kernel here takes. They can, for hpop requires SciPy, so for that moment the question is
@@ -7,13 +11,22 @@ left out; numba asks again where a product is compiled.
 
 from __future__ import annotations
 
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numba
-from numba import njit
 
-__all__ = ["njit", "numba"]
+from hpop.errors import HpopWarning
+
+__all__ = ["kernel", "lean", "numba"]
+
+LOCK = "hpop.lock"
+_caching: Any = import_module("numba.core.caching")
 
 
 def _load_without_scipy() -> None:
@@ -28,3 +41,68 @@ def _load_without_scipy() -> None:
 
 
 _load_without_scipy()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile on first call, keep the result on disk where a folder can be written."""
+    return _compiled(function)
+
+
+def lean(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that allocates nothing, so that numba need not count references to its arrays.
+
+    It else does so at each call of another kernel, with two atomic instructions an array: up to 40 % of the time of a
+    loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
+    """
+    return _compiled(function, _nrt=False)
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    made = numba.njit(function, nogil=True, **options)
+    try:
+        made._cache = _Kept(function)
+    except (RuntimeError, OSError):
+        _warn_once("no folder for them can be written")
+    return made
+
+
+class _Kept(_caching.FunctionCache):  # type: ignore[misc]
+    """A kernel's variants on disk; a disk that fails costs the time to compile, never the answer."""
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        try:
+            return super().load_overload(signature, context)
+        except Exception:  # whatever a damaged file makes of reading it
+            return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        try:
+            with _alone(Path(self.cache_path)):
+                super().save_overload(signature, data)
+        except OSError as error:
+            _warn_once(f"{self.cache_path}: {error.strerror or error}")
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Let one process at a time add to a folder.
+
+    numba numbers the variants of a kernel by those it finds: two processes at once may give two the same number, and
+    then one is run in the place of the other.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("w") as file:
+        with suppress(ImportError, OSError):  # Windows; a file system without locks
+            fcntl: Any = import_module("fcntl")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+@cache
+def _warn_once(reason: str) -> None:
+    warnings.warn(
+        f"compiled code cannot be kept ({reason}), so it is compiled anew each time, for some ten seconds or more; set "
+        "NUMBA_CACHE_DIR to a folder that you can write",
+        HpopWarning,
+        stacklevel=2,
+    )

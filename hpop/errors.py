@@ -23,6 +23,10 @@ class HpopError(Exception):
         return str(self.args[0]) if self.args else ""
 
 
+class HpopWarning(RuntimeWarning):
+    """Something that the user should know, though the answer stands."""
+
+
 class MapError(HpopError, ValueError):
     """A map, mask or blueprint cannot be read, or makes no sense."""
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.planners.search.kernels import drop_first, kernel, push
+from hpop.compiled import kernel
+from hpop.planners.search.kernels import drop_first, push
 
 STRAIGHT, DIAGONAL = 5, 7  # 7/5 is near enough to sqrt(2) for choosing cells
 FAR = np.int64(2**30)  # farther than any way

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def _primitive(t: float, d: float, r: float, a: float) -> float:
     """Antiderivative over psi of (r^2 - rho^2)^(3/2) along the line at distance d, at t = d tan(psi)."""
     sin_u = min(max(t / a, -1.0), 1.0)
@@ -21,7 +21,7 @@ def _primitive(t: float, d: float, r: float, a: float) -> float:
     )
 
 
-@njit(cache=True)
+@kernel
 def _edge(px: float, py: float, qx: float, qy: float, r: float, c: float) -> float:
     """Volume between the heights 0 and c <= r of the ball part over the triangle (origin, p, q), signed."""
     cross = px * qy - py * qx
@@ -52,16 +52,16 @@ def _edge(px: float, py: float, qx: float, qy: float, r: float, c: float) -> flo
     return math.copysign(volume, cross)
 
 
-@njit(cache=True)
+@kernel
 def _up_to(px: float, py: float, qx: float, qy: float, r: float, z: float) -> float:
     """`_edge` for a height of either sign: odd in z."""
     if z == 0.0:
         return 0.0
-    volume = _edge(px, py, qx, qy, r, abs(z))
+    volume: float = _edge(px, py, qx, qy, r, abs(z))
     return volume if z > 0.0 else -volume
 
 
-@njit(cache=True)
+@kernel
 def ball_volumes(
     edges: FloatArray,
     slab: IntArray,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def _squared(x: float, y: float, edges: FloatArray, e: int) -> float:
     """Squared distance of a point to an edge, m^2."""
     px, py = edges[e, 0], edges[e, 1]
@@ -23,7 +23,7 @@ def _squared(x: float, y: float, edges: FloatArray, e: int) -> float:
     return squared
 
 
-@njit(cache=True)
+@kernel
 def rings_empty(rings: IntArray) -> None:
     """Turn marks (R, C), 1 where a bucket is empty, into the chessboard distance to the nearest that is not.
 
@@ -47,7 +47,7 @@ def rings_empty(rings: IntArray) -> None:
             rings[i, j] = best
 
 
-@njit(cache=True)
+@kernel
 def nearest(
     edges: FloatArray,
     start: IntArray,

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def _hit(x: float, y: float, cos: float, sin: float, edges: FloatArray, e: int) -> float:
     """Distance from a point along a direction to an edge, m; inf if the ray misses it or runs along it."""
     dx, dy = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
@@ -25,7 +25,7 @@ def _hit(x: float, y: float, cos: float, sin: float, edges: FloatArray, e: int) 
     return along
 
 
-@njit(cache=True)
+@kernel
 def cast(
     edges: FloatArray,
     start: IntArray,
@@ -82,7 +82,7 @@ def cast(
             out[n, b] = best
 
 
-@njit(cache=True)
+@kernel
 def flow(
     distances: FloatArray,
     directions: FloatArray,
@@ -126,7 +126,7 @@ def flow(
         out[n] = worst if largest else total / count
 
 
-@njit(cache=True)
+@kernel
 def _weights(s: float, out: FloatArray) -> None:
     """Cubic B-spline weights of four neighbours."""
     r = 1.0 - s

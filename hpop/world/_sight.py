@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
 
 
-@njit(cache=True)
+@kernel
 def _line(turns: IntArray, ax: float, ay: float, bx: float, by: float) -> None:
     """Count one directed line of an outline: nodes to its right gain a turn if it goes down, lose one if it goes up.
 
@@ -29,7 +29,7 @@ def _line(turns: IntArray, ax: float, ay: float, bx: float, by: float) -> None:
         turns[row, math.ceil(min(max(x, 0.0), float(columns)))] += sign
 
 
-@njit(cache=True)
+@kernel
 def shadows(edges: FloatArray, near: FloatArray, far: FloatArray, u: float, v: float, turns: IntArray) -> None:
     """Add to turns (H, W + 1) the outlines of all shadows; their sums along a row count the shadows on each node.
 
@@ -64,7 +64,7 @@ def shadows(edges: FloatArray, near: FloatArray, far: FloatArray, u: float, v: f
             _line(turns, nx + u, ny + v, fa * ax + u, fa * ay + v)
 
 
-@njit(cache=True)
+@kernel
 def lit(turns: IntArray, split: int, out: FloatArray) -> None:
     """Write to out (H, W) the share of the split x split nodes round each sample on which no shadow lies."""
     for row in range(turns.shape[0]):
@@ -75,7 +75,7 @@ def lit(turns: IntArray, split: int, out: FloatArray) -> None:
                 out[row // split, column // split] += 1.0 / (split * split)
 
 
-@njit(cache=True)
+@kernel
 def isovists(
     edges: FloatArray, x: FloatArray, y: FloatArray, radius: float, cos: FloatArray, sin: FloatArray, out: FloatArray
 ) -> None:
@@ -120,7 +120,7 @@ def isovists(
         out[k] = 1.0 - closed / rays
 
 
-@njit(cache=True)
+@kernel
 def _share(s: float, place: int) -> float:
     """Weight of a cubic B-spline's coefficient at one of the four places round a point, s past the second."""
     r = 1.0 - s
@@ -133,7 +133,7 @@ def _share(s: float, place: int) -> float:
     return s * s * s / 6.0
 
 
-@njit(cache=True)
+@kernel
 def unseen(
     coefficients: FloatArray,
     marks: FloatArray,

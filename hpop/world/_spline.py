@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 Four = tuple[float, float, float, float]
 
 
-@njit(cache=True)
+@kernel
 def _weights(s: float) -> Four:
     """Cubic B-spline weights of the four samples around a point, s of a step behind the second."""
     r = 1.0 - s
@@ -18,14 +18,14 @@ def _weights(s: float) -> Four:
     return r * r * r / 6.0, inner, outer, s * s * s / 6.0
 
 
-@njit(cache=True)
+@kernel
 def _slopes(s: float) -> Four:
     """First derivatives of the weights."""
     r = 1.0 - s
     return -0.5 * r * r, -2.0 * s + 1.5 * s * s, 2.0 * r - 1.5 * r * r, 0.5 * s * s
 
 
-@njit(cache=True)
+@kernel
 def spline(coefficients: FloatArray, u: FloatArray, v: FloatArray, out: FloatArray) -> None:
     """Cubic B-spline at (u, v) in grid steps, clamped to [1, n - 2].
 
@@ -62,7 +62,7 @@ def spline(coefficients: FloatArray, u: FloatArray, v: FloatArray, out: FloatArr
         out[k, 2] = gv if inside_v else 0.0
 
 
-@njit(cache=True)
+@kernel
 def quadratics(coefficients: FloatArray, places: FloatArray, out: FloatArray) -> None:
     """Second-order expansions of the B-spline at places inside the grid.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.compiled import njit
+from hpop.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def integrate(
     force: FloatArray,
     rotation: FloatArray,

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import kernel, lean
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.kernels import kernel, lean
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.status import Status

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.kernels import kernel
+from hpop.compiled import kernel
 
 CHUNK = 32  # entries
 # State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.

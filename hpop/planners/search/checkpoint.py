@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop import __version__
-from hpop.errors import OptionError, OutputError
+from hpop.errors import HpopWarning, OptionError, OutputError
 from hpop.interrupts import interrupts_held
 from hpop.status import Status
 
@@ -186,7 +186,7 @@ class Keeper:
             self.part.unlink(missing_ok=True)
             reason = error.strerror or error
             warnings.warn(
-                f"cannot write the checkpoint {self.path} ({reason}); the last one stays", RuntimeWarning, stacklevel=2
+                f"cannot write the checkpoint {self.path} ({reason}); the last one stays", HpopWarning, stacklevel=2
             )
         except BaseException:
             self.part.unlink(missing_ok=True)

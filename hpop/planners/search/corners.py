@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.planners.search.kernels import kernel, lean
+from hpop.compiled import kernel, lean
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turn_hull import DOWN, FAR, LANES, STEP_BITS, UP, IntLanes, Steps
 

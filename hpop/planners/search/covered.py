@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.planners.search.kernels import kernel
+from hpop.compiled import kernel
 
 
 @kernel

@@ -30,12 +30,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import lean
 from hpop.planners.search.approximation import ANYTHING, EXACT, Precision
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
-from hpop.planners.search.kernels import drop_first, lean, push
+from hpop.planners.search.kernels import drop_first, push
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,

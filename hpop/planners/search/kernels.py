@@ -1,4 +1,4 @@
-"""What the compiled kernels share: how they are compiled, and a 4-ary heap of keys of one or more words.
+"""What the kernels of searches share: whether they are compiled, and a 4-ary heap of keys of one or more words.
 
 Imported on first use only, because importing numba takes half a second.
 """
@@ -12,34 +12,9 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.compiled import numba
+from hpop.compiled import kernel, lean, numba
 
 WORD_BITS = 62  # of a key word: non-negative as int64
-
-
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile on first call, cache the result on disk where a folder can be written.
-
-    numba looks for a folder beside the source, then in the user's cache (NUMBA_CACHE_DIR overrides both).
-    Where none can be written it refuses to decorate: then compile in every process.
-    """
-    return _compiled(function)
-
-
-def lean(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that allocates nothing, so that numba need not count references to its arrays.
-
-    It else does so at each call of another kernel, with two atomic instructions an array: up to 40 % of the time of a
-    loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
-    """
-    return _compiled(function, _nrt=False)
-
-
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    try:
-        return numba.njit(function, cache=True, nogil=True, **options)
-    except RuntimeError:
-        return numba.njit(function, nogil=True, **options)
 
 
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import kernel
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
-from hpop.planners.search.kernels import drop_first, kernel, push
+from hpop.planners.search.kernels import drop_first, push
 from hpop.planners.search.mean_limits import INTEGRAL, OTHERS, TIME, Limits
 from hpop.planners.search.slices import (
     CLOSED,

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import kernel
 from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next
 from hpop.planners.search.corners import may_improve
 from hpop.planners.search.covered import least_covered
-from hpop.planners.search.kernels import kernel
 from hpop.planners.search.slices import (
     BUCKETS,
     CHUNKS,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import kernel
 from hpop.planners.search.bounds import UNREACHABLE
-from hpop.planners.search.kernels import kernel
 from hpop.planners.search.turns import OFFSET, SIZE
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)

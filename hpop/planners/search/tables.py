@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import kernel
 from hpop.planners.search.bounds import UNREACHABLE
-from hpop.planners.search.kernels import kernel
 
 
 @kernel

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.planners.search.kernels import kernel, lean
+from hpop.compiled import kernel, lean
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.staircase_tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST
 from hpop.planners.search.turn_bounds import chain_order

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
+from hpop.compiled import kernel
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.kernels import kernel
 from hpop.planners.search.slices import PARTS, Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)

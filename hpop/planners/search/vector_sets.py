@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.kernels import lean
+from hpop.compiled import lean
 
 START, SIZE, ROOM, SET_COLUMNS = range(4)  # columns of the table of sets
 PIECE = 64  # members that are compared at a time

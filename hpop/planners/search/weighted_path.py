@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.planners.search.kernels import WORD_BITS, drop_first, kernel, lean, push
+from hpop.compiled import kernel, lean
+from hpop.planners.search.kernels import WORD_BITS, drop_first, push
 
 LIMB_BITS = 31
 LIMB_MASK = np.int64(2**LIMB_BITS - 1)

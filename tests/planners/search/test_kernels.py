@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -14,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.planners.search.kernels import drop_first, kernel, lean, plan_keys, push, repack
+from hpop.compiled import kernel, lean
+from hpop.planners.search.kernels import drop_first, plan_keys, push, repack
 
 
 @pytest.mark.parametrize("words", [1, 2, 3])
@@ -58,22 +57,6 @@ def test_packing_keeps_the_lexicographic_order(largest, random):
 def test_importing_the_package_does_not_import_numba():
     code = "import sys, hpop.planners.search; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_kernels_compile_where_no_cache_can_be_written(tmp_path: Path):
-    """An installation that the user cannot write to, and no home: compile in memory."""
-    code = (
-        "import numba.core.caching as c\n"
-        "c._CacheLocator.ensure_cache_path = lambda self: (_ for _ in ()).throw(OSError('read-only'))\n"
-        "from hpop.planners.search.kernels import push\n"
-        "import numpy as np\n"
-        "keys = np.zeros(1, np.int64)\n"
-        "push(keys, np.zeros(1, np.int64), 0, 1, np.array([5]), 0)\n"
-        "assert keys[0] == 5\n"
-    )
-    environment = {**os.environ, "HOME": str(tmp_path / "none")}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, check=False, capture_output=True)
-    assert done.returncode == 0, done.stderr.decode()
 
 
 def test_lean_kernels_count_no_references():

@@ -1,0 +1,61 @@
+"""Kernels where their cache cannot be written: a container that is read-only, for a user without a home."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hpop
+
+PACKAGE = Path(hpop.__file__).parent
+KERNELS = sorted(
+    ".".join(("hpop", *path.relative_to(PACKAGE).with_suffix("").parts))
+    for path in PACKAGE.rglob("*.py")
+    if re.search(r"^@(kernel|lean)$|njit", path.read_text(encoding="utf-8"), re.MULTILINE)
+)
+USE = """\
+import importlib, sys
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+import numpy as np
+from hpop.world._spline import spline
+out = np.empty((1, 3))
+spline(np.ones((4, 4)), np.array([1.5]), np.array([1.5]), out)
+print(out.round(9).tolist())
+"""
+
+
+@pytest.fixture(scope="module")
+def unwritable(tmp_path_factory: pytest.TempPathFactory) -> subprocess.CompletedProcess[str]:
+    """A kernel used in a copy of hpop where no cache can be written, which goes for root as well."""
+    folder = tmp_path_factory.mktemp("read_only")
+    shutil.copytree(PACKAGE, folder / "hpop", ignore=shutil.ignore_patterns("__pycache__"))
+    for inside in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+        (inside / "__pycache__").write_text("a file where a folder should be")
+    file = folder / "file"
+    file.write_text("no folder below this")
+    elsewhere = {"HOME": str(file / "home"), "NUMBA_CACHE_DIR": str(file / "cache"), "PYTHONPATH": str(folder)}
+    environment = {**os.environ, **elsewhere, "XDG_CACHE_HOME": str(file / "xdg")}
+    command = [sys.executable, "-P", "-c", USE, *KERNELS]
+    return subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_every_kernel_works_where_no_cache_can_be_written(unwritable: subprocess.CompletedProcess[str]) -> None:
+    assert len(KERNELS) > 15
+    assert "Traceback" not in unwritable.stderr
+    assert unwritable.stdout == "[[1.0, 0.0, 0.0]]\n"
+
+
+def test_that_they_are_compiled_anew_each_time_is_said_once_with_what_helps(
+    unwritable: subprocess.CompletedProcess[str],
+) -> None:
+    said = [line for line in unwritable.stderr.splitlines() if "Warning" in line]
+    assert len(said) == 1
+    assert "compiled anew" in said[0]
+    assert "NUMBA_CACHE_DIR" in said[0]
