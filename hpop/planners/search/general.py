@@ -55,6 +55,7 @@ from hpop.planners.search.slices import (
     Clock,
 )
 from hpop.planners.search.tables import build, trace
+from hpop.planners.search.turns import SIZE as GROUP_SIZE
 from hpop.planners.search.turns import Groups
 from hpop.planners.search.vector_sets import SET_COLUMNS, SIZE, enter, is_covered, needs
 
@@ -236,7 +237,9 @@ class General(HeapSearch):
         self.origin = np.empty(m, np.int32)
         self.is_target = np.zeros(n, np.uint8)
         self.is_target[targets] = 1
-        tables = (columns, h, self.is_target, turn, self.table, self.nodes, self.origin)
+        sizes = groups.rows[:, GROUP_SIZE]
+        group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.place]
+        tables = (columns, h, self.is_target, turn, group, self.table, self.nodes, self.origin)
         self.start, self.plain = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
         self.sets = np.zeros((n + 1, SET_COLUMNS), np.int64)
         self.pool = np.zeros(1024, self.dtype)

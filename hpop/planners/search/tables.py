@@ -21,6 +21,7 @@ def build(
     h: IntArray,
     is_target: NDArray[np.uint8],
     turn: int,
+    group: NDArray[np.int32],
     arcs: NDArray[Any],
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
@@ -29,6 +30,7 @@ def build(
 
     order    (k,)         columns of the costs
     turn                  column of the cost that the arcs raise which are to be taken at once, -1 for none
+    group    (n,)         the group in which they stay
     arcs     (m, 1 + k)   head and costs
     nodes    (n, k)       lower bounds
     origin   (m,)         where the arc is in the graph
@@ -50,7 +52,7 @@ def build(
                 v = heads[a]
                 if v == u or h[0, v] >= UNREACHABLE:
                     continue
-                if at_once != (turn >= 0 and costs[a, turn] > 0 and not is_target[v]):
+                if at_once != (turn >= 0 and costs[a, turn] > 0 and group[u] == group[v] and not is_target[v]):
                     continue
                 arcs[m, 0] = v
                 for j in range(len(order)):

@@ -85,15 +85,15 @@ def turn_hull(
     turns = groups.dearest.T if alike else groups.turns
     room -= 4 * LANES * (3 * len(nodes) + len(arcs) + turns.shape[1])  # while the layers are swept
     most = min(MOST_LAYERS, min(room, ROOM) // (len(nodes) * (2 * LANES + 1)))
-    order = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
-    if order is None:
+    chains = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
+    if chains is None:
         return None
-    places = start[order]
+    order, places = chains
     onward = arcs[places, HEAD].astype(np.int64)
     move = _priced(arcs[places, FIRST], arcs[places, REST], weights, clock)
     turn = _priced(turns[columns[0]], turns[columns[1]], weights, clock)
     layers = np.empty((most, len(nodes), LANES), np.uint16)
-    moved = np.zeros((most, len(nodes)), np.uint8)
+    moved = np.zeros((most, len(places)), np.uint8)
     scratch = np.empty(LANES, np.int32)
     before = np.where(is_target[:, None], np.int32(0), np.int32(FAR)).repeat(LANES, axis=1)
     now = before.copy()
@@ -122,7 +122,9 @@ def turn_hull(
             return None
     keep(now, least, layers[last])
     passed = np.zeros(len(nodes), np.uint8)
-    tables = (nodes, start, arcs, groups.rows, alike, turn, weights)
+    step = np.empty(len(places), np.int64)
+    step[places] = np.arange(len(places))
+    tables = (nodes, start, arcs, step, groups.rows, alike, turn, weights)
     clock.call(mark_ways, layers[:last], moved, *tables, source, passed)
     return TurnHull(weights, layers[: last + 1], np.flatnonzero(passed))
 
@@ -161,7 +163,7 @@ def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 
 @lean
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
-    """Move straight on, along whole chains; tells whether that was better anywhere, and where, a bit for each lane."""
+    """Move straight on, along whole chains; tells whether that was better anywhere, and by which arcs, a bit a lane."""
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):
         v, u = np.uint64(order[i]), np.uint64(onward[i])
@@ -170,7 +172,7 @@ def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes
             rest = np.int32(now[u, k] + move[i, k])
             bits |= np.uint8(1 << k) if rest < now[v, k] else np.uint8(0)
             now[v, k] = min(now[v, k], rest)
-        moved[v] = bits
+        moved[i] = bits
         better |= bits
     return bool(better > 0)
 
@@ -219,6 +221,7 @@ def mark_ways(
     nodes: NDArray[Any],
     start: IntArray,
     arcs: NDArray[Any],
+    step: IntArray,
     groups: IntArray,
     alike: bool,
     turn: IntLanes,
@@ -234,8 +237,12 @@ def mark_ways(
                 continue
             passed[v] = 1
             while True:
-                if (moved[m, v] >> k) & 1:
-                    v = np.int64(arcs[start[v], HEAD])
+                best, onward = np.int64(-1), v
+                for a in range(start[v], start[v + 1]):  # the last arc that was better is the best
+                    if (moved[m, step[a]] >> k) & 1 and step[a] > best:
+                        best, onward = step[a], np.int64(arcs[a, HEAD])
+                if best >= 0:
+                    v = onward
                     passed[v] = 1
                     continue
                 m -= 1

@@ -1,8 +1,10 @@
 """The groups that turns make of nodes, and what they save the search.
 
-Call the arcs with a positive cost in one chosen column (the index) turns. They make groups where every ordered pair of
-nodes joined by turns is joined by exactly one, all raise the index alike, and no turn costs more, in any cost, than
-two turns on the same way. All is checked, arc by arc, so nothing is assumed of the graph. Then
+Call the arcs with a positive cost in one chosen column (the index) turns, but for those that begin where nothing leads
+to or end where nothing leads on: a start and a goal beside the groups may be joined to them by arcs that turn and move.
+Turns make groups where every ordered pair of nodes joined by turns is joined by exactly one, all raise the index alike,
+and no turn costs more, in any cost, than two turns on the same way. All is checked, arc by arc, so nothing is assumed
+of the graph. Then
 
 - a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches a
   target); its successors are "an arc" and "a turn, then an arc".
@@ -125,6 +127,9 @@ def number_groups(
 ) -> tuple[int, Any, int]:
     """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many."""
     n = len(indptr) - 1
+    entered = np.zeros(n, np.bool_)
+    for a in range(len(heads)):
+        entered[heads[a]] = True
     group[:] = -1
     size = np.zeros(n, np.int64)
     count, turns = 0, 0
@@ -137,9 +142,9 @@ def number_groups(
             size[count] = 1
             count += 1
         found = 1
-        for a in range(indptr[u], indptr[u + 1]):
+        for a in range(indptr[u], indptr[u + 1] if entered[u] else indptr[u]):
             v = heads[a]
-            if costs[a, index] == 0 or v == u:
+            if costs[a, index] == 0 or v == u or indptr[v] == indptr[v + 1]:
                 continue
             if new:
                 if group[v] >= 0:
@@ -177,14 +182,16 @@ def part_arcs(
     m = 0
     for g in range(len(rows)):
         one = -1
-        for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
+        offset, end = rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]
+        for p in range(offset, end):
             start[p] = m
             u = nodes[p]
             for a in range(indptr[u], indptr[u + 1]):
                 if heads[a] == u:
                     continue
-                if column < 0 or costs[a, column] == 0:
-                    plain[m] = place[heads[a]]
+                to = place[heads[a]]
+                if column < 0 or costs[a, column] == 0 or not offset <= to < end:
+                    plain[m] = to
                     origin[m] = a
                     m += 1
                 else:
@@ -213,8 +220,9 @@ def tell_turns(
         for p in range(offset, offset + size):
             u = nodes[p]
             for a in range(indptr[u], indptr[u + 1]):
-                if costs[a, column] > 0 and heads[a] != u:
-                    turns[:, rows[g, TURNS] + (p - offset) * size + place[heads[a]] - offset] = costs[a]
+                to = place[heads[a]] - offset
+                if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
+                    turns[:, rows[g, TURNS] + (p - offset) * size + to] = costs[a]
 
 
 @kernel

@@ -72,7 +72,8 @@ def clique(extra: list[tuple[int, int]], costs: dict[tuple[int, int], int], how:
         ([], {(0, 1): 2}, "max", 1, False),
         ([], {}, "sum", 2, False),  # counts more than the others
         ([(0, 1)], {}, "sum", 1, False),  # parallel turns
-        ([(2, 3)], {}, "sum", 1, False),  # a turn out of the group
+        ([(2, 3)], {}, "sum", 1, True),  # a plain arc: nothing leads on from its end
+        ([(3, 2)], {}, "sum", 1, True),  # likewise: nothing leads to its begin
         ([(2, 3), (3, 2)], {}, "sum", 1, False),  # not every pair
     ],
 )
