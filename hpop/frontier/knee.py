@@ -9,6 +9,7 @@ from hpop.frontier.dominance import BoolArray, FloatArray
 
 # Depths are of order one; differences below this are noise of the linear programs.
 NOISE = 1e-9
+ZERO = 1e-12  # in a tableau whose entries are of order one
 
 
 def knee(Y: FloatArray) -> int:
@@ -75,18 +76,30 @@ def _deepest(z: FloatArray, asked: BoolArray, extremes: FloatArray) -> tuple[int
 
 
 def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
-    """Depth of a point, and the weights (m,) of the criteria that prove it: not negative, their sum one."""
-    from scipy.optimize import linprog
+    """Depth of a point, and the weights (m,) of the criteria that prove it: not negative, their sum one.
 
+    The depth is the value of a game: one player mixes extreme points, the other weighs criteria. With all payoffs above
+    zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0, and the optimum has the weights u / sum(u)
+    and the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem and the game
+    problem"). Its first tableau is feasible; steps are Bland's (1977), which never cycle. SciPy's solver would do as
+    well, after an import that takes longer than a search.
+    """
+    payoffs = extremes - point
+    shift = 1.0 - payoffs.min()
     mixed, axes = extremes.shape
-    found = linprog(
-        np.append(np.zeros(mixed), -1.0),  # b, then t
-        A_ub=np.hstack([-extremes.T, np.ones((axes, 1))]),
-        b_ub=-point,
-        A_eq=np.append(np.ones(mixed), 0.0)[None, :],
-        b_eq=[1.0],
-        bounds=[(0.0, None)] * mixed + [(None, None)],
-    )
-    weights = np.maximum(-np.asarray(found.ineqlin.marginals, dtype=np.float64), 0.0)
-    assert found.fun is not None  # there is always a mixture, and t ends where it is worse
-    return -found.fun, weights / weights.sum()
+    tableau = np.zeros((mixed + 1, axes + mixed + 1))
+    tableau[:mixed] = np.hstack([payoffs + shift, np.eye(mixed), np.ones((mixed, 1))])
+    tableau[mixed, :axes] = 1.0  # what is left to gain of each weight
+    basis = np.arange(axes, axes + mixed)
+    while (gains := np.flatnonzero(tableau[mixed, :-1] > ZERO)).size:
+        column = tableau[:mixed, gains[0]]
+        ratios = np.divide(tableau[:mixed, -1], column, out=np.full(mixed, np.inf), where=column > ZERO)
+        tied = np.flatnonzero(ratios <= ratios.min() + ZERO)
+        row = tied[np.argmin(basis[tied])]
+        tableau[row] /= tableau[row, gains[0]]
+        others = np.arange(mixed + 1) != row
+        tableau[others] -= np.outer(tableau[others, gains[0]], tableau[row])
+        basis[row] = gains[0]
+    weights = np.zeros(axes + mixed)
+    weights[basis] = np.maximum(tableau[:mixed, -1], 0.0)
+    return float(1.0 / weights[:axes].sum() - shift), weights[:axes] / weights[:axes].sum()

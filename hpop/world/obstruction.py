@@ -156,16 +156,16 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
     if not polygons:
         return []
     a, b = shapely.STRtree(polygons).query(polygons, predicate="intersects")
-    if (a == b).all():  # nobody touches another
-        return list(
-            np.arange(len(polygons))[:, None]
-        )  # without scipy.sparse, which takes a fifth of a second to import
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(a.size, dtype=np.int8), (a, b)), shape=(len(polygons), len(polygons)))
-    count, label = connected_components(graph, directed=False)
-    return [np.flatnonzero(label == k) for k in range(count)]
+    label = np.arange(len(polygons))  # the least index that each is known to be joined with
+    while True:  # without scipy.sparse, which takes longer to import than most maps to sample
+        lower = label.copy()
+        np.minimum.at(lower, a, label[b])
+        lower = lower[lower]
+        if (lower == label).all():
+            break
+        label = lower
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def _tiles(x: FloatArray, y: FloatArray, radius: float) -> list[tuple[IntArray, Polygon]]:

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.optimize import linprog
 
 from hpop.frontier import Front, is_nondominated
 from hpop.frontier.choosing import normalised
-from hpop.frontier.knee import knee
+from hpop.frontier.knee import _depth, knee
 
 quick = settings(deadline=None, max_examples=60)
 
@@ -122,3 +123,25 @@ def test_no_row_between_the_extremes_is_deeper_than_the_knee(Y):
     assert max(proven.values(), default=0.0) <= limit + 1e-9
     if any(depth > 1e-6 for depth in proven.values()):
         assert chosen not in best
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_depths_and_their_proofs_are_those_of_a_linear_program(seed):
+    rng = np.random.default_rng(seed)
+    k, m = rng.integers(2, 7), rng.integers(1, 13)
+    tied = seed % 2
+    extremes = rng.integers(0, 3, (m, k)) / 2 if tied else rng.random((m, k))
+    point = rng.integers(0, 3, k) / 2 if tied else rng.random(k)
+    program = linprog(
+        [0.0] * m + [-1.0],
+        A_ub=np.hstack([-extremes.T, np.ones((k, 1))]),
+        b_ub=-point,
+        A_eq=[[1.0] * m + [0.0]],
+        b_eq=[1.0],
+        bounds=[(0.0, None)] * m + [(None, None)],
+    )
+    depth, weights = _depth(point, extremes)
+    assert depth == pytest.approx(-program.fun, abs=1e-10)
+    assert (weights >= 0).all()
+    assert weights.sum() == pytest.approx(1.0)
+    assert (extremes @ weights).max() - point @ weights == pytest.approx(depth, abs=1e-10)

@@ -125,3 +125,10 @@ def test_raster_values_are_exactly_zero_or_one_where_they_should_be():
     assert (phi[10:30, :34] == 0.0).all()
     assert phi[20, 60] == pytest.approx(1.0, abs=1e-12)
     assert ((phi >= 0) & (phi <= 1)).all()
+
+
+def test_chains_of_touching_polygons_are_one_prism_each_in_whatever_order_they_come():
+    boxes = [Obstacle(shapely.box(i, 3 * j, i + 1, 3 * j + 1)) for j in range(3) for i in range(40)]
+    order = np.random.default_rng(0).permutation(len(boxes))
+    geometries, _ = disjoint_prisms([boxes[i] for i in order])
+    assert sorted(g.bounds for g in geometries) == [(0.0, y, 40.0, y + 1.0) for y in (0.0, 3.0, 6.0)]
