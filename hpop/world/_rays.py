@@ -84,7 +84,7 @@ def cast(
 
 @kernel
 def flow(
-    distances: FloatArray,
+    layers: FloatArray,
     directions: FloatArray,
     u: FloatArray,
     v: FloatArray,
@@ -97,10 +97,11 @@ def flow(
 ) -> None:
     """Write to out (M,) the mean, or the largest, angular speed over the bearings; see `Bearings`.
 
-    distances (H, W, B) are coefficients of cubic B-splines, (u, v) positions in grid steps, clamped as in `Field`.
+    layers (H, W, 3 B): `Bearings.layers`; (u, v): positions in grid steps, clamped as in `Field`.
     """
-    rows, columns, count = distances.shape
-    d = np.empty(count)
+    rows, columns, splines = layers.shape
+    count = directions.shape[0]
+    value = np.empty(splines)
     wu, wv = np.empty(4), np.empty(4)
     for n in range(u.size):
         if math.isnan(u[n]) or math.isnan(v[n]):
@@ -111,16 +112,18 @@ def flow(
         j, i = min(int(a), columns - 3), min(int(b), rows - 3)
         _weights(a - j, wu)
         _weights(b - i, wv)
-        d[:] = 0.0
+        value[:] = 0.0
         for p in range(4):
             for q in range(4):
                 weight = wv[p] * wu[q]
-                for k in range(count):
-                    d[k] += weight * distances[i - 1 + p, j - 1 + q, k]
+                for k in range(splines):
+                    value[k] += weight * layers[i - 1 + p, j - 1 + q, k]
         total = worst = 0.0
         for k in range(count):
             across = velocity_x[n] * directions[k, 1] - velocity_y[n] * directions[k, 0]
-            speed = abs(across / max(d[k], nearest) - turn_rate[n])
+            plain = 1.0 / max(value[k], nearest)
+            inverse = plain + value[2 * count + k] * (value[count + k] - plain)
+            speed = abs(across * inverse - turn_rate[n])
             total += speed
             worst = max(worst, speed)
         out[n] = worst if largest else total / count

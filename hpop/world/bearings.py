@@ -7,13 +7,14 @@ counts as obstacle. Keep-out zones, other borders and people are no surfaces: th
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.world.content import Content
@@ -30,6 +31,10 @@ MAX_NODES = 250_000
 """Grid nodes of the distances per bearing: a larger world is sampled more coarsely."""
 
 
+LINEAR = 1e-6
+"""Metres of second difference up to which distances are linear."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bearings:
     """Distance to the nearest surface along world bearings, on a grid, seen as cubic B-splines (see `Field`).
@@ -39,22 +44,53 @@ class Bearings:
     spacing     float      m
     origin      (x, y)     m   where distances[PAD, PAD] was sampled
 
-    Beside a straight wall the distance along a bearing is linear in the position, so the splines are exact, from two
-    steps off the wall and its ends on; where one surface hides another they blur the edge over four steps.
+    Beside a straight wall the distance along a bearing is linear in the position, so its spline is exact, from two
+    steps off the wall and its ends on. Where one surface hides another the distance jumps, and flow needs its inverse:
+    a spline that blurs the jump first and is inverted then is far too small on average. There the inverse itself is
+    blurred, over four steps. What remains, against exact rays among 70 small boxes in a hall of 16 x 12 m: mean flow
+    along a move .6 % too large on average, at most 2.1 % off (mean over bearings; inverting last it was 6 % too small,
+    at worst 16 %).
     """
 
     directions: FloatArray
     distances: FloatArray
     spacing: float
     origin: tuple[float, float]
-    _fields: dict[int, Field] = field(default_factory=dict, repr=False)
+    _fields: dict[tuple[int, float | None], Field] = field(default_factory=dict, repr=False)
+    _layers: dict[float, FloatArray] = field(default_factory=dict, repr=False)
 
     def distance(self, bearing: int, x: Column, y: Column) -> Column:
         """Distance (M,), m, along bearing number ``bearing``; arrays or CasADi columns."""
-        if bearing not in self._fields:
-            samples = self.distances[PAD:-PAD, PAD:-PAD, bearing]
-            self._fields[bearing] = Field(samples, self.spacing, (*self.origin, 0.0))
-        return self._fields[bearing](x, y)
+        return self._field((bearing, None), lambda: self.distances[..., bearing])(x, y)
+
+    def layers(self, nearest: float) -> FloatArray:
+        """Coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
+
+        The distance; its inverse, 1/m, of at least ``nearest``; and the share, 1 wherever a jump is among the sixteen
+        nodes of a spline, of the spline of the inverse against the inverse of the spline.
+        """
+        if nearest not in self._layers:
+            sampled = self.distances[PAD:-PAD, PAD:-PAD]
+            layers = np.concatenate([sampled, 1.0 / np.maximum(sampled, nearest), _near_jumps(sampled)], axis=2)
+            self._layers[nearest] = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+        return self._layers[nearest]
+
+    def inverse(self, bearing: int, x: Column, y: Column, nearest: float) -> Column:
+        """Inverse (M,), 1/m, of the distance, at least ``nearest`` m, along a bearing; arrays or CasADi columns."""
+        layers, count = self.layers(nearest), len(self.directions)
+        plain = 1.0 / np.maximum(self.distance(bearing, x, y), nearest)
+        if not layers[..., 2 * count + bearing].any():
+            return plain
+        blurred, share = (
+            self._field((number, nearest), lambda number=number: layers[..., number])(x, y)  # type: ignore[misc]
+            for number in (count + bearing, 2 * count + bearing)
+        )
+        return plain + share * (blurred - plain)
+
+    def _field(self, key: tuple[int, float | None], coefficients: Callable[[], FloatArray]) -> Field:
+        if key not in self._fields:
+            self._fields[key] = Field(coefficients()[PAD:-PAD, PAD:-PAD], self.spacing, (*self.origin, 0.0))
+        return self._fields[key]
 
     def mean_flow(
         self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
@@ -86,7 +122,7 @@ class Bearings:
         shifts = []
         for b, (cos, sin) in enumerate(self.directions.tolist()):
             across = velocity[0] * sin - velocity[1] * cos
-            shifts.append(np.abs(across / np.maximum(self.distance(b, x, y), nearest) - turn_rate))
+            shifts.append(np.abs(across * self.inverse(b, x, y, nearest) - turn_rate))
         return shifts
 
     def _kernel(
@@ -98,7 +134,7 @@ class Bearings:
         shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, turn_rate)))
         u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity, turn_rate))
         out = np.empty(u.shape)
-        flow(self.distances, self.directions, u, v, vx, vy, rate, nearest, largest, out)
+        flow(self.layers(nearest), self.directions, u, v, vx, vy, rate, nearest, largest, out)
         return out
 
 
@@ -135,6 +171,19 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
         return Bearings(directions, padded, spacing, (float(xs[0]), float(ys[0])))
 
     return world._cached(("bearings", world._active((z, z)), count), make)
+
+
+def _near_jumps(distances: FloatArray) -> BoolArray:
+    """Whether a distance (H, W, B) is no linear function of the position within two nodes, obstacles' insides aside."""
+    rows, columns, count = distances.shape
+    bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
+    inside = bends[2:-2, 2:-2]
+    for axis in (0, 1):
+        before, at, after = (np.take(distances, range(k, distances.shape[axis] - 2 + k), axis) for k in (0, 1, 2))
+        bent = (np.abs(before - 2 * at + after) > LINEAR) & (np.minimum(np.minimum(before, at), after) > 0.0)
+        (inside[1:-1] if axis == 0 else inside[:, 1:-1])[...] |= bent
+    spread = np.logical_or.reduce([bends[k : k + rows] for k in range(5)])
+    return np.logical_or.reduce([spread[:, k : k + columns] for k in range(5)])
 
 
 def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:

@@ -22,8 +22,7 @@ def cost(poses, ramp=0.1, **model):
     return trajectory_cost(Smoothness(ramp), trajectory, WORLD)
 
 
-@pytest.mark.parametrize(("distance", "duration"), [(1.0, 1.0), (3.0, 7.0)])
-def test_the_minimum_jerk_movement_costs_720(distance, duration):
+def minimum_jerk(distance, duration, ramp):
     """Flash and Hogan 1985: x = D (10 s³ - 15 s⁴ + 6 s⁵), whose squared jerk integrates to 720 D²/T⁵."""
 
     def rates(t):
@@ -36,8 +35,18 @@ def test_the_minimum_jerk_movement_costs_720(distance, duration):
         passed=np.array([0.0, duration]),
         of_motions=lambda column: np.array([distance]),
     )
-    (value,) = Smoothness(ramp=duration / 20_000).cost(history)
-    assert value == pytest.approx(720.0, rel=1e-3)
+    return Smoothness(ramp=ramp).cost(history)[0]
+
+
+@pytest.mark.parametrize(("distance", "duration"), [(1.0, 1.0), (3.0, 7.0)])
+def test_the_minimum_jerk_movement_costs_720(distance, duration):
+    assert minimum_jerk(distance, duration, duration / 20_000) == pytest.approx(720.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("duration", "ramp"), [(5.0, 0.1), (5.6, 0.1), (12.0, 0.1), (3.0, 0.02)])
+def test_a_ramp_takes_1800_of_its_share_of_the_time_off_the_minimum(duration, ramp):
+    """The jerk of 60 D/T³ at either end counts a quarter of a ramp short: 2 * 60² / 4 = 1800."""
+    assert minimum_jerk(2.0, duration, ramp) == pytest.approx(720.0 - 1800.0 * ramp / duration, rel=2e-3)
 
 
 def test_a_long_run_has_four_jumps_of_its_acceleration():

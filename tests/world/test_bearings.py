@@ -121,6 +121,60 @@ def test_rotation_flows_alike_at_any_depth_and_adds_to_translation():
     assert around.peak_flow(x, y, (one, zero), -0.5 * one, 0.1) == pytest.approx([1.5])
 
 
+def among_boxes(seed):
+    """A hall with 70 small boxes, and straight moves in it that stay 0.3 m off them: ends and direction."""
+    rng = np.random.default_rng(seed)
+    boxes = []
+    for _ in range(70):
+        (x, y), (a, b) = rng.uniform((1, 1), (15, 11)), rng.uniform(0.08, 0.3, 2)
+        boxes.append(shapely.affinity.rotate(shapely.box(x - a, y - b, x + a, y + b), rng.uniform(0, 90)))
+    hall = shapely.Polygon(shapely.box(-1, -1, 17, 13).exterior, [shapely.box(0, 0, 16, 12).exterior])
+    world = World.from_polygons([*boxes, hall], extent=shapely.box(0, 0, 16, 12))
+    begin, angle, length = (
+        rng.uniform((0.5, 0.5), (15.5, 11.5), (300, 2)),
+        rng.uniform(-3, 3, 300),
+        rng.uniform(1, 4, 300),
+    )
+    ahead = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    free = world.segments_free(*begin.T, *(begin + length[:, None] * ahead).T, 0.3)
+    return world, begin[free][:8], ahead[free][:8], length[free][:8]
+
+
+def by_lines(solid, x, y):
+    """Distances (M, 16) along ANGLES to a solid, at most REACH: by determinants."""
+    ends = [np.diff(shapely.get_coordinates(ring), axis=0) for ring in rings(solid)]
+    starts = [shapely.get_coordinates(ring)[:-1] for ring in rings(solid)]
+    (px, py), (dx, dy) = np.concatenate(starts).T, np.concatenate(ends).T  # (E,)
+    found = np.full((x.size, ANGLES.size), REACH)
+    for b, angle in enumerate(ANGLES):
+        cos, sin = math.cos(angle), math.sin(angle)
+        wx, wy, det = px - x[:, None], py - y[:, None], cos * dy - sin * dx  # (M, E)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along, share = (wx * dy - wy * dx) / det, (wx * sin - wy * cos) / det
+        hit = (along >= 0) & (share >= 0) & (share <= 1)
+        found[:, b] = np.minimum(np.where(hit, along, np.inf).min(axis=1), REACH)
+    return found
+
+
+def rings(solid):
+    return [ring for polygon in shapely.get_parts(solid) for ring in (polygon.exterior, *polygon.interiors)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_among_obstacles_the_flow_along_a_move_is_that_of_exact_rays(seed):
+    world, *moves = among_boxes(seed)
+    around, still = bearings(world, 1.0), np.zeros(160)
+    errors = []
+    for begin, ahead, length in zip(*moves, strict=True):
+        x, y = (begin + np.linspace(0, length, 160)[:, None] * ahead).T
+        across = np.abs(ahead[0] * around.directions[:, 1] - ahead[1] * around.directions[:, 0])
+        exact = (across / np.maximum(by_lines(world.solid(), x, y), 0.3)).mean()
+        flow = around.mean_flow(x, y, (ahead[0] + still, ahead[1] + still), still, 0.3).mean()
+        errors.append(flow / exact - 1)
+    assert abs(np.mean(errors)) < 0.012
+    assert np.max(np.abs(errors)) < 0.03
+
+
 @pytest.mark.parametrize("flow", ["mean_flow", "peak_flow"])
 def test_symbols_get_the_same_flow_as_numbers(flow):
     boxes = [shapely.box(1, 1, 2, 3), shapely.box(5, 2, 6, 5)]

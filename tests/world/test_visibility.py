@@ -328,3 +328,43 @@ def test_what_does_not_reach_the_camera_closes_nothing():
 def test_a_radius_must_be_a_length(radius):
     with pytest.raises(OptionError, match="radius"):
         openness_field(museum(), 1.2, radius)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_among_obstacles_a_move_sees_as_much_as_exact_lines_and_isovists(seed):
+    """Fields blur the borders of shadows, but neither way: along a move it evens out."""
+    rng = np.random.default_rng(seed)
+    corners, sizes = rng.uniform((1, 1), (11, 9), (25, 2)), rng.uniform(0.3, 1.2, (25, 2))
+    boxes = [shapely.box(*corner, *(corner + size)) for corner, size in zip(corners, sizes, strict=True)]
+    world = World.from_polygons(boxes, extent=shapely.box(0, 0, 12, 10))
+    solid = world.solid()
+    shapely.prepare(solid)
+    lit, isovists = [], []
+    for begin, end in rng.uniform((0, 0), (12, 10), (12, 2, 2)):
+        x, y = (begin + np.linspace(0, 1, 300)[:, None] * (end - begin)).T
+        outside = ~shapely.contains_xy(solid, x, y)
+        x, y = x[outside], y[outside]
+        mark = Landmark(*(float(v) for v in rng.uniform((0, 0), (12, 10))))
+        if world.clearance(np.array([mark.x]), np.array([mark.y]))[0] < 0.1 or x.size < 100:
+            continue
+        lines = shapely.linestrings(np.stack([np.stack([x, y], 1), np.tile([mark.x, mark.y], (x.size, 1))], 1))
+        lit.append((line_of_sight(world, mark, 1.2)(x, y).mean(), (~shapely.intersects(solid, lines)).mean()))
+        isovists.append(
+            (openness_field(world, 1.2, 4.0)(x, y).mean(), np.mean([*exact_shares(solid, x[::25], y[::25], 4.0)]))
+        )
+    seen, exact = np.array(lit).T
+    assert np.abs(seen - exact).max() < 0.05
+    assert abs((seen - exact).mean()) < 0.01
+    share, expected = np.array(isovists).T
+    assert share == pytest.approx(expected, rel=0.08)
+
+
+def exact_shares(solid, x, y, radius):
+    """Open share of discs by shapely's rays."""
+    angles = 2 * np.pi * (np.arange(180) + 0.5) / 180
+    ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for px, py in zip(x, y, strict=True):
+        rays = shapely.linestrings([[(px, py), (px + radius * c, py + radius * s)] for c, s in ahead])
+        hits = shapely.intersection(rays, shapely.boundary(solid))
+        apart = np.where(shapely.is_empty(hits), radius, shapely.distance(shapely.Point(px, py), hits))
+        yield float(np.mean(apart**2)) / radius**2

@@ -43,7 +43,8 @@ class OpticFlow(_Flow):
     motion, d the distance to what is seen there; that of a rotation is ω at any depth. d is the distance to the
     nearest obstacle at the camera's height, 20 m where there is none, so floor and ceiling are left out. A turn about
     the camera costs its angle; a move costs the same at any speed, since slow flow lasts longer. In the middle of a
-    corridor of half-width w a metre costs 1/(2 w) rad.
+    corridor of half-width w a metre costs 1/(2 w) rad. Among obstacles a move is within 3 % of exact rays, and .3 to
+    .6 % too large on average (`hpop.world.bearings`).
     """
 
     def cost(self, m: Motions) -> Column:
@@ -65,7 +66,9 @@ class PeakOpticFlow(_Flow):
     """max over time and bearings of |v sin β / d(β) - ω|, rad/s: the fastest streaming; see `OpticFlow` for the terms.
 
     In the middle of a corridor of half-width w it is v / w, at a right angle to the motion. Between two of 16 bearings
-    lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow.
+    lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow. Where a bearing
+    leaves one surface for another the change is blurred over four steps of the field, so a peak as short as that is
+    blunted: by 5 % on average in a hall of small boxes, by 30 % for the worst of 60 moves.
     """
 
     def cost(self, m: Motions) -> Column:

@@ -18,8 +18,8 @@ class Smoothness:
     """(T⁵/D²) ∫ |p'''|² dt of the base, dimensionless: how much it jerks, whatever its speed and the size of the path.
 
     Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J. Motor
-    Behavior 41(6), 2009. The smoothest movement from rest to rest along a line costs 720. A trajectory that goes
-    nowhere costs 0.
+    Behavior 41(6), 2009. The smoothest movement from rest to rest along a line costs 720 in the limit of a ``ramp`` of
+    0, and 1800 ramp/T less in general: 685 if it takes 5 s, at the default. A trajectory that goes nowhere costs 0.
 
     p is the base's position in the executed motion, T its duration and D the length of its path (theirs is the
     distance of the ends, which would be 0 on a round trip). The acceleration of an executed move jumps, and a jump
