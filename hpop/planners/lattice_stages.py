@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 MOST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
+LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
 QUICK = 0.1  # s, of a search before the exact one, at least
 SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
 COARSE = 0.1  # relative precision of the last stage before the exact one
@@ -90,7 +91,7 @@ class _Purse:
 
 def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLattice | None:
     """The part of a large lattice on the shortest ways; None for a small one, or where there is no way."""
-    if lattice.cells[0].size <= MOST:
+    if lattice.cells[0].size <= LARGE * MOST:
         return None
     from hpop.planners.nearby import nearby  # numba: on first use
 
