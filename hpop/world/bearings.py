@@ -183,7 +183,8 @@ def _near_jumps(distances: FloatArray) -> BoolArray:
         bent = (np.abs(before - 2 * at + after) > LINEAR) & (np.minimum(np.minimum(before, at), after) > 0.0)
         (inside[1:-1] if axis == 0 else inside[:, 1:-1])[...] |= bent
     spread = np.logical_or.reduce([bends[k : k + rows] for k in range(5)])
-    return np.logical_or.reduce([spread[:, k : k + columns] for k in range(5)])
+    near: BoolArray = np.logical_or.reduce([spread[:, k : k + columns] for k in range(5)])
+    return near
 
 
 def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:
