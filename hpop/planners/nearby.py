@@ -6,12 +6,13 @@ Plain arrays, no robots. Imported on first use only, because importing numba tak
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import kernel
-from hpop.planners.search.kernels import drop_first, push
+from hpop.compiled import lean
 
 STRAIGHT, DIAGONAL = 5, 7  # 7/5 is near enough to sqrt(2) for choosing cells
+STEPS = DIAGONAL + 1
 FAR = np.int64(2**30)  # farther than any way
 
 
@@ -53,48 +54,57 @@ def nearby(
     return marked.reshape(free.shape)
 
 
-@kernel
 def spread(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
-    """Distance (rows * columns,) of each cell from the seeds, FAR if unreached, and the cell before it, or -1.
+    """Distance (rows * columns,) of each cell from the seeds, FAR if unreached, and the cell before it, or -1."""
+    distance = np.full(free.size, FAR)
+    before = np.full(free.size, np.int64(-1))
+    distance[seeds] = 0
+    waiting = np.empty((STEPS, free.size), np.int32)
+    filled = np.zeros(STEPS, np.int64)
+    filled[0] = len(seeds)
+    waiting[0, : len(seeds)] = seeds
+    reach(free, corner_cutting, distance, before, waiting, filled)
+    return distance, before
 
-    Dijkstra's algorithm over the eight neighbours of a cell; cells are numbered row * columns + column.
+
+@lean
+def reach(
+    free: BoolArray,
+    corner_cutting: bool,
+    distance: IntArray,
+    before: IntArray,
+    waiting: NDArray[np.int32],
+    filled: IntArray,
+) -> None:
+    """Fill in distances and the cells before, by Dijkstra's algorithm over the eight neighbours of a cell.
+
+    The cells at distance d wait in row d mod STEPS of `waiting` (Dial 1969): steps are shorter than there are rows.
     """
     rows, columns = free.shape
-    distance = np.full(rows * columns, FAR)
-    before = np.full(rows * columns, np.int64(-1))
-    capacity = len(seeds) + 1024
-    keys = np.empty(capacity, np.int64)
-    cells = np.empty(capacity, np.int64)
-    key = np.zeros(1, np.int64)
-    size = 0
-    for seed in seeds:
-        distance[seed] = 0
-        push(keys, cells, size, 1, key, seed)
-        size += 1
-    while size > 0:
-        here, cell = keys[0], cells[0]
-        drop_first(keys, cells, size, 1)
-        size -= 1
-        if here > distance[cell]:
-            continue
-        if size + 8 > capacity:
-            keys = np.concatenate((keys, np.empty_like(keys)))
-            cells = np.concatenate((cells, np.empty_like(cells)))
-            capacity *= 2
-        row, column = cell // columns, cell % columns
-        for up in range(-1, 2):
-            for right in range(-1, 2):
-                i, j = row + up, column + right
-                if not (0 <= i < rows and 0 <= j < columns) or not free[i, j]:
-                    continue
-                diagonal = up != 0 and right != 0
-                if diagonal and not corner_cutting and not (free[row, j] and free[i, column]):
-                    continue
-                key[0] = here + (DIAGONAL if diagonal else STRAIGHT)
-                there = i * columns + j
-                if key[0] < distance[there]:
-                    distance[there] = key[0]
-                    before[there] = cell
-                    push(keys, cells, size, 1, key, there)
-                    size += 1
-    return distance, before
+    here, empty = 0, 0
+    while empty < STEPS:
+        row_of = here % STEPS
+        empty = empty + 1 if filled[row_of] == 0 else 0
+        for k in range(filled[row_of]):
+            cell = np.int64(waiting[row_of, k])
+            if distance[cell] != here:
+                continue
+            row, column = cell // columns, cell % columns
+            for up in range(-1, 2):
+                for right in range(-1, 2):
+                    i, j = row + up, column + right
+                    if not (0 <= i < rows and 0 <= j < columns) or not free[i, j]:
+                        continue
+                    diagonal = up != 0 and right != 0
+                    if diagonal and not corner_cutting and not (free[row, j] and free[i, column]):
+                        continue
+                    step = DIAGONAL if diagonal else STRAIGHT
+                    there = i * columns + j
+                    if here + step < distance[there]:
+                        distance[there] = here + step
+                        before[there] = cell
+                        later = (here + step) % STEPS
+                        waiting[later, filled[later]] = there
+                        filled[later] += 1
+        filled[row_of] = 0
+        here += 1

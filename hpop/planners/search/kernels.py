@@ -17,6 +17,10 @@ from hpop.compiled import kernel, lean, numba
 WORD_BITS = 62  # of a key word: non-negative as int64
 
 
+# In a kernel an array is assigned element by element: numba compiles what an assignment of arrays says of shapes that
+# differ, and to put words together takes two seconds.
+
+
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """Types of the arguments, as numba sees them."""
     typeof: Callable[[Any], Any] = numba.typeof

@@ -104,7 +104,8 @@ def trace(
     size = 0
     tails = np.empty(len(arc_heads), np.int32)
     for u in range(len(nodes)):
-        tails[start[u] : start[u + 1]] = u
+        for a in range(start[u], start[u + 1]):
+            tails[a] = u
     for i in range(len(labels)):
         label = labels[i]
         while label != 0:

@@ -159,5 +159,7 @@ def sweep(
         for i in range(len(places)):
             v, a = tails[i], places[i]
             now[v] = min(np.int64(now[v]), now[np.int64(arcs[a, 0])] + np.int64(arcs[a, 3]))
-        layers[m] = now
-    layers[count - 1] = nodes[:, 2]
+        for v in range(n):
+            layers[m, v] = now[v]
+    for v in range(n):
+        layers[count - 1, v] = nodes[v, 2]

@@ -222,7 +222,8 @@ def tell_turns(
             for a in range(indptr[u], indptr[u + 1]):
                 to = place[heads[a]] - offset
                 if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
-                    turns[:, rows[g, TURNS] + (p - offset) * size + to] = costs[a]
+                    for j in range(len(turns)):
+                        turns[j, rows[g, TURNS] + (p - offset) * size + to] = costs[a, j]
 
 
 @kernel

@@ -112,7 +112,8 @@ def reduce_costs(
     bound = np.zeros(k, np.float64)
     most = np.empty(k, np.int64)
     for u in range(nodes[0], nodes[1]):
-        most[:] = 0
+        for j in range(k):
+            most[j] = 0
         i = start[u]
         for a in range(indptr[u], indptr[u + 1]):
             v = all_heads[a]
@@ -154,7 +155,8 @@ def weighted_path(
     there = np.empty(words, np.int64)
     step = np.empty(words, np.int64)
     limbs = np.empty(2 * words + 3, np.int64)
-    best[source] = here
+    for w in range(words):
+        best[source, w] = 0
     arc_in[source] = -1
     push(keys, nodes, 0, words, here, source)
     size = 1
