@@ -12,11 +12,10 @@ import errno
 import json
 import math
 import os
-import uuid
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypedDict
 
+from hpop.frontier.atomic import replacing
 from hpop.frontier.errors import FrontFileError
 
 SCHEMA = "hpop-front"
@@ -86,18 +85,8 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
         raise FileNotFoundError(
             errno.ENOENT, "the folder for the front is not there; make it first", str(target.parent)
         )
-    partial = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
-    try:
-        with partial.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, target)
-    except OSError as error:  # it would name the temporary file
-        raise OSError(error.errno, error.strerror or str(error), str(target)) from None
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+    with replacing(target) as file:
+        file.write(data)
 
 
 def read(path: str | os.PathLike[str]) -> StoredFront:

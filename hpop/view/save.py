@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import os
-import uuid
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from hpop.errors import OutputError
 from hpop.front import Front
+from hpop.frontier.atomic import replacing
 from hpop.problem import Problem
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
@@ -58,11 +58,6 @@ def _png(figure: Figure, dpi: float) -> bytes:
 
 def _write(path: Path, data: bytes) -> Path:
     """Replace a file by a complete one."""
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
-    try:
-        with partial.open("xb") as file:
-            file.write(data)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path) as file:
+        file.write(data)
     return path

@@ -1,0 +1,81 @@
+"""Files that appear whole or not at all, also where the writer is killed.
+
+What is written lies beside the file, hidden, until it is whole and on the disk; then it takes the file's place. Its
+writer holds a lock on it, which the system lets go of when the writer dies, however it dies. So what nobody holds is
+what a dead writer left, and the next one to write the file removes it.
+"""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system: what dead writers left stays
+    fcntl = None  # type: ignore[assignment]
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """A file to write into, which at the end takes the place of ``path``; after any error ``path`` is as it was.
+
+    Several may write the same file at once: each is whole, and the last one stays.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the error names ``path``.
+    """
+    target = Path(path)
+    try:
+        _sweep(target)
+        with _locked(target) as file:
+            partial = Path(file.name)
+            try:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+                os.replace(partial, target)
+            except BaseException:
+                with suppress(OSError):
+                    partial.unlink(missing_ok=True)
+                raise
+    except OSError as error:  # it may name the temporary file
+        raise OSError(error.errno, error.strerror or str(error), str(target)) from None
+
+
+def _locked(target: Path) -> BinaryIO:
+    """A new file beside another, held by this writer."""
+    while True:
+        file = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp").open("xb")
+        _hold(file)
+        if os.fstat(file.fileno()).st_nlink:
+            return file
+        file.close()  # swept by another writer before it was held
+
+
+def _sweep(target: Path) -> None:
+    """Remove what dead writers of a file left."""
+    with suppress(OSError), os.scandir(target.parent) as entries:
+        for entry in entries:
+            begins = entry.name.startswith(f".{target.name}.") and entry.name != f".{target.name}.tmp"
+            if begins and entry.name.endswith(".tmp") and entry.is_file(follow_symlinks=False):
+                with suppress(OSError), open(entry.path, "rb") as file:
+                    if _hold(file, wait=False):
+                        os.unlink(entry.path)
+
+
+def _hold(file: BinaryIO, *, wait: bool = True) -> bool:
+    """Hold a file until it is closed; False where another does and there is no waiting, or where none can be held."""
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
