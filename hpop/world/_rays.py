@@ -97,7 +97,8 @@ def flow(
 ) -> None:
     """Write to out (M,) the mean, or the largest, angular speed over the bearings; see `Bearings`.
 
-    layers (H, W, 3 B): `Bearings.layers`; (u, v): positions in grid steps, clamped as in `Field`.
+    layers (H, W, 3 B): `Bearings.layers`, or the distances (H, W, B) alone; (u, v): positions in grid steps, clamped as
+    in `Field`.
     """
     rows, columns, splines = layers.shape
     count = directions.shape[0]
@@ -121,8 +122,9 @@ def flow(
         total = worst = 0.0
         for k in range(count):
             across = velocity_x[n] * directions[k, 1] - velocity_y[n] * directions[k, 0]
-            plain = 1.0 / max(value[k], nearest)
-            inverse = plain + value[2 * count + k] * (value[count + k] - plain)
+            inverse = 1.0 / max(value[k], nearest)
+            if splines > count:
+                inverse += value[2 * count + k] * (value[count + k] - inverse)
             speed = abs(across * inverse - turn_rate[n])
             total += speed
             worst = max(worst, speed)

@@ -7,7 +7,7 @@ counts as obstacle. Keep-out zones, other borders and people are no surfaces: th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -103,27 +103,29 @@ class Bearings:
         """
         if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
             return self._kernel(x, y, velocity, turn_rate, nearest, largest=False)
-        return sum(self._shifts(x, y, velocity, turn_rate, nearest)) / len(self.directions)
+        inverses = (self.inverse(b, x, y, nearest) for b in range(len(self.directions)))
+        return sum(self._shifts(velocity, turn_rate, inverses)) / len(self.directions)
 
     def peak_flow(
         self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
     ) -> Column:
-        """Largest (M,), rad/s, where `mean_flow` gives the mean."""
+        """Largest (M,), rad/s, where `mean_flow` gives the mean.
+
+        Of the splines of the distances: what a jump blurs lasts too short for either to show its peak.
+        """
         if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
             return self._kernel(x, y, velocity, turn_rate, nearest, largest=True)
-        first, *others = self._shifts(x, y, velocity, turn_rate, nearest)
+        inverses = (1.0 / np.maximum(self.distance(b, x, y), nearest) for b in range(len(self.directions)))
+        first, *others = self._shifts(velocity, turn_rate, inverses)
         for other in others:
             first = np.maximum(first, other)
         return first
 
     def _shifts(
-        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
-    ) -> list[Column]:
-        shifts = []
-        for b, (cos, sin) in enumerate(self.directions.tolist()):
-            across = velocity[0] * sin - velocity[1] * cos
-            shifts.append(np.abs(across * self.inverse(b, x, y, nearest) - turn_rate))
-        return shifts
+        self, velocity: tuple[Column, Column], turn_rate: Column, inverses: Iterator[Column]
+    ) -> Iterator[Column]:
+        for (cos, sin), inverse in zip(self.directions.tolist(), inverses, strict=True):
+            yield np.abs((velocity[0] * sin - velocity[1] * cos) * inverse - turn_rate)
 
     def _kernel(
         self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float, *, largest: bool
@@ -134,7 +136,8 @@ class Bearings:
         shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, turn_rate)))
         u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity, turn_rate))
         out = np.empty(u.shape)
-        flow(self.layers(nearest), self.directions, u, v, vx, vy, rate, nearest, largest, out)
+        layers = self.distances if largest else self.layers(nearest)
+        flow(layers, self.directions, u, v, vx, vy, rate, nearest, largest, out)
         return out
 
 

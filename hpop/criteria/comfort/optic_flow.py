@@ -68,7 +68,7 @@ class PeakOpticFlow(_Flow):
     In the middle of a corridor of half-width w it is v / w, at a right angle to the motion. Between two of 16 bearings
     lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow. Where a bearing
     leaves one surface for another the change is blurred over four steps of the field, so a peak as short as that is
-    blunted: by 5 % on average in a hall of small boxes, by 30 % for the worst of 60 moves.
+    blunted: by 5 % on average among boxes, by 30 % for the worst of 60 moves.
     """
 
     def cost(self, m: Motions) -> Column:
