@@ -4,9 +4,10 @@ numba looks for a folder beside the source, then in the user's cache (NUMBA_CACH
 written it refuses to decorate, and it fails where a disk is full; here kernels are then compiled anew in each process,
 which is said once.
 
-Before its first kernel numba imports scipy.linalg, only to learn whether matrix products can be compiled: a quarter of
-a second, for products that no kernel here takes. They can, for hpop requires SciPy, so for that moment the question is
-left out; numba asks again where a product is compiled.
+Before it loads its first kernel numba gets ready to compile: it imports all that it can compile, a quarter of a second,
+and scipy.linalg, another one, only to learn whether matrix products can be compiled. What is compiled already needs
+numba's runtime alone, so all this is left until a kernel is compiled; and then the question of matrix products, which
+no kernel here takes, for hpop requires SciPy. numba asks again where a product is compiled.
 """
 
 from __future__ import annotations
@@ -27,9 +28,12 @@ __all__ = ["kernel", "lean", "numba"]
 
 LOCK = "hpop.lock"
 _caching: Any = import_module("numba.core.caching")
+_runtime: Any = import_module("numba.core.runtime")
 
 
-def _load_without_scipy() -> None:
+@cache
+def _ready_to_compile() -> None:
+    """Import what numba can compile, all but scipy.linalg."""
     with suppress(ImportError, AttributeError):  # another version of numba may look elsewhere: then it takes longer
         linalg: Any = __import__("numba.np.linalg", fromlist=["ensure_blas"])
         asked = linalg.ensure_blas
@@ -38,9 +42,6 @@ def _load_without_scipy() -> None:
             import numba.np.arraymath  # noqa: F401
         finally:
             linalg.ensure_blas = asked
-
-
-_load_without_scipy()
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -62,6 +63,7 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     try:
         made._cache = _Kept(function)
     except (RuntimeError, OSError):
+        _ready_to_compile()
         _warn_once("no folder for them can be written")
     return made
 
@@ -71,9 +73,13 @@ class _Kept(_caching.FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:
-            return super().load_overload(signature, context)
+            _runtime.rtsys.initialize(context)
+            kept = self._load_overload(signature, context)
         except Exception:  # whatever a damaged file makes of reading it
-            return None
+            kept = None
+        if kept is None:
+            _ready_to_compile()
+        return kept
 
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
