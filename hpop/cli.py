@@ -1,8 +1,8 @@
 """The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``planners``.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 nothing found within the limits, 130 interrupted by Ctrl-C or SIGTERM (what was found is kept), and
-those of :mod:`hpop.errors`.
+usage, 6 no path, 13 nothing found within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was found is
+kept), and those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
@@ -36,6 +36,7 @@ from hpop.errors import (
     own_failure,
     own_place,
 )
+from hpop.interrupts import ENDING, SIGNALS
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
 
@@ -68,7 +69,7 @@ def _user_errors(command: F) -> F:
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
         try:
-            with _sigterm_interrupts(), _warnings_as_notes():
+            with _endings_interrupt(), _warnings_as_notes():
                 return command(*args, **kwargs)
         except HpopError as error:
             code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
@@ -94,16 +95,21 @@ def _folder(context: click.Context, option: click.Parameter, given: str) -> Path
 
 
 @contextmanager
-def _sigterm_interrupts() -> Iterator[None]:
-    """SIGTERM (kill, timeout, the end of a batch job's time) does what Ctrl-C does: hours of search are not lost."""
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+def _endings_interrupt() -> Iterator[None]:
+    """SIGTERM (kill, timeout) and SIGHUP (a closed terminal) do what Ctrl-C does: hours of search are not lost.
+
+    One that is ignored, as by nohup, stays so.
+    """
+    numbers = [number for number in ENDING if signal.getsignal(number) == signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []
+    for number in numbers:
+        signal.signal(number, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager
@@ -257,11 +263,12 @@ def _stopping_told() -> Iterator[None]:
 
     def stop(number: int, frame: FrameType | None) -> None:
         if not told:
-            os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")  # no lock of a stream
+            with suppress(OSError):  # a terminal that was closed; and no lock of a stream
+                os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")
         told.append(number)
         signal.default_int_handler(number, frame)
 
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is signal.default_int_handler]
+    numbers = [number for number in SIGNALS if signal.getsignal(number) is signal.default_int_handler]
     if threading.current_thread() is not threading.main_thread():
         numbers = []
     for number in numbers:

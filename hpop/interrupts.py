@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)  # the second where the command line lets it do what the first does
+# What ends a process: a closed terminal, the end of a batch job's time. SIGHUP is not known everywhere.
+ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+SIGNALS = (signal.SIGINT, *ENDING)  # the latter where the command line lets them do what Ctrl-C does
 
 
 @contextmanager

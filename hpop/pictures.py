@@ -2,7 +2,7 @@
 
 Drawing takes seconds of Python, which would stand in the search's way. The other process reads what is saved, a front
 with its problem, so it needs nothing else but the user's own code, if there is any;
-``python -m hpop.pictures FOLDER [FILE_OR_MODULE ...]`` is all it runs.
+``python -P -m hpop.pictures FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the current folder (-P).
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from pathlib import Path
 from subprocess import DEVNULL, Popen
 from types import TracebackType
 from typing import Any
+
+from hpop import current_folder
 
 NICENESS = 10  # the search comes first
 
@@ -41,7 +43,7 @@ class PicturesBeside:
     def start(self) -> None:
         """Begin to draw; pictures are a help, so where no process can be had there are none."""
         self.stop()
-        command = [sys.executable, "-m", "hpop.pictures", str(self.folder), *self.imports]
+        command = [sys.executable, "-P", "-m", "hpop.pictures", str(self.folder), *self.imports]
         with suppress(OSError):
             # A session of its own: Ctrl-C on the terminal is not meant for it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
@@ -72,4 +74,5 @@ def draw(folder: Path, imports: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
+    current_folder.distrust()
     draw(Path(sys.argv[1]), sys.argv[2:])

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 SAVED = "front.json"
+LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
 PICTURES = ("map.png", "front.png", "trace.png", "where.png")
 
 
@@ -37,7 +38,8 @@ def check_writable(out: Path) -> None:
     """Make sure that results can be written, before hours are spent on finding them; nothing is left behind."""
     with output_errors(f"cannot write to {out}", "choose another --out"):
         there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
-        TemporaryFile(dir=there).close()
+        with TemporaryFile(dir=there) as file:
+            file.write(bytes(LEAST_ROOM))
     for name in (SAVED, *PICTURES):
         if (out / name).is_dir():
             raise OutputError(f"cannot write to {out / name}: it is a folder; remove it, or choose another --out")

@@ -32,8 +32,9 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 from uuid import uuid4
 
+from hpop import current_folder
 from hpop.errors import OptionError
-from hpop.interrupts import interrupts_held
+from hpop.interrupts import ENDING, interrupts_held
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -237,12 +238,37 @@ class _Processes(ProcessPoolExecutor):
 
 
 def processes(workers: int) -> ProcessPoolExecutor:
-    """A pool of fresh processes on this machine; Ctrl-C is left to the process that plans."""
+    """A pool of fresh processes on this machine; Ctrl-C and what else ends a group is left to the one that plans."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise OptionError(f"workers must be a whole number of processes, at least 1, got {workers!r}")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    return _Processes(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    if method == "forkserver":
+        _serve_forks()
+    return _Processes(workers, multiprocessing.get_context(method), _begin)
+
+
+def _serve_forks() -> None:
+    """Start the process that workers come from so that what ends a group of processes does not end that one.
+
+    It inherits what is blocked, and ends with the process that plans.
+    """
+    from multiprocessing import forkserver
+
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def _begin() -> None:
+    """Begin a worker: signals to the group are for the process that plans, which ends its workers itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "setpgid"):
+        os.setpgid(0, 0)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+    if os.environ.get("PYTHONSAFEPATH"):
+        current_folder.distrust()
 
 
 class _Cluster(Executor):

@@ -69,7 +69,8 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     """
     target = checked_path(path)
     try:
-        data = json.dumps(_document(stored), allow_nan=False, ensure_ascii=False, indent=1).encode()
+        document = json.dumps(_document(stored), allow_nan=False, ensure_ascii=False, indent=1)
+        data = document.encode(errors="backslashreplace")  # half a surrogate, as in a name of a file that is no UTF-8
         _parse(data)
     except (TypeError, ValueError, RecursionError) as error:
         raise FrontFileError(

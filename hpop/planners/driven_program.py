@@ -369,6 +369,7 @@ class DrivenProgram:
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
+    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
     "ipopt.sb": "yes",
     "ipopt.mu_init": 0.01,
     "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one

@@ -345,6 +345,7 @@ class PolylineProgram:
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
+    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
     "ipopt.mu_init": 0.01,
     "ipopt.sb": "yes",
     "ipopt.max_iter": 150,

@@ -1,0 +1,56 @@
+"""The command ``hpop`` as a process: what surrounds :func:`hpop.cli.main` from the first import to the last line.
+
+Ctrl-C is answered without a traceback while modules are still imported; a reader that leaves (``hpop plan ... | head
+-1``), or a terminal that is closed, ends no search; and nothing is run that lies in the current folder.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import sys
+from typing import IO, Any
+
+INTERRUPTED = 130
+LEFT = (errno.EPIPE, errno.EIO)  # a pipe without a reader, a terminal that was closed
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        from hpop import current_folder
+
+        current_folder.distrust()
+        sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
+        from hpop.cli import main as command  # click takes a tenth of a second
+
+        command()
+    except KeyboardInterrupt:
+        sys.stderr.write("error: interrupted\n")
+        sys.exit(INTERRUPTED)
+
+
+class _Patient(io.FileIO):
+    """A file that takes what nobody reads any more, and forgets it."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError as error:
+            if error.errno not in LEFT:
+                raise
+            return len(memoryview(data).cast("B"))
+
+
+def _patient(stream: Any) -> IO[str]:
+    """The same stream; what its encoding has no character for, as in a file's name that is no UTF-8, is escaped."""
+    try:
+        raw = _Patient(stream.fileno(), "w", closefd=False)
+    except (AttributeError, OSError):  # closed from the beginning, or no file
+        return stream  # type: ignore[no-any-return]
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        line_buffering=stream.line_buffering,
+    )

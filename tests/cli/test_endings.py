@@ -1,0 +1,97 @@
+"""What ends a process: a closed terminal, a signal to its whole group, Ctrl-C before the command line is there."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hpop.cli import _endings_interrupt
+from hpop.errors import OutputError
+from hpop.interrupts import ENDING
+from hpop.results import check_writable
+
+INTERRUPTED_IMPORT = """\
+import signal, sys
+class Interruption:
+    def find_spec(self, name, *where):
+        if name == "click":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interruption())
+from hpop.entry import main
+main()
+"""
+JOBS = """\
+import os, signal, sys, time
+from hpop.cli import _endings_interrupt
+from hpop.sweep import Sweep, processes
+
+def job(planning, task):
+    if task == 3:
+        os.killpg(planning, signal.SIGTERM)
+        time.sleep(0.2)
+    return task
+
+if __name__ == "__main__":
+    with _endings_interrupt(), processes(2) as pool, Sweep(job, os.getpid(), pool) as sweep:
+        try:
+            for _ in sweep.run(range(100)):
+                pass
+        except KeyboardInterrupt:
+            print("interrupted", sweep.notes)
+"""
+
+
+def test_ctrl_c_while_modules_are_imported_ends_in_one_line() -> None:
+    done = subprocess.run([sys.executable, "-P", "-c", INTERRUPTED_IMPORT, "plan"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr, done.stdout) == (130, "error: interrupted\n", "")
+
+
+def test_a_signal_to_the_group_is_for_the_process_that_plans_and_its_workers_end_quietly(tmp_path: Path) -> None:
+    (tmp_path / "jobs.py").write_text(JOBS)
+    done = subprocess.run(
+        [sys.executable, tmp_path / "jobs.py"], capture_output=True, text=True, start_new_session=True
+    )
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", "interrupted []\n")
+
+
+@pytest.mark.parametrize("number", ENDING, ids=lambda number: number.name)
+def test_what_ends_a_process_interrupts_a_command_unless_it_is_ignored(number: signal.Signals) -> None:
+    with pytest.raises(KeyboardInterrupt), _endings_interrupt():
+        signal.raise_signal(number)
+    before = signal.signal(number, signal.SIG_IGN)  # as nohup does
+    try:
+        with _endings_interrupt():
+            signal.raise_signal(number)
+    finally:
+        signal.signal(number, before)
+
+
+def test_a_terminal_that_is_closed_takes_what_is_still_said() -> None:
+    """The master of a pair of terminals closes: each write to the other one fails from then on."""
+    ours, theirs = os.openpty()
+    code = "import os, sys; from hpop import entry; sys.stdout = entry._patient(sys.stdout); sys.stdin.read();"
+    code += "print('to nobody', flush=True); os._exit(7)"
+    child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=theirs)
+    os.close(theirs)
+    os.close(ours)
+    child.communicate(b"now")
+    assert child.returncode == 7
+
+
+def test_a_disk_that_is_full_is_told_before_planning(tmp_path: Path) -> None:
+    """It takes empty files; so does a process that may write none."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"cannot write to .*out: .*; choose another --out"):
+            check_writable(tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    check_writable(tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
