@@ -7,15 +7,18 @@ step along the heading. Everything is built in array operations; a state's id is
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.motions import States
+from hpop.planners.arcs import BLOCK, Arcs
 from hpop.planners.grid import Headings, steps_from
 from hpop.planners.separation import what_separates
 from hpop.planners.state_graph import StateGraph
@@ -85,13 +88,30 @@ class StateLattice(StateGraph):
         y = self.anchor[1] + (rows + self.first[0]) * self.step
         return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
 
+    @property
+    def _laid(self) -> str:
+        """What is done while the states are found, in words."""
+        return f"the lattice of step {self.step:g} m was laid out"
+
     @cached_property
     def clear(self) -> BoolArray:
         """Positions (rows, columns) where the robot is free at every yaw, so that every turn is free too."""
-        rows, columns = np.nonzero(self._kept)
         clear = np.zeros(self.shape, dtype=bool)
-        clear[rows, columns] = self.collision.clear(*self.position(rows, columns))
+
+        def free(part: slice) -> tuple[IntArray, IntArray, BoolArray]:
+            rows, columns = np.nonzero(self._kept[part])
+            rows += part.start
+            return rows, columns, self.collision.clear(*self.position(rows, columns))
+
+        for rows, columns, found in self.purse.each(free, self._rows(), self._laid):
+            clear[rows, columns] = found
         return clear
+
+    def _rows(self) -> Iterator[slice]:
+        """Ranges of rows, bounded in positions."""
+        rows, columns = self.shape
+        step = max(1, BLOCK // max(1, columns))
+        return (slice(begin, min(begin + step, rows)) for begin in range(0, rows, step))
 
     @property
     def _kept(self) -> BoolArray:
@@ -100,11 +120,22 @@ class StateLattice(StateGraph):
     @cached_property
     def free(self) -> BoolArray:
         """States (rows, columns, H) in which the robot is free."""
-        free = np.repeat(self.clear[:, :, None], self.headings.count, axis=2)
-        if self.collision.yaw_matters:
-            rows, columns, heading = np.nonzero(~free & self._kept[:, :, None])
+        every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self.headings.count))
+        if not self.collision.yaw_matters:
+            return every
+        free = every.copy()
+
+        def at_some_yaw(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
+            rows, columns, heading = np.nonzero(
+                (~self.clear[part] & self._kept[part])[:, :, None] & np.ones_like(free[0, 0])
+            )
+            rows += part.start
             x, y = self.position(rows, columns)
-            free[rows, columns, heading] = self.collision.states_free(States(x=x, y=y, yaw=self.headings.yaw[heading]))
+            states = States(x=x, y=y, yaw=self.headings.yaw[heading])
+            return (rows, columns, heading), self.collision.states_free(states)
+
+        for at, found in self.purse.each(at_some_yaw, self._rows(), self._laid):
+            free[at] = found
         return free
 
     @cached_property
@@ -143,35 +174,77 @@ class StateLattice(StateGraph):
         return States(x=x, y=y, yaw=self.headings.yaw[heading])
 
     @cached_property
-    def turns(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free Type-A edges."""
-        count = self.headings.count
-        a, b = (index.ravel() for index in np.indices((count, count)))
-        a, b = a[a != b], b[a != b]
-        base = np.arange(self.cells[0].size)[:, None] * count
-        tails, heads = (base + a).ravel(), (base + b).ravel()
-        if not self.collision.yaw_matters:
-            return tails, heads
-        sure = np.repeat(self.clear[self.cells], a.size)
-        free = self.free[self.cells].ravel()
-        open_ = np.flatnonzero(~sure & free[tails] & free[heads])
-        sure[open_] = self.collision.motions_free(self.motions("turn", tails[open_], heads[open_]))
-        return tails[sure], heads[sure]
+    def arcs(self) -> Arcs:
+        """Type-A edges turn to any other heading at the same position, Type-B edges go one step along the heading.
 
-    @cached_property
-    def moves(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free Type-B edges."""
-        tails, heads = [], []
+        Heads stand in a table with a row a state, in order, so nothing need be sorted; -1 marks what is not free.
+        """
+        count, places = self.headings.count, self.cells[0].size
+        self.purse.check(self._laid, places * count * count * (4 + 1 + 4 + 1))
+        others = np.array([[b for b in range(count) if b != a] for a in range(count)], np.int32)
+        heads = np.empty((places, count, count), np.int32)
+        heads[:, :, :-1] = others + np.arange(0, places * count, count, dtype=np.int32)[:, None, None]
+        heads[:, :, -1] = self._steps.reshape(places, count)
+        if self.collision.yaw_matters:
+            heads[:, :, :-1][~self._turns_free(others)] = -1
+        there = heads >= 0
+        start = np.zeros(self.size + 1, np.int64)
+        np.cumsum(there.sum(axis=2).ravel(), out=start[1:])
+        turning = np.broadcast_to(np.arange(count) < count - 1, there.shape)
+        return Arcs(start, heads[there], turning[there]).frozen()
+
+    @property
+    def _steps(self) -> NDArray[np.int32]:
+        """The state (n,) that one step from each state reaches, -1 where none is free."""
+        count = self.headings.count
+        steps = np.full(self.size, -1, np.int32)
         for heading, step in enumerate(self.headings.steps):
             rows, columns, to_rows, to_columns = steps_from(
                 self.free[:, :, heading], step, corner_cutting=self.corner_cutting
             )
-            tails.append(self.number[rows, columns] * self.headings.count + heading)
-            heads.append(self.number[to_rows, to_columns] * self.headings.count + heading)
-        tail, head = np.concatenate(tails), np.concatenate(heads)
-        free = self.collision.motions_free(self.motions("move", tail, head))
-        return tail[free], head[free]
+            steps[self.number[rows, columns] * count + heading] = self.number[to_rows, to_columns] * count + heading
+
+        def blocked(part: slice) -> IntArray:
+            tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
+            return tails[~self.collision.motions_free(self.motions("move", tails, steps[tails].astype(np.int64)))]
+
+        for tails in self.purse.each(blocked, _parts(self.size), self._laid):
+            steps[tails] = -1
+        return steps
+
+    def _turns_free(self, others: NDArray[np.int32]) -> BoolArray:
+        """Which turns (P, H, H - 1) to the other headings are free."""
+        count = self.headings.count
+        free = self.free[self.cells]
+        possible = free[:, :, None] & free[:, others]
+        sure = self.clear[self.cells]
+
+        def found(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
+            place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
+            tails = (place + part.start) * count
+            motions = self.motions("turn", tails + a, tails + others[a, b])
+            return (place + part.start, a, b), self.collision.motions_free(motions)
+
+        for at, turns in self.purse.each(found, _parts(len(free), count * count), self._laid):
+            possible[at] = turns
+        return possible
+
+    @property
+    def turns(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free Type-A edges."""
+        return self.arcs.of(True)
+
+    @property
+    def moves(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free Type-B edges."""
+        return self.arcs.of(False)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """The widest passage between a state and the goals, or the wall, in words."""
         return what_separates(self, start, goals)
+
+
+def _parts(size: int, each: int = 1) -> Iterator[slice]:
+    """Ranges of so many things, each of some arcs, bounded in arcs."""
+    step = max(1, BLOCK // each)
+    return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))

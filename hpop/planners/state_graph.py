@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
+from hpop.planners.arcs import Arcs, Quanta, table
 from hpop.planners.base import Candidates, Objectives, quantised
 from hpop.planners.claims import at_memory_limit, missing, within
+from hpop.planners.purse import Purse
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.status import Budget, ProgressCallback, Status
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
+ARC = 16  # bytes of an arc beside its costs
 MAX_COSTS = 6
 TIE_TURNS = 2**18  # more turns than any path makes
 COARSE = 0.01
@@ -47,10 +50,12 @@ class StateGraph(ABC):
     """Free states of a model in a world, numbered from 0, and the motions that join them.
 
     model, world
+    purse  what building it may spend
     """
 
     model: DifferentialDrive
     world: World
+    purse: Purse = field(default_factory=Purse, kw_only=True)
 
     @property
     @abstractmethod
@@ -100,31 +105,51 @@ class StateGraph(ABC):
         end.__dict__["yaw"] = start.yaw + wrap(end.yaw - start.yaw) if kind == "turn" else start.yaw
         return Motions(self.world, self.model, self.model.laws[kind], start, end)
 
+    @cached_property
+    def arcs(self) -> Arcs:
+        """All free turns and moves."""
+        return Arcs.sorted(self.size, self.turns, self.moves)
+
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """All edges in order, turns first, as tails, heads and motions, in batches of bounded size."""
-        for kind, (tails, heads) in (("turn", self.turns), ("move", self.moves)):
-            for begin in range(0, tails.size, BATCH):
-                part = slice(begin, begin + BATCH)
-                yield tails[part], heads[part], self.motions(kind, tails[part], heads[part])
+        """All edges as tails, heads and motions, in batches of bounded size."""
+        for part in self.arcs.blocks():
+            for _, tails, heads, motions in self._batches(part):
+                yield tails, heads, motions
+
+    def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
+        """A range of arcs as motions of one law: which of them, their tails and heads, and the motions."""
+        tails, heads = self.arcs.ends(part)
+        for kind in ("turn", "move"):
+            own = self.arcs.turns[part] == (kind == "turn")
+            if own.any():
+                yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
 
-        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape.
+        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
+        Exhausted where a limit of the purse is passed.
         """
-        tails, heads, costs = [], [], []
-        for tail, head, motions in self.batches():
-            tails.append(tail)
-            heads.append(head)
-            costs.append(np.stack([quantised(motion_costs(c, motions), c) for c in criteria], axis=1))
-        aggregates = tuple("max" if c.aggregate == "max" else "sum" for c in criteria)
-        nothing = np.zeros(0, dtype=np.int64)
-        return Graph.from_arcs(
-            self.size,
-            np.concatenate([nothing, *tails]),
-            np.concatenate([nothing, *heads]),
-            np.concatenate([np.zeros((0, len(criteria)), dtype=np.int64), *costs]),
-            aggregates=aggregates,
+        doing = f"{self.words} was built"
+        arcs = self.arcs
+        self.purse.hold(arcs.heads.size * (8 * len(criteria) + ARC), doing)
+        columns = [Quanta(arcs.heads.size) for _ in criteria]
+
+        def costed(part: slice) -> tuple[slice, list[IntArray]]:
+            counts = [np.empty(part.stop - part.start, np.int64) for _ in criteria]
+            for own, _, _, motions in self._batches(part):
+                for count, criterion in zip(counts, criteria, strict=True):
+                    count[own] = quantised(motion_costs(criterion, motions), criterion)
+            return part, counts
+
+        for part, counts in self.purse.each(costed, arcs.blocks(), doing):
+            for column, count in zip(columns, counts, strict=True):
+                column.write(part, count)
+        return Graph.from_csr(
+            arcs.start,
+            arcs.heads,
+            table([column.counts for column in columns], arcs.heads.size),
+            aggregates=tuple("max" if c.aggregate == "max" else "sum" for c in criteria),
         )
 
     def trajectory(self, ids: IntArray) -> Trajectory:

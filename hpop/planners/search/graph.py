@@ -32,9 +32,11 @@ class Graph:
     indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
     heads       (m,)      int32  where an arc leads
     costs       (m, k)    int64  non-negative, k from 1 to 6
-    arc         (m,)      int64  the index of the arc in what the caller gave
+    arc         (m,)      int32  the index of the arc in what the caller gave
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
+
+    Arrays of these types that are read-only already are taken as they are, others are copied.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> graph.nodes, graph.arcs, graph.criteria
@@ -46,15 +48,15 @@ class Graph:
     indptr: IntArray
     heads: NDArray[np.int32]
     costs: IntArray
-    arc: IntArray
+    arc: NDArray[np.int32]
     aggregates: tuple[str, ...]
     labels: tuple[Hashable, ...] | None = None
 
     def __post_init__(self) -> None:
         indptr = _integers(self.indptr, "indptr", np.int64)
         costs = _integers(self.costs, "costs", np.int64)
-        heads = _integers(self.heads, "heads", np.int64)
-        arc = _integers(self.arc, "arc", np.int64)
+        heads = _integers(self.heads, "heads", np.int32)
+        arc = _integers(self.arc, "arc", np.int32)
         n, m = len(indptr) - 1, len(heads)
         if indptr.ndim != 1 or n < 1:
             raise GraphError(f"indptr must be a vector of n + 1 offsets, n at least 1; got {indptr.shape}")
@@ -79,8 +81,7 @@ class Graph:
             )
         if self.labels is not None and len(self.labels) != n:
             raise GraphError(f"labels must name each of the {n} nodes, got {len(self.labels)}")
-        heads32 = heads.astype(np.int32)
-        for name, value in (("indptr", indptr), ("heads", heads32), ("costs", costs), ("arc", arc)):
+        for name, value in (("indptr", indptr), ("heads", heads), ("costs", costs), ("arc", arc)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "aggregates", aggregates)
@@ -132,13 +133,15 @@ class Graph:
                 f"got {tails_.shape}, {heads_.shape} and {costs_.shape}"
             )
         _check_range(tails_, n, "tails")
-        order = np.arange(len(tails_))
+        order = np.arange(len(tails_), dtype=np.int32)
         if (tails_[1:] < tails_[:-1]).any():
             order = _stable_order(tails_)
             heads_, costs_ = heads_[order], costs_[order]
         indptr = np.zeros(n + 1, np.int64)
         np.cumsum(np.bincount(tails_, minlength=n), out=indptr[1:])
-        return cls(indptr, cast(Any, heads_), costs_, order, _aggregates(aggregates, costs_))
+        how = _aggregates(aggregates, costs_)
+        _own(indptr, heads_, costs_, order)
+        return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), how)
 
     @classmethod
     def from_csr(
@@ -155,8 +158,10 @@ class Graph:
         ('sum', 'max')
         """
         costs_ = _integers(costs, "costs", np.int64)
-        order = np.arange(len(costs_) if costs_.ndim else 0)
-        return cls(cast(Any, indptr), cast(Any, heads), costs_, order, _aggregates(aggregates, costs_))
+        order = np.arange(len(costs_) if costs_.ndim else 0, dtype=np.int32)
+        how = _aggregates(aggregates, costs_)
+        _own(costs_, order)
+        return cls(cast(Any, indptr), cast(Any, heads), costs_, order, how)
 
     @classmethod
     def from_networkx(
@@ -193,7 +198,7 @@ class Graph:
             tails, heads = np.concatenate([tails, heads]), np.concatenate([heads, tails])
             costs, count = np.concatenate([costs, costs]), np.concatenate([count, count])
         plain = cls.from_arcs(len(labels), tails, heads, costs, aggregates=aggregates)
-        return cls(plain.indptr, plain.heads, plain.costs, count[plain.arc], plain.aggregates, labels)
+        return cls(plain.indptr, plain.heads, plain.costs, cast(Any, count[plain.arc]), plain.aggregates, labels)
 
     def node(self, label: Hashable) -> int:
         """Return the node that the caller calls `label`."""
@@ -205,8 +210,8 @@ class Graph:
             raise GraphError(f"no node is called {label!r}") from None
 
 
-def _integers(values: ArrayLike, name: str, dtype: type[np.int64]) -> IntArray:
-    """Return an own contiguous copy as integers; refuse what is not a whole number."""
+def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
+    """Return a contiguous array of integers, an own copy unless it is read-only; refuse what is not a whole number."""
     array = np.asarray(values)
     if array.size == 0:
         return np.array(array, dtype, order="C")
@@ -217,14 +222,24 @@ def _integers(values: ArrayLike, name: str, dtype: type[np.int64]) -> IntArray:
         )
     if array.dtype.kind not in "iu":
         raise GraphError(f"{name} must be integers that fit 64 bits, got {array.dtype}")
-    if array.dtype == np.uint64 and array.max() > MAX_SUM:
-        raise GraphError(f"{name} must not exceed {MAX_SUM}, got {array.max()}")
+    largest = MAX_INDEX if dtype is np.int32 else MAX_SUM
+    wider = array.dtype.itemsize > np.dtype(dtype).itemsize or array.dtype.kind == "u"
+    if wider and (array.max() > largest or array.min() < -largest):
+        raise GraphError(f"{name} must not exceed {largest}, got {array.max()}")
+    if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
+        return array
     return np.array(array, dtype, order="C")
 
 
-def _stable_order(nodes: IntArray) -> IntArray:
+def _own(*arrays: NDArray[Any]) -> None:
+    """Mark arrays that nobody else has, so that they are not copied again."""
+    for array in arrays:
+        array.setflags(write=False)
+
+
+def _stable_order(nodes: IntArray) -> NDArray[np.int32]:
     """Sort by node, ties as given: NumPy sorts 16-bit integers by radix, so do it in two halves."""
-    order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable")
+    order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable").astype(np.int32)
     if nodes.max() > 0xFFFF:
         order = order[np.argsort((nodes[order] >> 16).astype(np.uint16), kind="stable")]
     return order

@@ -84,7 +84,7 @@ class ParetoPaths:
 
     def arcs(self, i: int) -> IntArray:
         """Arcs of path i, as indices into the arcs that the caller gave."""
-        return self._graph.arc[self._paths[i]]
+        return self._graph.arc[self._paths[i]].astype(np.int64)
 
 
 def pareto_paths(

@@ -1,0 +1,115 @@
+"""What planning may still spend: one budget for reading, building and searching, and work done in blocks under it.
+
+Building goes block by block, on all cores, and between blocks the limits are checked. So a limit, or Ctrl-C, ends it
+soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are put together in order: the result
+is the same, bit for bit, whatever the number of cores.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from itertools import islice
+from time import perf_counter
+from typing import TypeVar
+
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+CORES = os.cpu_count() or 1
+LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class Exhausted(Exception):
+    """A limit was passed while something was built. Planners catch it and say so in what they return.
+
+    status  the limit
+    doing   what was being built, in words
+    """
+
+    def __init__(self, status: Status, doing: str) -> None:
+        super().__init__(f"{status} while {doing}")
+        self.status, self.doing = status, doing
+
+
+class Purse:
+    """A budget that is being spent since planning started. Compiling kernels is not charged.
+
+    memory  bytes held by what was built so far
+    """
+
+    def __init__(
+        self, budget: Budget | None = None, progress: ProgressCallback | None = None, *, spent: float = 0.0
+    ) -> None:
+        """Start to spend; ``spent`` seconds are gone already, such as for reading the map."""
+        self.budget = budget or Budget()
+        self.memory = 0
+        self._progress = progress
+        self._began = perf_counter() - spent
+        self._compiled = _compiling()
+
+    def seconds(self) -> float:
+        """Seconds since planning started, without compiling."""
+        return perf_counter() - self._began - (_compiling() - self._compiled)
+
+    def left(self) -> Budget:
+        """What is left for a search; raises Exhausted where that is nothing."""
+        self.check("the search was to begin")
+        limit, most = self.budget.time_limit, self.budget.max_memory
+        return replace(
+            self.budget,
+            time_limit=None if limit is None else max(LEAST, limit - self.seconds()),
+            max_memory=None if most is None else max(1, most - self.memory),
+        )
+
+    def check(self, doing: str, memory: int = 0) -> None:
+        """Raise Exhausted where a limit is passed, or would be with so many bytes more."""
+        limit, most = self.budget.time_limit, self.budget.max_memory
+        if most is not None and self.memory + memory > most:
+            raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {(self.memory + memory) / 1e6:,.0f} MB")
+        if limit is not None and self.seconds() >= limit:
+            raise Exhausted(Status.TIME_LIMIT, doing)
+
+    def hold(self, memory: int, doing: str) -> None:
+        """Charge bytes that stay, before they are taken."""
+        self.check(doing, memory)
+        self.memory += memory
+
+    def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
+        """The results of ``work`` on each block, in order; raises Exhausted between blocks.
+
+        The first is done alone: it makes the fields that all read, and compiles.
+        """
+        rest = iter(blocks)
+        for block in islice(rest, 1):
+            yield work(block)
+            self._tell(doing)
+        waiting: deque[Future[B]] = deque()
+        with ThreadPoolExecutor(CORES) as threads:
+            try:
+                for block in rest:
+                    waiting.append(threads.submit(work, block))
+                    if len(waiting) > CORES:
+                        yield waiting.popleft().result()
+                        self._tell(doing)
+                while waiting:
+                    yield waiting.popleft().result()
+                    self._tell(doing)
+            finally:  # after Ctrl-C, a limit or an error nobody waits for blocks that have not begun
+                for future in waiting:
+                    future.cancel()
+
+    def _tell(self, doing: str) -> None:
+        if self._progress:
+            self._progress(Progress("graph", memory=self.memory, seconds=self.seconds()))
+        self.check(doing)
+
+
+def _compiling() -> float:
+    """Seconds that this process has spent on compiling kernels so far."""
+    return 0.0
