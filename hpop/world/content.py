@@ -21,7 +21,8 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import Column
 from hpop.errors import MapError
 from hpop.math import not_radians
-from hpop.world.shapes import shown
+from hpop.text import shown
+from hpop.world.crossings import check_joinable
 
 ZoneKind = Literal["speed", "keep-out", "one-way"]
 
@@ -112,6 +113,7 @@ class Zone:
             raise MapError(f"{what}: kind must be one of {', '.join(get_args(ZoneKind))}; got {shown(self.kind)}.")
         if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty or not _is_finite(self.area):
             raise MapError(f"{what} needs a polygon with finite coordinates as its area; got {shown(self.area)}.")
+        check_joinable([self.area], what)
         if not self.area.is_valid:
             raise MapError(f"{what}: its area is no valid polygon: {shapely.is_valid_reason(self.area)}.")
         if self.kind == "speed":

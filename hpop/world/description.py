@@ -19,8 +19,9 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray
 from hpop.errors import MapError
 from hpop.registry import readers
+from hpop.text import shown
 from hpop.world.content import Content
-from hpop.world.shapes import Obstacle, Raster, check_size, shown
+from hpop.world.shapes import Obstacle, Raster, check_size
 from hpop.world.world import Heights, World
 
 

@@ -14,8 +14,10 @@ from shapely.geometry import Polygon, shape
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
+from hpop.text import shown
+from hpop.world.crossings import check_joinable, check_mendable
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Obstacle, check_heights, check_positive, shown
+from hpop.world.shapes import Obstacle, check_heights, check_positive
 from hpop.world.world import WHOLE, Heights, World
 
 Meaning = Literal["obstacles", "free", "outline"]
@@ -76,6 +78,7 @@ def read(
     free = shapes
     if polygons == "outline":
         free = [max(shapes, key=lambda part: part[0].area)]
+    check_joinable([p for p, _ in free], str(path))
     return World(
         tuple(Obstacle(p, *z) for p, z in shapes if all(p is not q for q, _ in free)),
         extent=shapely.union_all([p for p, _ in free]),
@@ -152,9 +155,14 @@ def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> 
 
 
 def polygons_of(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:
-    """Return the valid polygons of a geometry; a self-crossing outline is mended and noted."""
+    """Return the valid polygons of a geometry; a self-crossing outline is mended and noted.
+
+    Raises MapError for one that crosses itself so often that to mend it would take for ever.
+    """
+    check_joinable([geometry], where)
     if not geometry.is_valid:
         notes.append(f"{where} is not a valid polygon ({shapely.is_valid_reason(geometry)}): mended.")
+        check_mendable(geometry, where)
         geometry = shapely.make_valid(geometry)
     return [
         part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, Polygon) and part.area > 0

@@ -12,10 +12,12 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
+from hpop.text import shown
 from hpop.world.content import Content, Landmark, Zone
+from hpop.world.crossings import check_widenable
 from hpop.world.files import read_bytes
 from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, check_origin, features, geometry_of, place, polygons_of
-from hpop.world.shapes import check_positive, shown
+from hpop.world.shapes import check_positive
 
 FLOW_WIDTH = 3.0
 """Width of the way along a flow, m."""
@@ -151,6 +153,7 @@ def _flow(line: LineString, feature: _Feature, width: float) -> Zone | str:
     width = width if own is None else check_positive("property width", own)
     if line.length == 0:
         return "is a line without length: left out."
+    check_widenable(line, width / 2, "the flow")
     return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=feature.name)
 
 

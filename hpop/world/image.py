@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from hpop.errors import MapError
+from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_image, row_blocks, shades
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span, shown
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.world import WHOLE, Heights, World
 
 

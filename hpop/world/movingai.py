@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from hpop.errors import MapError
+from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Raster, check_positive, check_size, check_span, shown
+from hpop.world.shapes import Raster, check_positive, check_size, check_span
 from hpop.world.world import World
 
 PASSABLE = ".GS"

@@ -13,8 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
+from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml, row_blocks, shades
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span, shown
+from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.world import WHOLE, Heights, World
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")

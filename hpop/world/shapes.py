@@ -15,6 +15,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray, frozen
 from hpop.errors import MapError
+from hpop.text import shown
+from hpop.world.crossings import check_joinable
 
 MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
@@ -22,22 +24,13 @@ SMALLEST, LARGEST = 0.1, 1e6
 """Least and greatest longer side of a map that is read, m."""
 
 
-def shown(value: Any) -> str:
-    """Return a short repr for a message, whatever the value: it may be huge, or fail to print."""
-    try:
-        text = repr(value)
-    except (ValueError, RecursionError):
-        text = f"a {type(value).__name__} too large to print"
-    return text if len(text) <= 80 else text[:77] + "..."
-
-
 def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
     """The obstacles of a world as a tuple, or `MapError` where that is something else."""
     prisms = tuple(obstacles) if isinstance(obstacles, Iterable) else (obstacles,)
     if not all(isinstance(prism, Obstacle) for prism in prisms):
         raise MapError(
-            f"obstacles must be hpop.world.Obstacle prisms; got {obstacles!r:.80}. Build a world by World.from_geojson("
-            "path), World.from_polygons([...]) or another of these methods."
+            f"obstacles must be hpop.world.Obstacle prisms; got {shown(obstacles)}. Build a world by "
+            "World.from_geojson(path), World.from_polygons([...]) or another of these methods."
         )
     return prisms
 
@@ -125,9 +118,10 @@ class Obstacle:
     def __post_init__(self) -> None:
         """Check the outline and the heights."""
         if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
-            raise MapError(f"an obstacle must be a shapely Polygon with an area; got {self.polygon!r:.80}.")
+            raise MapError(f"an obstacle must be a shapely Polygon with an area; got {shown(self.polygon)}.")
         if not np.isfinite(shapely.get_coordinates(self.polygon)).all():
             raise MapError("an obstacle's coordinates must be finite numbers.")
+        check_joinable([self.polygon], "an obstacle")
         if not self.polygon.is_valid:
             reason = shapely.is_valid_reason(self.polygon)
             raise MapError(f"an obstacle's outline is not valid ({reason}); see shapely.make_valid.")

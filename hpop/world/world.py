@@ -16,7 +16,9 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
+from hpop.text import shown
 from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.crossings import check_joinable
 from hpop.world.field import Field
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
@@ -64,7 +66,9 @@ class World:
         """Fill in the extent and check the geometries."""
         object.__setattr__(self, "obstacles", check_prisms(self.obstacles))
         if not isinstance(self.raster, Raster | None):
-            raise MapError(f"raster must be a hpop.world.Raster; got {self.raster!r:.80}. See World.from_cells(cells).")
+            raise MapError(
+                f"raster must be a hpop.world.Raster; got {shown(self.raster)}. See World.from_cells(cells)."
+            )
         extent = self.extent
         if _is_empty(extent):
             if self.raster is not None:
@@ -74,10 +78,15 @@ class World:
             else:
                 raise MapError("a world without obstacles needs extent=, where the robot must stay.")
         for name, shape in (("extent", extent), ("keep_out", self.keep_out)):
-            if not isinstance(shape, Polygon | MultiPolygon) or not shape.is_valid:
-                raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shape!r:.80}.")
+            if not isinstance(shape, Polygon | MultiPolygon):
+                raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(shape)}.")
+            check_joinable([shape], name)
+            if not shape.is_valid:
+                raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(shape)}.")
             if not np.isfinite(shapely.get_coordinates(shape)).all():
                 raise MapError(f"{name} must have finite coordinates.")
+        areas = [zone.area for zone in self.content.zones]
+        check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
         object.__setattr__(self, "extent", extent)
         object.__setattr__(self, "_cache", {})
 
@@ -117,14 +126,16 @@ class World:
         array([1. , 0.5, 0. ])
         """
         if not isinstance(obstacles, Iterable):
-            raise MapError(f"obstacles must be a list of shapely polygons; got {obstacles!r:.80}. Put one in brackets.")
+            raise MapError(
+                f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets."
+            )
         prisms = []
         for item in obstacles:
             shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, WHOLE)
             if not isinstance(shape, Polygon | MultiPolygon):
                 raise MapError(
                     "an obstacle must be a shapely Polygon or MultiPolygon, such as shapely.Polygon([(0, 0), (1, 0), "
-                    f"(1, 1)]); got {shape!r:.80}."
+                    f"(1, 1)]); got {shown(shape)}."
                 )
             prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
         if _is_empty(extent):

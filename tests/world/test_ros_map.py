@@ -163,7 +163,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"resolution": "fine"}, "resolution must be a number"),
         ({"resolution": "true"}, "resolution must be a number"),
         ({"resolution": "1e-3"}, "YAML 1.1 reads 1e-3 as text"),
-        ({"resolution": "0x" + "f" * 5000}, "too large to print"),
+        ({"resolution": "0x" + "f" * 5000}, "a whole number of 6,021 digits"),
         ({"origin": "[0, 0]"}, "origin must be three finite numbers"),
         ({"origin": "[0, 0, .nan]"}, "origin"),
         ({"origin": "here"}, "origin"),

@@ -1,0 +1,81 @@
+"""Numbers that users give: checked once, where a value is made, against bounds that are stated here.
+
+The bounds are wide: they refuse what no robot and no building has, so that nothing within them overflows, divides by
+zero, or goes on for ever.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from numbers import Integral, Real
+from typing import Any
+
+from hpop.errors import HpopError, OptionError
+from hpop.text import shown
+
+LEAST = 1e-6
+"""Least length, time, speed, ..., SI units: costs are counted in quanta of that, so nothing smaller is told apart."""
+MOST = 1e6
+"""Greatest length, time, speed, factor, ..., SI units: the longest map that is read is 1,000 km long."""
+FARTHEST = 1e8
+"""Greatest coordinate, m: projected ones of the earth are below 5e7, and a double is still exact to 15 nm there."""
+MOST_COUNTED = 2**60
+"""Greatest count: no cost of a path is larger, and sums of a few fit 64 bits."""
+
+
+def real(
+    name: str, value: Any, least: float, most: float, kind: str = "a number", *, error: type[HpopError] = OptionError
+) -> float:
+    """A finite number within bounds, or an error that says what was expected; NumPy's numbers become Python's.
+
+    >>> real("step", 0.25, LEAST, MOST, "a length in m")
+    0.25
+    >>> real("step", True, LEAST, MOST, "a length in m")
+    Traceback (most recent call last):
+    hpop.errors.OptionError: step must be a length in m from 1e-06 to 1,000,000, got True
+    """
+    number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else nan
+    if not least <= number <= most:
+        hint = "; YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if isinstance(value, str) else ""
+        raise error(f"{name} must be {kind} from {_bound(least)} to {_bound(most)}, got {shown(value)}{hint}")
+    return number if isinstance(number, int) else float(number)
+
+
+def whole(
+    name: str,
+    value: Any,
+    least: int,
+    most: int = MOST_COUNTED,
+    kind: str = "a whole number",
+    *,
+    error: type[HpopError] = OptionError,
+) -> int:
+    """A whole number within bounds, or an error that says what was expected.
+
+    >>> whole("samples", 2**63, 1, 1000)
+    Traceback (most recent call last):
+    hpop.errors.OptionError: samples must be a whole number from 1 to 1,000, got 9223372036854775808
+    """
+    number: Any = value if isinstance(value, Integral) and not isinstance(value, bool) else nan
+    if not least <= number <= most:
+        limits = f"of at least {least}" if most == MOST_COUNTED else f"from {_bound(least)} to {_bound(most)}"
+        raise error(f"{name} must be {kind} {limits}, got {shown(value)}")
+    return int(number)
+
+
+def set_reals(
+    owner: object, *names: str, least: float, most: float, kind: str, error: type[HpopError] = OptionError
+) -> None:
+    """Check attributes of a frozen dataclass, each as :func:`real` does."""
+    for name in names:
+        object.__setattr__(owner, name, real(name, getattr(owner, name), least, most, kind, error=error))
+
+
+def set_wholes(owner: object, *names: str, least: int, most: int = MOST_COUNTED) -> None:
+    """Check attributes of a frozen dataclass, each as :func:`whole` does."""
+    for name in names:
+        object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most))
+
+
+def _bound(bound: float) -> str:
+    return f"{bound:,.0f}" if bound == int(bound) else f"{bound:.6g}"
