@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
-from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, did_you_mean, unknown_name
@@ -45,7 +44,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def add(self, name: str, item: T) -> None:
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
-        if name not in self._types:
+        if name not in self._types and not item.__module__.startswith(f"{self._module}."):
             self._load_home(name)
         taken = self._types.get(name)
         if taken is not None and _origin(taken) != _origin(item):
@@ -80,18 +79,19 @@ class Registry(Mapping[str, T], Generic[T]):
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
-        """Import the one module at home that is called as the type is, if there is one."""
-        home = str(name).replace("-", "_")
+        """Import the one type at home that is called so, if there is one: "o_space" is ``OSpace``."""
         package = import_module(self._module)
-        if home.isidentifier() and hasattr(package, "__path__") and find_spec(f"{self._module}.{home}"):
-            import_module(f"{self._module}.{home}")
+        letters = str(name).replace("-", "").replace("_", "")
+        for public in getattr(package, "__all__", ()):
+            if public.lower() == letters:
+                getattr(package, public)  # a package may import what it names on first use
 
     def _load(self) -> None:
         if self._loaded:
             return
         package = import_module(self._module)
-        for name in getattr(package, "__all__", ()):
-            getattr(package, name)  # a package may import what it names on first use
+        for public in getattr(package, "__all__", ()):
+            getattr(package, public)
         for point in entry_points(group=self.group):
             try:
                 item = point.load()

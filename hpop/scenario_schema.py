@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from hpop.world.geojson_content import FLOW_WIDTH
 
-STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 DEFAULT_MODEL = "differential_drive"
 DEFAULT_PLANNER = "lattice"
 Paths = str | list[str]
@@ -110,7 +110,7 @@ class WorldSection(_Strict):
 class ReaderFile(BaseModel):
     """What an installed package's reader reads, and its options."""
 
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, defer_build=True)
     path: str
 
 

@@ -63,15 +63,25 @@ def fresh(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 
-def test_a_planner_is_imported_alone_and_all_of_them_when_they_are_listed():
+def test_a_planner_or_criterion_is_imported_alone_and_all_of_them_when_they_are_listed():
     code = """
 import sys
-from hpop.registry import planners
-print(planners["weighted-sum"].__name__, "hpop.planners.smoothing" in sys.modules, *planners)
+from hpop.registry import criteria, planners
+print(planners["weighted-sum"].__name__, "hpop.planners.smoothing" in sys.modules)
+print(criteria["o_space"].__name__, "hpop.criteria.robot.energy" in sys.modules)
+print(*planners, *criteria)
 """
-    name, others, *known = fresh(code)
-    assert (name, others) == ("WeightedSum", "False")
-    assert {"any-angle", "lattice", "rrt", "smoothing", "weighted-sum-corridor"} <= set(known)
+    name, others, criterion, more, *known = fresh(code)
+    assert (name, others, criterion, more) == ("WeightedSum", "False", "OSpace", "False")
+    assert {"any-angle", "lattice", "rrt", "smoothing", "weighted-sum-corridor", "energy", "turns"} <= set(known)
+
+
+@pytest.mark.parametrize("known", [criteria, planners, models])
+def test_what_comes_with_hpop_is_called_as_its_class_is(known):
+    """By which it is imported alone."""
+    for name, cls in known.items():
+        if cls.__module__.startswith("hpop."):
+            assert name.replace("-", "").replace("_", "") == cls.__name__.lower()
 
 
 def test_a_name_of_hpop_is_taken_before_its_module_is_imported():

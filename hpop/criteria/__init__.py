@@ -1,38 +1,86 @@
-"""Criteria in four groups; importing this package registers those that come with hpop."""
+"""Criteria in four groups. Each is imported when it is first used, and then registered."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from hpop.criteria.base import Criterion, criterion, make_criterion, motion_costs, trajectory_cost
-from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
-from hpop.criteria.comfort.jerk import Jerk
-from hpop.criteria.comfort.length import Length
-from hpop.criteria.comfort.msdv import MSDV
-from hpop.criteria.comfort.net_winding import NetWinding
-from hpop.criteria.comfort.optic_flow import OpticFlow, PeakOpticFlow
-from hpop.criteria.comfort.passing_distance import PassingDistance
-from hpop.criteria.comfort.rotation import Rotation
-from hpop.criteria.comfort.rotation_time import RotationTime
-from hpop.criteria.comfort.sickness import Sickness
-from hpop.criteria.comfort.turns import Turns
-from hpop.criteria.others.against_flow import AgainstFlow
-from hpop.criteria.others.cutting_between import CuttingBetween
-from hpop.criteria.others.hall_zones import HallZones
-from hpop.criteria.others.o_space import OSpace
-from hpop.criteria.others.personal_space import PersonalSpace
-from hpop.criteria.others.social_force import SocialForce
-from hpop.criteria.others.speeding import Speeding
-from hpop.criteria.others.time_to_collision import TimeToCollision
-from hpop.criteria.others.visibility_to_people import VisibilityToPeople
-from hpop.criteria.performance.landmark_visibility import LandmarkBlindness, LandmarkVisibility
-from hpop.criteria.performance.obstruction import Exposure, Obstruction, WorstObstruction
-from hpop.criteria.performance.openness import Enclosure, Openness
-from hpop.criteria.performance.orientation_retention import NetMisalignment, OrientationRetention
-from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks
-from hpop.criteria.robot.bending_energy import BendingEnergy
-from hpop.criteria.robot.clearance import Clearance
-from hpop.criteria.robot.curvature_sign_changes import CurvatureSignChanges
-from hpop.criteria.robot.duration import Duration
-from hpop.criteria.robot.energy import Energy
-from hpop.criteria.robot.proximity import Proximity
-from hpop.criteria.robot.smoothness import Smoothness
+
+if TYPE_CHECKING:
+    from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
+    from hpop.criteria.comfort.jerk import Jerk
+    from hpop.criteria.comfort.length import Length
+    from hpop.criteria.comfort.msdv import MSDV
+    from hpop.criteria.comfort.net_winding import NetWinding
+    from hpop.criteria.comfort.optic_flow import OpticFlow, PeakOpticFlow
+    from hpop.criteria.comfort.passing_distance import PassingDistance
+    from hpop.criteria.comfort.rotation import Rotation
+    from hpop.criteria.comfort.rotation_time import RotationTime
+    from hpop.criteria.comfort.sickness import Sickness
+    from hpop.criteria.comfort.turns import Turns
+    from hpop.criteria.others.against_flow import AgainstFlow
+    from hpop.criteria.others.cutting_between import CuttingBetween
+    from hpop.criteria.others.hall_zones import HallZones
+    from hpop.criteria.others.o_space import OSpace
+    from hpop.criteria.others.personal_space import PersonalSpace
+    from hpop.criteria.others.social_force import SocialForce
+    from hpop.criteria.others.speeding import Speeding
+    from hpop.criteria.others.time_to_collision import TimeToCollision
+    from hpop.criteria.others.visibility_to_people import VisibilityToPeople
+    from hpop.criteria.performance.landmark_visibility import LandmarkBlindness, LandmarkVisibility
+    from hpop.criteria.performance.obstruction import Exposure, Obstruction, WorstObstruction
+    from hpop.criteria.performance.openness import Enclosure, Openness
+    from hpop.criteria.performance.orientation_retention import NetMisalignment, OrientationRetention
+    from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks
+    from hpop.criteria.robot.bending_energy import BendingEnergy
+    from hpop.criteria.robot.clearance import Clearance
+    from hpop.criteria.robot.curvature_sign_changes import CurvatureSignChanges
+    from hpop.criteria.robot.duration import Duration
+    from hpop.criteria.robot.energy import Energy
+    from hpop.criteria.robot.proximity import Proximity
+    from hpop.criteria.robot.smoothness import Smoothness
+
+_HOMES = {
+    "AgainstFlow": "hpop.criteria.others.against_flow",
+    "AngularAcceleration": "hpop.criteria.comfort.angular_acceleration",
+    "BendingEnergy": "hpop.criteria.robot.bending_energy",
+    "Clearance": "hpop.criteria.robot.clearance",
+    "CurvatureSignChanges": "hpop.criteria.robot.curvature_sign_changes",
+    "CuttingBetween": "hpop.criteria.others.cutting_between",
+    "Duration": "hpop.criteria.robot.duration",
+    "Enclosure": "hpop.criteria.performance.openness",
+    "Energy": "hpop.criteria.robot.energy",
+    "Exposure": "hpop.criteria.performance.obstruction",
+    "HallZones": "hpop.criteria.others.hall_zones",
+    "Jerk": "hpop.criteria.comfort.jerk",
+    "LandmarkBlindness": "hpop.criteria.performance.landmark_visibility",
+    "LandmarkVisibility": "hpop.criteria.performance.landmark_visibility",
+    "Length": "hpop.criteria.comfort.length",
+    "MSDV": "hpop.criteria.comfort.msdv",
+    "NetMisalignment": "hpop.criteria.performance.orientation_retention",
+    "NetWinding": "hpop.criteria.comfort.net_winding",
+    "OSpace": "hpop.criteria.others.o_space",
+    "Obstruction": "hpop.criteria.performance.obstruction",
+    "Openness": "hpop.criteria.performance.openness",
+    "OpticFlow": "hpop.criteria.comfort.optic_flow",
+    "OrientationRetention": "hpop.criteria.performance.orientation_retention",
+    "PassingDistance": "hpop.criteria.comfort.passing_distance",
+    "PeakOpticFlow": "hpop.criteria.comfort.optic_flow",
+    "PersonalSpace": "hpop.criteria.others.personal_space",
+    "Proximity": "hpop.criteria.robot.proximity",
+    "Rotation": "hpop.criteria.comfort.rotation",
+    "RotationTime": "hpop.criteria.comfort.rotation_time",
+    "Sickness": "hpop.criteria.comfort.sickness",
+    "Smoothness": "hpop.criteria.robot.smoothness",
+    "SocialForce": "hpop.criteria.others.social_force",
+    "Speeding": "hpop.criteria.others.speeding",
+    "TimeToCollision": "hpop.criteria.others.time_to_collision",
+    "Turns": "hpop.criteria.comfort.turns",
+    "UnseenLandmarks": "hpop.criteria.performance.unseen_landmarks",
+    "VisibilityToPeople": "hpop.criteria.others.visibility_to_people",
+    "WorstObstruction": "hpop.criteria.performance.obstruction",
+}
 
 __all__ = [
     "MSDV",
@@ -79,3 +127,9 @@ __all__ = [
     "motion_costs",
     "trajectory_cost",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hpop.criteria' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
