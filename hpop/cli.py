@@ -52,6 +52,7 @@ OBJECTS = 100_000  # new ones between two collections of garbage: what is import
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
+COMPILING = "the search is compiled beside, once after each installation or update of hpop; a first answer comes before"
 F = TypeVar("F", bound=Callable[..., Any])
 
 _imports = click.option(
@@ -153,6 +154,7 @@ def plan(
     gc.set_threshold(OBJECTS)
     from hpop import own_code, report
     from hpop.planners.base import sweeps
+    from hpop.planners.lattice_stages import kernels_beside
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
@@ -168,7 +170,13 @@ def plan(
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
             click.echo(f"going on from {checkpoint}")
-    with _executor(workers, dask) as executor, _stopping_told():
+    with (
+        kernels_beside(loaded.planners, loaded.problem) as compiling,
+        _executor(workers, dask) as executor,
+        _stopping_told(),
+    ):
+        if compiling:
+            click.echo(COMPILING, err=True)
         fronts, first = _solved(loaded, out, executor, imports)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)

@@ -112,3 +112,18 @@ def _warn_once(reason: str) -> None:
         HpopWarning,
         stacklevel=2,
     )
+
+
+def can_be_kept(made: Any) -> bool:
+    """Whether there is a folder for what is compiled."""
+    return isinstance(made._cache, _Kept)
+
+
+def is_kept(made: Any) -> bool:
+    """Whether any variant of a kernel is in memory or on disk, as far as one can tell without types of arguments."""
+    if made.overloads:
+        return True
+    try:
+        return bool(made._cache._cache_file._load_index())
+    except Exception:  # nothing is kept, or it is damaged
+        return False

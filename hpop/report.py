@@ -53,7 +53,7 @@ def described(progress: Progress) -> str:
     'search  1,234,567 labels, 89 open, front 12, 345 MB'
     """
     if not progress.labels:
-        return progress.stage
+        return f"{progress.stage} {progress.detail}".strip()
     counts = f"{progress.labels:,} labels, {progress.open:,} open, front {progress.front:,}"
     return f"{progress.stage}  {counts}, {progress.memory / 1e6:,.0f} MB"
 

@@ -64,6 +64,7 @@ class Progress:
     front      count  solutions found so far
     memory     bytes  allocated by the search so far
     seconds    s      since the search began
+    detail     what of the stage, and how far it is, in words
     """
 
     stage: str
@@ -72,6 +73,7 @@ class Progress:
     front: int = 0
     memory: int = 0
     seconds: float = 0.0
+    detail: str = ""
 
 
 ProgressCallback = Callable[[Progress], None]

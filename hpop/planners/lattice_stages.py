@@ -11,16 +11,19 @@ tenth of the exact one follows, if it takes no longer than building did.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.planners.base import Candidates, edge_objectives
+from hpop.planners.base import Candidates, Planner, edge_objectives
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.planners.state_graph import GraphQuery
+from hpop.planners.search.beside import compiling_beside, is_compiling
+from hpop.planners.search.first_paths import first_paths
+from hpop.planners.state_graph import TURNS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
@@ -41,7 +44,11 @@ def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None
     part = _part(planner, lattice, problem)
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
-        first = _first_answer(query, purse.budget(max(QUICK, SHARE * query.build_seconds)), progress)
+        budget = purse.budget(max(QUICK, SHARE * query.build_seconds))
+        if is_compiling() and space is (part or lattice):
+            first = _quick_answer(query, budget, progress)
+        else:
+            first = _first_answer(query, budget, progress)
         yield purse.paid(first)
         if first.status is Status.INTERRUPTED:
             return
@@ -62,6 +69,19 @@ def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None
         checkpoint=planner.checkpoint,
         covered=covered,
     )
+
+
+def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[bool]:
+    """Have other processes compile what the search of a lattice among some planners takes, if nothing of it is kept.
+
+    For whoever wants a first answer meanwhile; tells whether there is anything to compile.
+    """
+    if not any(p.name == "lattice" and getattr(p, "max_detour", None) is None for p in planners):
+        return nullcontext(False)
+    criteria = edge_objectives(problem.criteria, "lattice").optimised
+    names = [criterion.name for criterion in criteria]
+    turns = names.index(TURNS) if TURNS in names else -1
+    return compiling_beside(["max" if c.aggregate == "max" else "sum" for c in criteria], turns)
 
 
 @dataclass
@@ -109,15 +129,28 @@ def _first_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback 
         find = pareto_paths if "max" in graph.aggregates else supported_paths
         return find(graph, query.start, query.goals, budget=budget, progress=progress)
 
-    paths = query.with_fewest_turns(search)
     kind = "non-dominated" if "max" in query.graph.aggregates else "supported"
+    return _stage(query, query.with_fewest_turns(search), f"{kind} points")
+
+
+def _quick_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:
+    """Points found while the kernels of a search are compiled."""
+
+    def search(graph: Graph) -> ParetoPaths:
+        return first_paths(graph, query.start, query.goals, budget, progress)
+
+    return _stage(query, query.with_fewest_turns(search), "points of weighted costs")
+
+
+def _stage(query: GraphQuery, paths: ParetoPaths, what: str) -> Candidates:
+    """Paths of a first stage, and what they are."""
     found = query.candidates(
         "lattice",
         replace(paths, status=Status.UNFINISHED)
         if paths.status is Status.NO_PATH
         else paths,  # the last stage says why
-        f"{kind} points of {query.space.words} for ({query.names})",
-        provenance=[{"stage": f"{kind} points"}] * len(paths),
+        f"{what} of {query.space.words} for ({query.names})",
+        provenance=[{"stage": what}] * len(paths),
         stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
     )
     return _unfinished(found)

@@ -6,7 +6,6 @@ Imported on first use only, because importing numba takes half a second.
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -53,11 +52,9 @@ def _layout(argument: Any) -> Any:
     return type(argument)
 
 
-def make_ready(compiled: Any, *arguments: Any) -> float:
-    """Compile a kernel for these arguments, or load it from the cache; return the seconds it took."""
-    begin = perf_counter()
+def make_ready(compiled: Any, *arguments: Any) -> None:
+    """Compile a kernel for these arguments, or load it from the cache."""
     compiled.compile(signature(arguments))
-    return perf_counter() - begin
 
 
 @lean

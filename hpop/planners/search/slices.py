@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import IntArray
+from hpop.compiled import is_kept
 from hpop.interrupts import interrupts_held
+from hpop.planners.search import beside
 from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -66,9 +68,19 @@ class Clock:
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
         """Compile a kernel for arguments of these types; report and measure that."""
-        if not is_ready(compiled, *arguments):
-            self.report("compiling")
-            self.compiled += make_ready(compiled, *arguments)
+        if is_ready(compiled, *arguments):
+            return
+        began = perf_counter()
+        detail = "" if is_kept(compiled) else beside.words(compiled)
+
+        def report() -> None:
+            if self.progress is not None:
+                self.progress(Progress("compiling", seconds=self.seconds(), detail=detail))
+
+        report()
+        beside.wait_for(compiled, report)
+        make_ready(compiled, *arguments)
+        self.compiled += perf_counter() - began
 
     def call(self, compiled: Any, *arguments: Any) -> Any:
         """Call a kernel; report and measure its compilation first."""

@@ -1,0 +1,132 @@
+"""Kernels that other processes compile while this one has something else to do; numba's cache is where they meet.
+
+Threads would not help: numba compiles under Python's lock. What to compile is found by a rehearsal
+(:mod:`.rehearsal`), and a process says on its output which kernel it is at. Whoever needs that one waits, all others
+are compiled where they are needed, so nothing is compiled twice, and nothing depends on a process that fails.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from subprocess import DEVNULL, PIPE, Popen
+from time import sleep
+from typing import Any
+
+PARTS = ("search", "bounds")  # of a rehearsal, the longer one first
+# The kernels of a search in the order in which it takes them.
+ORDER = (
+    "number_groups",
+    "part_arcs",
+    "tell_turns",
+    "no_dearer_than_two",
+    "reverse",
+    "cost_to_go",
+    "cost_along",
+    "fill_tables",
+    "advance",
+    "trace",
+)
+# Nothing of the current folder is run, nor numba's configuration read there, which it does when imported.
+REHEARSAL = """
+from hpop import current_folder
+current_folder.distrust()
+from hpop.planners.search.rehearsal import main
+main()
+"""
+POLL = 0.02  # s between two looks at what a process says
+
+_processes: list[_Process] = []
+
+
+class _Process:
+    """A process that compiles, and the kernel that it is at."""
+
+    def __init__(self, parts: Sequence[str], aggregates: Sequence[str], turns: int) -> None:
+        command = [sys.executable, "-P", "-c", REHEARSAL, ",".join(parts), str(turns), *aggregates]
+        # A session of its own: Ctrl-C on the terminal is not meant for it.
+        self._process = Popen(command, stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True)
+        assert self._process.stdout is not None
+        self._said = self._process.stdout
+        os.set_blocking(self._said.fileno(), False)
+        self._rest = b""
+        self.at = ""
+        self.ended = False
+
+    def listen(self) -> None:
+        """Take what the process said since."""
+        while not self.ended:
+            with suppress(BlockingIOError):
+                more = os.read(self._said.fileno(), 4096)
+                self.ended = not more
+                *lines, self._rest = (self._rest + more).split(b"\n")
+                self.at = lines[-1].decode() if lines else self.at
+                continue
+            return
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.wait()
+        self._said.close()
+
+
+@contextmanager
+def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
+    """Compile the kernels of a search beside what is done in a ``with``; tells whether there are any to compile.
+
+    turns  the cost that counts turns, -1 for none
+    """
+    from hpop.compiled import can_be_kept, is_kept  # numba: on first use
+
+    longest = main_kernel(aggregates, turns)
+    needed = can_be_kept(longest) and not is_kept(longest)
+    if needed:
+        with suppress(OSError):  # where no process can be had, this one compiles
+            count = 2 if (os.cpu_count() or 1) > 2 else 1
+            for first in range(count):
+                _processes.append(_Process(PARTS[first::count], aggregates, turns))
+    try:
+        yield needed
+    finally:
+        while _processes:
+            _processes.pop().stop()
+
+
+def main_kernel(aggregates: Sequence[str], turns: int) -> Any:
+    """The kernel that takes longest to compile, of the search that such costs are likely to take."""
+    if turns >= 0 and len(aggregates) == 3:
+        from hpop.planners.search.staircase_kernel import advance
+    else:
+        from hpop.planners.search.general import advance
+    return advance
+
+
+def is_compiling() -> bool:
+    """Whether a process compiles beside."""
+    for process in _processes:
+        process.listen()
+    return not all(process.ended for process in _processes)
+
+
+def wait_for(compiled: Any, report: Callable[[], None]) -> None:
+    """Wait while a process is at this kernel, and report now and then."""
+    name = name_of(compiled)
+    while is_compiling() and any(process.at == name and not process.ended for process in _processes):
+        report()
+        sleep(POLL)
+
+
+def words(compiled: Any) -> str:
+    """What is compiled and how far that is, for the user."""
+    name = compiled.py_func.__name__
+    if name not in ORDER:
+        return f"{name} (once)"
+    return f"{name}, {ORDER.index(name) + 1} of {len(ORDER)} parts of the search (once)"
+
+
+def name_of(compiled: Any) -> str:
+    """Module and name of a kernel."""
+    return f"{compiled.py_func.__module__}.{compiled.py_func.__name__}"

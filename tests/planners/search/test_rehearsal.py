@@ -1,0 +1,74 @@
+"""Kernels compiled beside are those that the search takes: a rehearsal gives them the same types."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import shapely
+
+import hpop
+from hpop.planners.base import edge_objectives
+from hpop.planners.lattice import Lattice
+from hpop.planners.search import pareto_paths
+from hpop.planners.search.beside import ORDER, is_compiling, words
+from hpop.planners.search.kernels import signature
+from hpop.planners.search.rehearsal import _Rehearsal, rehearse
+from hpop.planners.search.slices import Clock
+from hpop.planners.state_graph import GraphQuery
+
+CRITERIA = {"turns": ["exposure", "turns", "length"], "general": ["exposure", "rotation", "turns", "length"]}
+
+
+def taken(query: GraphQuery, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
+    """Kernels of an exact search, each with the types that it is called with."""
+    seen: dict[str, set[Any]] = {}
+    prepare = Clock.prepare
+
+    def noted(self: Clock, compiled: Any, *arguments: Any) -> None:
+        seen.setdefault(compiled.py_func.__qualname__, set()).add(signature(arguments))
+        prepare(self, compiled, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Clock, "prepare", noted)
+        pareto_paths(query.graph, query.start, query.goals)
+    return seen
+
+
+def rehearsed(aggregates: list[str], turns: int, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
+    """The same of a rehearsal."""
+    seen: dict[str, set[Any]] = {}
+
+    def noted(self: _Rehearsal, compiled: Any, *arguments: Any) -> None:
+        if self.compiles:
+            seen.setdefault(compiled.py_func.__qualname__, set()).add(signature(arguments))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_Rehearsal, "prepare", noted)
+        for part in ("search", "bounds"):
+            rehearse(part, aggregates, turns)
+    return seen
+
+
+@pytest.mark.parametrize("kind", CRITERIA)
+def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 4, 4))
+    problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.2), (0.5, 0.5, 0), (3.5, 3.5, None), CRITERIA[kind])
+    planner = Lattice(step=0.5)
+    query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
+    search = taken(query, monkeypatch)
+    beside = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
+    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along"} <= beside.keys()
+    for name, types in beside.items():
+        assert types & search[name], name
+    assert set(search) <= {*ORDER, "build", "sweep", "order_chains"}
+
+
+def test_what_is_compiled_is_told_with_how_far_it_is() -> None:
+    from hpop.planners.search.staircase_kernel import advance
+
+    assert words(advance) == f"advance, {ORDER.index('advance') + 1} of {len(ORDER)} parts of the search (once)"
+
+
+def test_nothing_is_compiled_beside_unless_asked_for() -> None:
+    assert not is_compiling()
