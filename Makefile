@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test proof bench reference lint clean
+.PHONY: demo test proof fuzz bench reference lint clean
 
 demo: $(READY)
 	$(BIN)/hpop plan examples/museum.yaml --out out/museum
@@ -15,6 +15,12 @@ test: $(READY)
 # The same tests, larger: all seeds, all instances. `make proof PART=search` runs one part of it.
 proof: $(READY)
 	$(BIN)/python tests/proof.py $(PART)
+
+# Mutated inputs against every door, with fixed seeds. `make fuzz SECONDS=3600 SEED=1` throws more, and others.
+SECONDS ?= 240
+SEED ?= 0
+fuzz: $(READY)
+	$(BIN)/python tests/fuzz --seconds $(SECONDS) --seed $(SEED) --out out/fuzz.json
 
 bench: $(READY)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json

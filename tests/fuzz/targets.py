@@ -1,0 +1,415 @@
+"""What is thrown at: readers, scenarios, fronts, checkpoints, the Python interface and the command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import re
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from click.testing import CliRunner
+from harness import Attempt, Target, Wrong
+from mutations import Rng, bent_bytes, bent_tree, hostile
+from PIL import Image
+
+import hpop
+from hpop.cli import main
+from hpop.errors import HpopError
+from hpop.frontier.errors import FrontError
+from hpop.planners.search import Graph, pareto_paths
+from hpop.planners.search.checkpoint import CHECKSUM, LENGTH, MAGIC
+from hpop.registry import criteria, models, planners
+from hpop.scenario import load_scenario
+from hpop.status import Budget, Status
+from hpop.verify import verify
+
+REFUSALS = (HpopError, FrontError)
+LONGEST = 4000  # characters of a message
+CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+SOFTEST = 0.5  # share of inputs whose bytes are bent; the others' structure is
+
+ROOM: dict[str, Any] = {
+    "world": {"polygons": {"extent": [[0, 0], [6, 0], [6, 4], [0, 4]], "obstacles": []}},
+    "model": {"differential_drive": {"radius": 0.3, "camera_height": 1.2, "speed": 1.0}},
+    "start": [1.0, 1.0, 0],
+    "goal": [5.0, 3.0, "any"],
+    "criteria": ["obstruction", "turns", {"enclosure": {"radius": 3.0}}, "length"],
+    "planner": {"lattice": {"step": 0.5, "headings": 8, "eps": 0.0, "time_limit": 2.0, "max_labels": 100_000}},
+    "people": [{"x": 3.0, "y": 3.5, "yaw": "90 deg", "name": "Ada"}, {"x": 3.5, "y": 3.5, "yaw": 0}],
+    "groups": [["Ada", 1]],
+    "landmarks": [{"x": 5.5, "y": 2.0, "z": 1.6, "facing": "180 deg", "weight": 2, "name": "door"}],
+    "zones": [{"kind": "speed", "area": [[3, 1], [4, 1], [4, 2]], "limit": 0.5}],
+}
+ROOM["world"]["polygons"]["obstacles"] = [{"corners": [[2, 1], [3, 1], [3, 2], [2, 2]], "height": [0, 1.5]}]
+PLANNERS: list[dict[str, dict[str, Any]]] = [
+    ROOM["planner"],
+    {"lattice": {"step": 0.5, "max_turns": 6, "tolerance": {"length": 0.1}, "max_memory": 10**9}},
+    {"lattice": {"step": 0.5, "max_detour": 1.1, "time_limit": 2.0}},
+    {"weighted-sum": {"step": 0.5, "divisions": 4}},
+    {"roadmap": {"samples": 60, "neighbours": 6, "seed": 1, "time_limit": 2.0}},
+    {"any-angle": {"step": 0.5, "max_positions": 60, "time_limit": 2.0}},
+]
+GEOJSON = {
+    "type": "FeatureCollection",
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {"name": "case", "height": 2},
+            "geometry": {"type": "Polygon", "coordinates": [c]},
+        }
+        for c in ([[0, 0], [9, 0], [9, 7], [0, 7], [0, 0]], [[2, 2], [3, 2], [3, 3], [2, 3], [2, 2]])
+    ]
+    + [
+        {"type": "Feature", "properties": {"landmark": True}, "geometry": {"type": "Point", "coordinates": [4, 4]}},
+        {"type": "Feature", "properties": None, "geometry": {"type": "LineString", "coordinates": [[1, 1], [5, 5]]}},
+    ],
+}
+ROS_MAP = {
+    "image": "map.pgm",
+    "resolution": 0.1,
+    "origin": [-1.0, -2.0, 0.0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+    "mode": "trinary",
+}
+
+
+def refused(error: BaseException) -> str:
+    """A refusal whose message a person can be shown."""
+    return shown(str(error))
+
+
+def shown(text: str) -> str:
+    """A refusal, if its text is short and says nothing to the terminal but words."""
+    if len(text) > LONGEST:
+        raise Wrong("a message of thousands of characters")
+    found = CONTROLS.search(text)
+    if found:
+        raise Wrong(f"the control character {found[0]!r} in a message")
+    return "refused"
+
+
+def asked(question: Callable[[], Any]) -> str:
+    """What becomes of a question: an answer, or an error meant for the user."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            question()
+    except REFUSALS as error:
+        return str(error)
+    return ""
+
+
+def verdict(question: Callable[[], Any]) -> str:
+    """ "accepted", or "refused" with a message that can be shown."""
+    message = asked(question)
+    return shown(message) if message else "accepted"
+
+
+# Readers
+
+
+def _written(path: Path, tree: Any, rng: Rng, dump: Callable[[Any], str]) -> Path:
+    """A tree, bent as a whole or in its bytes, in a file."""
+    if rng.random() < SOFTEST:
+        data = bent_bytes(dump(tree).encode(), rng)
+    else:
+        data = dump(bent_tree(tree, rng, most=int(rng.integers(1, 4)))).encode("utf-8", "surrogatepass")
+    path.write_bytes(data)
+    return path
+
+
+def _json(tree: Any) -> str:
+    return json.dumps(tree, ensure_ascii=bool(len(str(tree)) % 2), default=str)
+
+
+def _yaml(tree: Any) -> str:
+    try:
+        return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False)
+    except RecursionError:  # the writer's, for lists within lists within lists
+        return "[" * 5000
+
+
+def _looked_at(world: hpop.World) -> None:
+    """What everybody does with a world first."""
+    x0, y0, x1, y1 = world.bounds
+    world.clearance(np.linspace(x0, x1, 5), np.linspace(y0, y1, 5))
+    json.dumps(world.describe(), allow_nan=False)
+    repr(world)
+
+
+def geojson(rng: Rng, folder: Path) -> str:
+    path = _written(folder / "plan.geojson", GEOJSON, rng, _json)
+    meaning = ("obstacles", "free", "outline")[rng.integers(3)]
+    return verdict(lambda: _looked_at(hpop.World.from_geojson(path, polygons=meaning)))  # type: ignore[arg-type]
+
+
+def ros_map(rng: Rng, folder: Path) -> str:
+    pixels = rng.choice([0, 205, 254], size=(20, 30)).astype(np.uint8)
+    picture = b"P5\n# map\n30 20\n255\n" + pixels.tobytes()
+    (folder / "map.pgm").write_bytes(bent_bytes(picture, rng) if rng.random() < 0.5 else picture)
+    path = _written(folder / "map.yaml", ROS_MAP, rng, _yaml)
+    return verdict(lambda: _looked_at(hpop.World.from_ros_map(path)))
+
+
+def movingai(rng: Rng, folder: Path) -> str:
+    rows = "\n".join("".join(row) for row in rng.choice(list(".@GTW"), size=(12, 16)))
+    path = folder / "grid.map"
+    path.write_bytes(bent_bytes(f"type octile\nheight 12\nwidth 16\nmap\n{rows}\n".encode(), rng))
+    return verdict(lambda: _looked_at(hpop.World.from_movingai(path)))
+
+
+def image(rng: Rng, folder: Path) -> str:
+    buffer = io.BytesIO()
+    kind = ("PNG", "PPM", "BMP", "GIF")[rng.integers(4)]
+    Image.fromarray(rng.choice([0, 255], size=(16, 20)).astype(np.uint8)).save(buffer, kind)
+    path = folder / "plan.png"
+    path.write_bytes(bent_bytes(buffer.getvalue(), rng))
+    resolution = hostile(rng) if rng.random() < 0.3 else 0.1
+    return verdict(lambda: _looked_at(hpop.World.from_image(path, resolution)))
+
+
+# Scenarios
+
+
+def scenario(rng: Rng, folder: Path) -> str:
+    path = _written(folder / "room.yaml", ROOM | {"planner": PLANNERS[rng.integers(len(PLANNERS))]}, rng, _yaml)
+
+    def read() -> None:
+        loaded = load_scenario(path)
+        description = json.loads(json.dumps(loaded.problem.describe(), allow_nan=False))
+        repr(hpop.Problem.from_description(description))
+
+    return verdict(read)
+
+
+def plan(rng: Rng, folder: Path) -> str:
+    """The command line from a scenario with hostile numbers to a front that `hpop show` accepts."""
+    spec = PLANNERS[rng.integers(len(PLANNERS))]
+    tree = ROOM | {"planner": spec}
+    key = ("planner", "planner", "start", "goal", "model", "criteria")[rng.integers(6)]
+    tree[key] = bent_tree(tree[key], rng, most=1)
+    try:
+        (folder / "room.yaml").write_text(_yaml(tree))
+    except UnicodeEncodeError:
+        return "refused"
+    told = command(["plan", "room.yaml", "--out", "out"])
+    if told == "accepted":
+        front = hpop.Front.load(folder / "out" / "front.json")
+        faults = verify(hpop.Problem.from_description(front.problem or {}), front)
+        if faults:
+            raise Wrong("a planned front that verify finds faults with")
+    return told
+
+
+def command(arguments: list[str]) -> str:
+    """A command of hpop in this process; its output is clean, whatever was asked."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = CliRunner().invoke(main, arguments)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    found = CONTROLS.search(result.output)
+    if found:
+        raise Wrong(f"the control character {found[0]!r} on the terminal")
+    if "Traceback" in result.output:
+        raise Wrong("a traceback on the terminal")
+    return "accepted" if result.exit_code == 0 else "refused"
+
+
+# Fronts
+
+_FRONT: list[bytes] = []
+
+
+def saved_front() -> bytes:
+    """A small front of the room's, as it is saved; planned once."""
+    if not _FRONT:
+        world = hpop.World.from_polygons([], extent=_box(0, 0, 6, 4))
+        problem = hpop.Problem(
+            world, hpop.DifferentialDrive(), (1, 1, 0), (5, 3, None), ["obstruction", "turns", "length"]
+        )
+        path = Path("front.json")
+        problem.solve("lattice", step=0.5).save(path)
+        _FRONT.append(path.read_bytes())
+        path.unlink()
+    return _FRONT[0]
+
+
+def _box(*corners: float) -> Any:
+    import shapely
+
+    return shapely.box(*corners)
+
+
+def front(rng: Rng, folder: Path) -> str:
+    path = folder / "front.json"
+    if rng.random() < 0.3:
+        path.write_bytes(bent_bytes(saved_front(), rng))
+    else:
+        path.write_bytes(_json(bent_tree(json.loads(saved_front()), rng)).encode("utf-8", "surrogatepass"))
+
+    def read() -> None:
+        loaded = hpop.Front.load(path)
+        problem = hpop.Problem.from_description(loaded.problem or {})
+        verify(problem, loaded)
+        loaded.save(folder / "again.json")
+
+    return verdict(read)
+
+
+def show(rng: Rng, folder: Path) -> str:
+    tree = bent_tree(json.loads(saved_front()), rng)
+    (folder / "front.json").write_bytes(_json(tree).encode("utf-8", "surrogatepass"))
+    return command(["show", str(folder)])
+
+
+# Checkpoints
+
+
+def checkpoint(rng: Rng, folder: Path) -> str:
+    """A checkpoint with arrays bent and a right checksum: refused, or the search ends, if with another front.
+
+    What is not a number out of its range can be a lie: that is documented, and counted.
+    """
+    costs = int(rng.integers(2, 5))
+    maker = np.random.default_rng(int(rng.integers(3)))
+    tails, heads = maker.integers(0, 60, (2, 400))
+    graph = Graph.from_arcs(60, tails, heads, maker.integers(1, 30, (400, costs)))
+    method = ("auto", "general")[rng.integers(2)]
+    path = folder / "search.ckpt"
+    expected = pareto_paths(graph, 0, 59, method=method).costs
+    begun = pareto_paths(
+        graph, 0, 59, method=method, checkpoint=path, budget=Budget(max_labels=int(rng.integers(20, 300)))
+    )
+    if begun.status is Status.COMPLETE or not path.exists():
+        return "accepted"
+    path.write_bytes(_forged(path.read_bytes(), rng))
+    found: list[Any] = []
+    message = asked(lambda: found.append(pareto_paths(graph, 0, 59, method=method, checkpoint=path)))
+    if message:
+        return shown(message)
+    if not np.array_equal(np.unique(found[0].costs, axis=0), np.unique(expected, axis=0)):
+        return "another front"
+    return "accepted"
+
+
+def _forged(data: bytes, rng: Rng) -> bytes:
+    """A checkpoint with one of its arrays changed in places, sealed again."""
+    import hashlib
+
+    length = int.from_bytes(data[len(MAGIC) : len(MAGIC) + LENGTH], "little")
+    begin = len(MAGIC) + LENGTH + length
+    header = json.loads(data[len(MAGIC) + LENGTH : begin])
+    body = bytearray(data[begin:-CHECKSUM])
+    tables = [(dtype, int(np.prod(shape))) for _, dtype, shape in header["arrays"]]
+    chosen = int(rng.integers(len(tables)))
+    at = sum(np.dtype(dtype).itemsize * count for dtype, count in tables[:chosen])
+    dtype, count = np.dtype(tables[chosen][0]), tables[chosen][1]
+    array = np.frombuffer(bytes(body[at : at + dtype.itemsize * count]), dtype).copy()
+    if array.size:
+        places = rng.integers(0, array.size, int(rng.integers(1, 4)))
+        extremes = np.array([-1, 0, 1, 7, 2**15, 2**30, -(2**30)])
+        with np.errstate(over="ignore"):
+            array[places] = (rng.choice(extremes, places.size)).astype(dtype)
+    body[at : at + dtype.itemsize * count] = array.tobytes()
+    whole = data[:begin] + bytes(body)
+    return whole + hashlib.blake2b(whole, digest_size=CHECKSUM).digest()
+
+
+# The Python interface
+
+
+def python(rng: Rng, folder: Path) -> str:
+    """Criteria, robots, planners and problems made of hostile parameters."""
+    registry = (criteria, planners, models)[rng.integers(3)]
+    cls = registry[list(registry)[rng.integers(len(registry))]]
+    names = [field.name for field in dataclasses.fields(cls)]
+    chosen = rng.permutation(names)[: int(rng.integers(1, 3))]
+    values = {str(name): _argument(rng) for name in chosen}
+    return verdict(lambda: repr(cls(**values)))
+
+
+def _argument(rng: Rng) -> Any:
+    if rng.random() < 0.2:
+        return [np.array([1.0, 2.0]), np.float64(0.5), np.int64(3), np.array(0.5), {1, 2}, b"x", object(), int][
+            rng.integers(8)
+        ]
+    return hostile(rng)
+
+
+def problem(rng: Rng, folder: Path) -> str:
+    parts: dict[str, Any] = {
+        "world": hpop.World.from_polygons([], extent=_box(0, 0, 6, 4)),
+        "model": hpop.DifferentialDrive(),
+        "start": (1, 1, 0),
+        "goal": (5, 3, None),
+        "criteria": ["obstruction", "turns", "length"],
+    }
+    for key in rng.permutation(list(parts))[: int(rng.integers(1, 3))]:
+        whole = rng.random() < 0.3 or not isinstance(parts[str(key)], tuple | list)
+        parts[str(key)] = _argument(rng) if whole else bent_tree(list(parts[str(key)]), rng)
+    return verdict(lambda: hpop.Problem(**parts).solve("lattice", step=0.5))
+
+
+def graph(rng: Rng, folder: Path) -> str:
+    """Any arrays as a graph, any ends: the search on it ends, and nothing is read outside of them."""
+    nodes, arcs = int(rng.integers(1, 12)), int(rng.integers(0, 30))
+    tails, heads = rng.integers(-1 if rng.random() < 0.1 else 0, nodes + (rng.random() < 0.1), (2, arcs))
+    costs: Any = rng.integers(0, 9, (arcs, int(rng.integers(1, 7))))
+    if rng.random() < 0.3 and costs.size:
+        extremes = [-1, 2**31, 2**62, 2**63 - 1, -(2**63)]
+        costs.flat[rng.integers(costs.size)] = extremes[rng.integers(len(extremes))]
+    if rng.random() < 0.2:
+        costs = costs.astype(rng.choice([np.float64, np.float32, np.uint8, np.bool_, object]))
+    options: dict[str, Any] = {}
+    if rng.random() < 0.4:
+        options[("eps", "tolerance", "at_most", "method")[rng.integers(4)]] = _argument(rng)
+    ends = [int(rng.integers(-1, nodes + 1)) if rng.random() < 0.2 else int(rng.integers(nodes)) for _ in range(2)]
+    made = _argument(rng) if rng.random() < 0.1 else nodes
+    return verdict(lambda: pareto_paths(Graph.from_arcs(made, tails, heads, costs), *ends, **options))
+
+
+# The command line
+
+
+def arguments(rng: Rng, folder: Path) -> str:
+    """Commands with hostile arguments."""
+    words = ["plan", "show", "check", "criteria", "planners", "--out", "out", "--workers", "--import", "--checkpoint"]
+    words += ["room.yaml", "--dask", "-h", "turns", "math:pi", "."]
+    (folder / "room.yaml").write_text("world: {}\n")
+    chosen = [str(words[rng.integers(len(words))]) for _ in range(int(rng.integers(1, 6)))]
+    if rng.random() < 0.8:
+        word = str(hostile(rng))[:5000]
+        chosen[int(rng.integers(len(chosen)))] = word if word != "/dev/zero" else "/dev/null"
+    if "--dask" in chosen:  # would look for a scheduler
+        return "refused"
+    return command(chosen)
+
+
+def warm(folder: Path) -> None:
+    """Import and compile what inputs use, once, so that each process need not."""
+    for number, spec in enumerate(PLANNERS):
+        (folder / "room.yaml").write_text(_yaml(ROOM | {"planner": spec}))
+        if command(["plan", "room.yaml", "--out", f"out{number}"]) != "accepted":
+            raise AssertionError(f"the scenario that is to be bent does not plan with {spec}")
+    for costs in range(1, 7):
+        for method in ("auto", "general"):
+            maker = np.random.default_rng(costs)
+            tails, heads = maker.integers(0, 60, (2, 400))
+            pareto_paths(Graph.from_arcs(60, tails, heads, maker.integers(1, 3, (400, costs))), 0, 59, method=method)
+    saved_front()
+
+
+EVERY: list[Attempt] = [
+    *(geojson, ros_map, movingai, image, scenario, plan, front, show, checkpoint),
+    *(python, problem, graph, arguments),
+]
+TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
