@@ -18,17 +18,44 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numba
 
 from hpop.errors import HpopWarning
 
-__all__ = ["kernel", "lean", "numba"]
+__all__ = ["compiling_seconds", "kernel", "lean", "numba"]
 
 LOCK = "hpop.lock"
 _caching: Any = import_module("numba.core.caching")
 _runtime: Any = import_module("numba.core.runtime")
+_event: Any = import_module("numba.core.event")
+
+
+class _Stopwatch(_event.Listener):  # type: ignore[misc]
+    """Adds up the time of compiling; a kernel that another one calls is compiled within it."""
+
+    def __init__(self) -> None:
+        self.seconds = self.began = 0.0
+        self.depth = 0
+
+    def on_start(self, event: Any) -> None:
+        self.began = self.began if self.depth else perf_counter()
+        self.depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self.depth -= 1
+        self.seconds += 0.0 if self.depth else perf_counter() - self.began
+
+
+_stopwatch = _Stopwatch()
+_event.register("numba:compile", _stopwatch)
+
+
+def compiling_seconds() -> float:
+    """Seconds that this process has spent on compiling kernels: no time limit covers them."""
+    return _stopwatch.seconds
 
 
 @cache

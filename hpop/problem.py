@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ class Problem:
     goal      (x m, y m, yaw rad); a yaw of None leaves the heading at the goal free
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
 
+    ``read_seconds``, s, is the time that reading its files took, which a planner's time limit covers.
+
     Raises QueryError, CriterionError or UnknownName for what makes no sense.
     """
 
@@ -47,6 +49,7 @@ class Problem:
     start: tuple[float, float, float]
     goal: tuple[float, float, float | None]
     criteria: tuple[Criterion, ...]
+    read_seconds: float = field(default=0.0, init=False)
 
     def __init__(
         self,

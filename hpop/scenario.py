@@ -32,6 +32,7 @@ import dataclasses
 import math
 from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any, cast
 
 import shapely
@@ -104,7 +105,7 @@ def load_scenario(path: str | Path) -> Scenario:
     with faults.collected(("groups",)):
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
-    folder = document.path.parent
+    folder, began = document.path.parent, perf_counter()
     with faults.collected(("world", reader or next(name for name, value in file.world if value is not None))):
         bare = (
             _bare_world(file.world, folder)
@@ -112,9 +113,11 @@ def load_scenario(path: str | Path) -> Scenario:
             else read_world(reader, folder / to_read.path, **to_read.model_extra)
         )
         world = _furnished(bare, file.world, folder, content)
+    read_seconds = perf_counter() - began
     faults.raise_all()
     with faults.collected(("criteria",)):
         problem = Problem(world, cast(DifferentialDrive, model), start, goal, cast(list[Criterion], wanted))
+        object.__setattr__(problem, "read_seconds", read_seconds)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)
 

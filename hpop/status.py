@@ -35,11 +35,12 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Budget:
-    """What a search may spend; None is no bound.
+    """What a planner or a search may spend; None is no bound.
 
-    time_limit  s      wall-clock time of the search, kernels already compiled
+    time_limit  s      wall-clock time, kernels already compiled: of a planner to read the map, build its graph and
+                       search, of a search alone from when it begins
     max_labels  count  labels generated (partial paths kept in memory)
-    max_memory  bytes  memory that the search allocates for itself
+    max_memory  bytes  memory of a planner's graph and of its search
     """
 
     time_limit: float | None = None

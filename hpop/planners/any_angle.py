@@ -15,6 +15,7 @@ from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.lattice import Lattice
+from hpop.planners.purse import Purse
 from hpop.planners.roadmap import SAME, checked_ends, on_roadmap, pairs
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.status import Budget, ProgressCallback, Status
@@ -83,10 +84,10 @@ class AnyAngle:
             return _lattice_only(first)
         began = time.perf_counter()
         problem = _on_headings(problem, first.trajectories[0])
+        purse = Purse(Budget(self.time_limit, self.max_labels, self.max_memory))
         try:
-            roadmap, notes = self.roadmap(problem, first)
-            budget = Budget(self.time_limit, self.max_labels, self.max_memory)
-            found = on_roadmap("any-angle", problem, objectives, roadmap, budget, progress, began, notes)
+            roadmap, notes = self.roadmap(problem, first, purse)
+            found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)
         except KeyboardInterrupt:
             return _lattice_only(replace(first, status=Status.INTERRUPTED))
         # An interruption ends the plan, whatever came before it.
@@ -97,7 +98,9 @@ class AnyAngle:
             stats={**found.stats, "lattice_points": len(first.trajectories), "lattice_seconds": began - begun},
         )
 
-    def roadmap(self, problem: Problem, first: Candidates) -> tuple[StateRoadmap, tuple[str, ...]]:
+    def roadmap(
+        self, problem: Problem, first: Candidates, purse: Purse | None = None
+    ) -> tuple[StateRoadmap, tuple[str, ...]]:
         """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
         ends = checked_ends(problem)
         corners = _corners(problem, first.trajectories, ends)
@@ -116,6 +119,7 @@ class AnyAngle:
             f"{self._lattice().lattice(problem).words}",
             chosen={"step": self.step, "headings": self.headings, "corners": count},
             remedy="take a smaller step, or more max_positions",
+            purse=purse or Purse(),
         )
         few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
         return roadmap, (few,) if count < len(corners) else ()

@@ -57,15 +57,17 @@ class Arcs(NamedTuple):
         bounds = np.clip(self.start[first : last + 1], part.start, part.stop)
         return np.repeat(np.arange(first, last), bounds[1:] - bounds[:-1]), self.heads[part].astype(np.int64)
 
-    def blocks(self) -> Iterator[slice]:
-        """Ranges of arcs, bounded in size."""
-        return (slice(begin, min(begin + BLOCK, self.heads.size)) for begin in range(0, self.heads.size, BLOCK))
-
     def of(self, turns: bool) -> tuple[IntArray, IntArray]:
         """Tails and heads of all turns, or of all moves."""
         kind = self.turns if turns else ~self.turns
         tails = np.repeat(np.arange(self.start.size - 1), np.diff(self.start))
         return tails[kind], self.heads[kind].astype(np.int64)
+
+
+def blocks(size: int, each: int = 1) -> Iterator[slice]:
+    """Ranges of so many things, each as much work as some arcs, bounded in arcs."""
+    step = max(1, BLOCK // each)
+    return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))
 
 
 class Quanta:
@@ -85,8 +87,7 @@ class Quanta:
 def table(columns: list[NDArray[np.unsignedinteger]], size: int) -> IntArray:
     """Columns (m,) side by side, (m, k)."""
     costs = np.empty((size, len(columns)), np.int64)
-    for begin in range(0, size, BLOCK):
-        part = slice(begin, begin + BLOCK)
+    for part in blocks(size):
         for j, column in enumerate(columns):
             costs[part, j] = column[part]
     costs.setflags(write=False)

@@ -18,10 +18,11 @@ from hpop.criteria import Duration
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
+from hpop.planners.purse import Exhausted, Purse
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.planners.state_graph import MAX_COSTS, TURNS, GraphQuery
-from hpop.status import Budget, ProgressCallback, Status
+from hpop.status import ProgressCallback, Status
 
 DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000
@@ -99,12 +100,17 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
     return replace(memory, optimised=(integral_of(means[0]), *memory.optimised, *summed))
 
 
+def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Objectives:
+    """Objectives as they are reported: the mean itself in the place of what its graph adds up."""
+    return replace(objectives, optimised=tuple(c for c in criteria if c.aggregate != "trajectory"))
+
+
 def exact_mean(
     query: GraphQuery,
     criteria: Sequence[Criterion],
     detour: Detour,
     name: str,
-    budget: Budget,
+    purse: Purse,
     progress: ProgressCallback | None = None,
     checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
@@ -113,14 +119,19 @@ def exact_mean(
     query   with the columns of :func:`mean_objectives`; its bound on the turns holds as well
     detour  no path may exceed this
 
-    Raises OptionError where a cost that is bounded is not among the criteria.
+    Raises OptionError where a cost that is bounded is not among the criteria, Exhausted where a limit is passed before
+    the search.
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _column(query, detour)
     alone = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [column]])
-    shortest = pareto_paths(alone, query.start, query.goals, progress=progress)
+    shortest = pareto_paths(
+        alone, query.start, query.goals, budget=replace(purse.left(), max_labels=None), progress=progress
+    )
     if shortest.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
+    if not shortest.status.is_final:
+        raise Exhausted(shortest.status, f"the least {detour.cost} was looked for")
     least = int(shortest.costs[0, 0]) if len(shortest) else 0
     most = int(detour.factor * least)
     if column != DURATION:
@@ -133,7 +144,7 @@ def exact_mean(
         duration=DURATION,
         cap=most if column == DURATION else None,
         at_most=at_most,
-        budget=budget,
+        budget=purse.left(),
         progress=progress,
         checkpoint=checkpoint,
     )

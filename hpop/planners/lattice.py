@@ -15,10 +15,11 @@ from hpop.errors import OptionError, QueryError
 from hpop.models.collision import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
-from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_objectives
+from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
+from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable, tolerance_counts
@@ -45,9 +46,10 @@ class Lattice:
     max_turns       count  paths with more turns are left out; needs the criterion turns
     eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
     tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
-    time_limit      s      of the search; what is found until then is returned and called incomplete
+    time_limit      s      to read the map, build the lattice and search, not to compile; what is found until then is
+                           returned and called incomplete
     max_labels      count  partial paths kept by the search
-    max_memory      bytes  allocated by the search
+    max_memory      bytes  of the lattice's graph and of the search
     checkpoint      file in which the search keeps its state, and from which it goes on if it is there
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
@@ -115,17 +117,23 @@ class Lattice:
         finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint that is of
         another question.
         """
-        if self.max_detour is not None:
-            query = self.query(problem, mean_objectives(problem.criteria, "lattice"), progress)
-            ways = ("lattice", self._budget(), progress, self.checkpoint)
-            return exact_mean(query, problem.criteria, Detour.of(self.max_detour, self.max_turns), *ways)
-        query = self.query(problem, edge_objectives(problem.criteria, "lattice"), progress)
-        return self.exact(query, self._budget(), progress)
+        purse = self.purse(problem)
+        lattice = self.lattice(problem, purse)
+        mean = self.max_detour is not None
+        objectives = (mean_objectives if mean else edge_objectives)(problem.criteria, "lattice")
+        try:
+            query = self.query(problem, objectives, progress, lattice)
+            if self.max_detour is not None:
+                detour = Detour.of(self.max_detour, self.max_turns)
+                return exact_mean(query, problem.criteria, detour, "lattice", purse, progress, self.checkpoint)
+            eps, tolerance, kept = self.eps, self.tolerance, self.checkpoint
+            return query.exact("lattice", purse.left(), progress, eps=eps, tolerance=tolerance, checkpoint=kept)
+        except Exhausted as stop:
+            return stopped("lattice", mean_criteria(problem.criteria, objectives) if mean else objectives, stop, purse)
 
-    def exact(self, query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:
-        """The search that is asked for, the last stage."""
-        eps, tolerance, kept = self.eps, self.tolerance, self.checkpoint
-        return query.exact("lattice", budget, progress, eps=eps, tolerance=tolerance, checkpoint=kept)
+    def purse(self, problem: Problem) -> Purse:
+        """The planner's limits, which reading the map, building and searching share."""
+        return Purse(self._budget(), spent=problem.read_seconds)
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.
@@ -170,11 +178,16 @@ class Lattice:
             max_turns=self.max_turns,
         )
 
-    def lattice(self, problem: Problem) -> StateLattice:
-        """The lattice anchored at the problem's start."""
-        anchor = (problem.start[0], problem.start[1])
+    def lattice(self, problem: Problem, purse: Purse | None = None) -> StateLattice:
+        """The lattice anchored at the problem's start; building it may spend what is in the purse."""
         return StateLattice(
-            problem.model, problem.world, anchor, float(self.step), Headings(self.headings), self.corner_cutting
+            problem.model,
+            problem.world,
+            (problem.start[0], problem.start[1]),
+            float(self.step),
+            Headings(self.headings),
+            self.corner_cutting,
+            purse=purse or Purse(),
         )
 
     def _heading(self, yaw: float, what: str) -> int:

@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.motions import States
-from hpop.planners.arcs import BLOCK, Arcs
+from hpop.planners.arcs import Arcs, blocks
 from hpop.planners.grid import Headings, steps_from
 from hpop.planners.separation import what_separates
 from hpop.planners.state_graph import StateGraph
 
 MAX_STATES = 40_000_000
+POSITION = 32  # bytes that laying out a position takes, beside its states
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,7 @@ class StateLattice(StateGraph):
     @cached_property
     def clear(self) -> BoolArray:
         """Positions (rows, columns) where the robot is free at every yaw, so that every turn is free too."""
+        self.purse.check(self._laid, self.shape[0] * self.shape[1] * POSITION)
         clear = np.zeros(self.shape, dtype=bool)
 
         def free(part: slice) -> tuple[IntArray, IntArray, BoolArray]:
@@ -109,9 +111,7 @@ class StateLattice(StateGraph):
 
     def _rows(self) -> Iterator[slice]:
         """Ranges of rows, bounded in positions."""
-        rows, columns = self.shape
-        step = max(1, BLOCK // max(1, columns))
-        return (slice(begin, min(begin + step, rows)) for begin in range(0, rows, step))
+        return blocks(self.shape[0], max(1, self.shape[1]))
 
     @property
     def _kept(self) -> BoolArray:
@@ -208,7 +208,7 @@ class StateLattice(StateGraph):
             tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
             return tails[~self.collision.motions_free(self.motions("move", tails, steps[tails].astype(np.int64)))]
 
-        for tails in self.purse.each(blocked, _parts(self.size), self._laid):
+        for tails in self.purse.each(blocked, blocks(self.size), self._laid):
             steps[tails] = -1
         return steps
 
@@ -225,7 +225,7 @@ class StateLattice(StateGraph):
             motions = self.motions("turn", tails + a, tails + others[a, b])
             return (place + part.start, a, b), self.collision.motions_free(motions)
 
-        for at, turns in self.purse.each(found, _parts(len(free), count * count), self._laid):
+        for at, turns in self.purse.each(found, blocks(len(free), count * count), self._laid):
             possible[at] = turns
         return possible
 
@@ -242,9 +242,3 @@ class StateLattice(StateGraph):
     def what_separates(self, start: int, goals: list[int]) -> str:
         """The widest passage between a state and the goals, or the wall, in words."""
         return what_separates(self, start, goals)
-
-
-def _parts(size: int, each: int = 1) -> Iterator[slice]:
-    """Ranges of so many things, each of some arcs, bounded in arcs."""
-    step = max(1, BLOCK // each)
-    return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))

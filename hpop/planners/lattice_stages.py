@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.planners.base import Candidates, Planner, edge_objectives
+from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives
 from hpop.planners.lattice_graph import StateLattice
+from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.planners.search.beside import compiling_beside, is_compiling
 from hpop.planners.search.first_paths import first_paths
@@ -40,29 +41,41 @@ COARSE = 0.1  # relative precision of the last stage before the exact one
 def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
     """Candidates of each stage; after Ctrl-C what was found, and no more."""
     objectives = edge_objectives(problem.criteria, "lattice")
-    lattice, purse = planner.lattice(problem), _Purse(planner, planner.time_limit or math.inf)
+    purse = planner.purse(problem)
+    try:
+        yield from _stages(planner, problem, objectives, purse, progress)
+    except Exhausted as stop:
+        yield stopped("lattice", objectives, stop, purse)
+
+
+def _stages(
+    planner: Lattice, problem: Problem, objectives: Objectives, purse: Purse, progress: ProgressCallback | None
+) -> Iterator[Candidates]:
+    lattice = planner.lattice(problem, purse)
     part = _part(planner, lattice, problem)
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
-        budget = purse.budget(max(QUICK, SHARE * query.build_seconds))
+        budget = _share(purse, max(QUICK, SHARE * query.build_seconds))
         if is_compiling() and space is (part or lattice):
             first = _quick_answer(query, budget, progress)
         else:
             first = _first_answer(query, budget, progress)
-        yield purse.paid(first)
+        with purse.paused():
+            yield first
         if first.status is Status.INTERRUPTED:
             return
     covered = math.inf
     if part is not None and planner.eps < COARSE:
-        coarse = query.exact("lattice", purse.budget(query.build_seconds), progress, eps=COARSE, stage=True)
+        coarse = query.exact("lattice", _share(purse, query.build_seconds), progress, eps=COARSE, stage=True)
         covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
-        yield purse.paid(_unfinished(replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance))))
+        with purse.paused():
+            yield _unfinished(replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)))
         if coarse.status is Status.INTERRUPTED:
             return
     yield query.exact(
         "lattice",
-        purse.rest(),
+        purse.left(),
         progress,
         eps=planner.eps,
         tolerance=planner.tolerance,
@@ -84,29 +97,10 @@ def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractCon
     return compiling_beside(["max" if c.aggregate == "max" else "sum" for c in criteria], turns)
 
 
-@dataclass
-class _Purse:
-    """What the searches of all stages together may spend.
-
-    left  s, of the planner's time limit
-    """
-
-    planner: Lattice
-    left: float
-
-    def budget(self, seconds: float) -> Budget:
-        """So many seconds for a stage before the last, but no more than a quarter of what is left."""
-        return Budget(min(seconds, self.left / 4), self.planner.max_labels, self.planner.max_memory)
-
-    def paid(self, found: Candidates) -> Candidates:
-        """What a stage found, its time taken off; half of what was left stays in any case."""
-        self.left = max(self.left - found.stats["bounds_seconds"] - found.stats["search_seconds"], self.left / 2)
-        return found
-
-    def rest(self) -> Budget:
-        """All that is left."""
-        limit = None if math.isinf(self.left) else self.left
-        return Budget(limit, self.planner.max_labels, self.planner.max_memory)
+def _share(purse: Purse, seconds: float) -> Budget:
+    """So many seconds for a stage before the last, but no more than a quarter of what is left."""
+    left = purse.left()
+    return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
 
 def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLattice | None:

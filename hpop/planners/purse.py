@@ -8,15 +8,20 @@ is the same, bit for bit, whatever the number of cores.
 from __future__ import annotations
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
 from typing import TypeVar
 
-from hpop.status import Budget, Progress, ProgressCallback, Status
+import numpy as np
+
+from hpop.planners.base import Candidates, Objectives
+from hpop.status import Budget, Status
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
@@ -43,13 +48,10 @@ class Purse:
     memory  bytes held by what was built so far
     """
 
-    def __init__(
-        self, budget: Budget | None = None, progress: ProgressCallback | None = None, *, spent: float = 0.0
-    ) -> None:
+    def __init__(self, budget: Budget | None = None, *, spent: float = 0.0) -> None:
         """Start to spend; ``spent`` seconds are gone already, such as for reading the map."""
         self.budget = budget or Budget()
         self.memory = 0
-        self._progress = progress
         self._began = perf_counter() - spent
         self._compiled = _compiling()
 
@@ -66,6 +68,15 @@ class Purse:
             time_limit=None if limit is None else max(LEAST, limit - self.seconds()),
             max_memory=None if most is None else max(1, most - self.memory),
         )
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Time that others take, such as to draw what a stage found, is not charged."""
+        began = perf_counter()
+        try:
+            yield
+        finally:
+            self._began += perf_counter() - began
 
     def check(self, doing: str, memory: int = 0) -> None:
         """Raise Exhausted where a limit is passed, or would be with so many bytes more."""
@@ -88,7 +99,7 @@ class Purse:
         rest = iter(blocks)
         for block in islice(rest, 1):
             yield work(block)
-            self._tell(doing)
+            self.check(doing)
         waiting: deque[Future[B]] = deque()
         with ThreadPoolExecutor(CORES) as threads:
             try:
@@ -96,20 +107,37 @@ class Purse:
                     waiting.append(threads.submit(work, block))
                     if len(waiting) > CORES:
                         yield waiting.popleft().result()
-                        self._tell(doing)
+                        self.check(doing)
                 while waiting:
                     yield waiting.popleft().result()
-                    self._tell(doing)
+                    self.check(doing)
             finally:  # after Ctrl-C, a limit or an error nobody waits for blocks that have not begun
                 for future in waiting:
                     future.cancel()
 
-    def _tell(self, doing: str) -> None:
-        if self._progress:
-            self._progress(Progress("graph", memory=self.memory, seconds=self.seconds()))
-        self.check(doing)
+
+def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) -> Candidates:
+    """What the planner ``name`` returns when a limit was passed before it could search: nothing, and what helps."""
+    option = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}[stop.status]
+    costs = len(objectives.optimised)
+    return Candidates(
+        objectives=objectives.optimised,
+        trajectories=(),
+        planned=np.zeros((0, costs)),
+        tolerance=np.zeros((0, costs)),
+        status=stop.status,
+        certificate=f"{name}: incomplete ({stop.status}): nothing was searched",
+        provenance=(),
+        notes=(
+            *objectives.notes,
+            f"{stop.status}: it was passed while {stop.doing}; take a larger step, fewer criteria, or raise {option}",
+        ),
+        stats={"build_seconds": purse.seconds()},
+        filters=objectives.filters,
+    )
 
 
 def _compiling() -> float:
-    """Seconds that this process has spent on compiling kernels so far."""
-    return 0.0
+    """Seconds that this process has spent on compiling kernels so far; none before numba is imported."""
+    compiled = sys.modules.get("hpop.compiled")
+    return compiled.compiling_seconds() if compiled else 0.0

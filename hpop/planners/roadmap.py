@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from hpop.errors import OptionError, QueryError
 from hpop.models.collision import PlanarCollision, why_blocked
 from hpop.motions import States
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
@@ -35,9 +35,10 @@ class Roadmap:
     samples     count  free positions, drawn uniformly
     neighbours  count  nearest positions to which each is linked; None takes ceil(2e log n) of n, as PRM* does
     seed               of the random positions
-    time_limit  s      of the search; what is found until then is returned and called incomplete
+    time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
+                       returned and called incomplete
     max_labels  count  partial paths kept by the search
-    max_memory  bytes  allocated by the search
+    max_memory  bytes  of the roadmap's graph and of the search
     checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
                 front is safe
 
@@ -86,18 +87,23 @@ class Roadmap:
         refuse_unanswerable(problem, objectives, "roadmap")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
-        began = time.perf_counter()
-        roadmap = self.roadmap(problem)
+        purse = Purse(self._budget(), spent=problem.read_seconds)
+        try:
+            roadmap = self.roadmap(problem, purse)
+        except Exhausted as stop:
+            return stopped("roadmap", objectives, stop, purse)
         drawn = roadmap.options["samples"]
         few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
         notes = (few,) if drawn < self.samples else ()
-        how = (roadmap, self._budget(), progress, began, notes, self.checkpoint)
-        return on_roadmap("roadmap", problem, objectives, *how)
+        return on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
 
-    def roadmap(self, problem: Problem) -> StateRoadmap:
-        """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked."""
-        ends = checked_ends(problem)
-        positions = np.concatenate([ends, self._drawn(problem)])
+    def roadmap(self, problem: Problem, purse: Purse | None = None) -> StateRoadmap:
+        """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked.
+
+        Building it may spend what is in the purse.
+        """
+        ends, purse = checked_ends(problem), purse or Purse()
+        positions = np.concatenate([ends, self._drawn(problem, purse)])
         drawn = len(positions) - len(ends)
         count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
         return StateRoadmap(
@@ -111,9 +117,10 @@ class Roadmap:
             name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
             chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
             remedy="take more samples",
+            purse=purse,
         )
 
-    def _drawn(self, problem: Problem) -> FloatArray:
+    def _drawn(self, problem: Problem, purse: Purse) -> FloatArray:
         """Free positions (n, 2), m, drawn uniformly; fewer than samples where next to nothing is free.
 
         A position is taken if the robot is free there at a random heading.
@@ -123,6 +130,7 @@ class Roadmap:
         x_min, y_min, x_max, y_max = problem.world.bounds
         drawn = np.zeros((0, 2))
         for _ in range(DRAWS):
+            purse.check("positions were drawn")
             x, y, yaw = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3)).T
             free = collision.states_free(States(x=x, y=y, yaw=yaw))
             drawn = np.concatenate([drawn, np.stack([x, y], axis=1)[free]])
@@ -165,19 +173,20 @@ def on_roadmap(
     problem: Problem,
     objectives: Objectives,
     roadmap: StateRoadmap,
-    budget: Budget,
     progress: ProgressCallback | None,
-    began: float,
     notes: tuple[str, ...],
     checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
     if progress:
         progress(Progress("graph"))
-    graph = roadmap.graph(objectives.optimised)
-    seconds = time.perf_counter() - began
-    query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, seconds, notes)
-    found = query.exact(name, budget, progress, checkpoint=checkpoint)
+    purse = roadmap.purse
+    try:
+        graph = roadmap.graph(objectives.optimised)
+        query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, purse.seconds(), notes)
+        found = query.exact(name, purse.left(), progress, checkpoint=checkpoint)
+    except Exhausted as stop:
+        return stopped(name, objectives, stop, purse)
     try:
         judgement = _judged(problem, found)
     except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed

@@ -18,11 +18,14 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import wrap
 from hpop.motions import Motions, States
-from hpop.planners.state_graph import BATCH, StateGraph
+from hpop.planners.arcs import blocks
+from hpop.planners.state_graph import StateGraph
 
 ALIGNED = 1e-9  # rad: directions that differ by less are one heading
 LEAST_TURN = math.radians(1.0)  # what counts as a turn; smaller ones in a row would turn by any angle and count nothing
 MAX_EDGES = 60_000_000
+TURN = 64  # bytes that laying out a turn takes
+PIECES = 4  # in which a turn is checked, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +75,12 @@ class StateRoadmap(StateGraph):
         nearest = order[np.unique(direction[order], return_index=True)[1]]
         tails, heads, yaw = tails[nearest], heads[nearest], yaw[nearest]
         free = np.ones(tails.size, dtype=bool)
-        for begin in range(0, tails.size, BATCH):
-            part = slice(begin, begin + BATCH)
-            free[part] = self._moves_free(tails[part], heads[part], yaw[part])
+
+        def found(part: slice) -> tuple[slice, BoolArray]:
+            return part, self._moves_free(tails[part], heads[part], yaw[part])
+
+        for part, moves in self.purse.each(found, blocks(tails.size), f"{self.words} was laid out"):
+            free[part] = moves
         return tails[free], heads[free], yaw[free]
 
     def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
@@ -149,6 +155,7 @@ class StateRoadmap(StateGraph):
                 f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
                 f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
             )
+        self.purse.check(f"{self.words} was laid out", int(others.sum()) * TURN)
         tails = np.repeat(np.arange(at.size), others)
         place = np.arange(tails.size) - np.repeat(np.cumsum(others) - others, others)
         heads = first[tails] + place
@@ -161,9 +168,13 @@ class StateRoadmap(StateGraph):
             return tails, heads
         free = self.collision.clear(*self.positions.T)[at[tails]]
         open_ = np.flatnonzero(~free)
-        for begin in range(0, open_.size, BATCH // 20):  # a turn is checked in many pieces
-            part = open_[begin : begin + BATCH // 20]
-            free[part] = self.collision.motions_free(self.motions("turn", tails[part], heads[part]))
+
+        def found(part: slice) -> tuple[IntArray, BoolArray]:
+            ids = open_[part]
+            return ids, self.collision.motions_free(self.motions("turn", tails[ids], heads[ids]))
+
+        for ids, turns in self.purse.each(found, blocks(open_.size, PIECES), f"{self.words} was laid out"):
+            free[ids] = turns
         return tails[free], heads[free]
 
     def what_separates(self, start: int, goals: list[int]) -> str:

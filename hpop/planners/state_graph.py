@@ -22,7 +22,7 @@ from hpop.frontier import is_nondominated
 from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
-from hpop.planners.arcs import Arcs, Quanta, table
+from hpop.planners.arcs import Arcs, Quanta, blocks, table
 from hpop.planners.base import Candidates, Objectives, quantised
 from hpop.planners.claims import at_memory_limit, missing, within
 from hpop.planners.purse import Purse
@@ -112,7 +112,7 @@ class StateGraph(ABC):
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
         """All edges as tails, heads and motions, in batches of bounded size."""
-        for part in self.arcs.blocks():
+        for part in blocks(self.arcs.heads.size):
             for _, tails, heads, motions in self._batches(part):
                 yield tails, heads, motions
 
@@ -142,7 +142,7 @@ class StateGraph(ABC):
                     count[own] = quantised(motion_costs(criterion, motions), criterion)
             return part, counts
 
-        for part, counts in self.purse.each(costed, arcs.blocks(), doing):
+        for part, counts in self.purse.each(costed, blocks(arcs.heads.size), doing):
             for column, count in zip(columns, counts, strict=True):
                 column.write(part, count)
         return Graph.from_csr(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.lattice import Lattice
+from hpop.planners.purse import Exhausted, stopped
 from hpop.planners.search import supported_paths
 from hpop.planners.state_graph import GraphQuery
 from hpop.planners.weights import Weights, asked_weights, check_count
@@ -29,7 +30,8 @@ class WeightedSum:
     divisions       weights are all multiples of 1 / divisions that sum to 1
     weights         or these: lists of one number a cost, in the order of the criteria without those with memory; with
                     neither they are adaptive
-    time_limit      s      of the sweep; what is found until then is returned and called incomplete
+    time_limit      s      to read the map, build the lattice and sweep, not to compile; what is found until then is
+                           returned and called incomplete
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
     normalised from ideal to nadir, which are in the stats; each trajectory carries the weights that gave it. Zero
@@ -73,14 +75,20 @@ class WeightedSum:
                 "(aggregate 'max'). Leave it out, or use planner 'lattice'."
             )
         check_count(self.weights, objectives.optimised)
-        query = self._lattice().query(problem, objectives, progress)
+        planner = replace(self._lattice(), time_limit=self.time_limit)
+        purse = planner.purse(problem)
+        try:
+            query = planner.query(problem, objectives, progress, planner.lattice(problem, purse))
+            budget = purse.left()
+        except Exhausted as stop:
+            return stopped("weighted-sum", objectives, stop, purse)
         paths = supported_paths(
             query.graph,
             query.start,
             query.goals,
             divisions=self.divisions,
             weights=self.weights,
-            budget=Budget(self.time_limit),
+            budget=budget,
             progress=progress,
             executor=executor,
         )

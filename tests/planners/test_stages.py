@@ -52,7 +52,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every lattice of more than 60 positions counts as large, and no stage is cut short."""
     monkeypatch.setattr(lattice_stages, "MOST", 60)
-    monkeypatch.setattr(lattice_stages._Purse, "budget", lambda purse, seconds: purse.rest())
+    monkeypatch.setattr(lattice_stages, "_share", lambda purse, seconds: purse.left())
 
 
 def same(a: Candidates, b: Candidates) -> bool:
@@ -177,7 +177,7 @@ def test_the_coarse_stage_keeps_its_promise() -> None:
 @pytest.mark.usefixtures("large")
 def test_a_stage_that_has_spent_its_share_speaks_of_no_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A user who set none would look for it."""
-    monkeypatch.setattr(lattice_stages._Purse, "budget", lambda purse, seconds: Budget(1e-9))
+    monkeypatch.setattr(lattice_stages, "_share", lambda purse, seconds: Budget(1e-9))
     coarse = found(problem())[-2]
     assert coarse.certificate.startswith("lattice: incomplete (this stage's share of the time): ")
     assert "time limit" not in coarse.certificate

@@ -25,6 +25,8 @@ from hpop.status import Status
 
 UNREACHABLE = np.int64(2**62)
 PILES = 63  # costs have up to 62 bits
+ARC, COST = 4, 8  # bytes of a reversed arc, and of each of its costs
+NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node, dearest turn, 9 of the search backward
 
 
 @kernel
@@ -196,23 +198,26 @@ def lower_bounds(
 ) -> tuple[IntArray, IntArray, Status | None]:
     """Compute h (k, n), the cost vectors (k, k) of the paths least in each cost, and the limit passed.
 
+    Where there is no room for it, h is empty (k, 0): memory is counted before it is taken, scratch included.
+
     A node from which no target is reached has UNREACHABLE; an unreachable source has no vectors (0, k).
     """
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
     is_max = np.array([a == "max" for a in graph.aggregates], np.int64)
     groups = groups or Groups.of(graph, clock)
+    m = len(groups.heads)
+    memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k)
+    status = clock.exceeded(0, memory)
+    if status is not None:
+        return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
     begin, tails, weights = clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs)
     same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
     parents = np.empty((k, n), np.int32)
-    memory = begin.nbytes + tails.nbytes + weights.nbytes + h.nbytes + parents.nbytes + group.nbytes
     dearest = np.ascontiguousarray(groups.dearest.T)
     ends = groups.place[targets]
-    status = clock.exceeded(0, memory)
-    if status is not None:
-        return h, np.zeros((0, k), np.int64), status
 
     def arguments(j: int) -> tuple[Any, ...]:
         turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])

@@ -271,7 +271,7 @@ class Staircase(Search):
         silent = clock.silent(int(self.counters[N_GENERATED]), memory)
         groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
         h, _, _ = lower_bounds(part, source, targets, silent, groups)
-        if h[0, source] >= UNREACHABLE:  # where steps are too coarse to tell ways apart
+        if not h.size or h[0, source] >= UNREACHABLE:  # no room, or steps are too coarse to tell ways apart
             return np.zeros((0, 3), np.int64), []
         near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
         search = Staircase(part, source, targets, h, self.order, groups, silent, near, self.at_most, jointly=False)

@@ -1,6 +1,6 @@
 """Claims: bounds are the exact scalar optimum a cost, for sums and bottlenecks, parallel arcs included."""
 
-from __future__ import annotations
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -73,6 +73,22 @@ def test_a_hub_with_more_arcs_than_the_heap_has_room():
     np.testing.assert_array_equal(h[0, 1:], spokes % 7)
     everywhere, _, _ = lower_bounds(graph, 1, np.arange(n), Clock(Budget(), None))
     assert not everywhere.any()
+
+
+def test_memory_is_counted_before_it_is_taken_scratch_included():
+    """What the bounds allocate, measured, is no more than what they count before."""
+    rng = np.random.default_rng(3)
+    graph = Graph.from_arcs(20_000, *rng.integers(0, 20_000, (2, 80_000)), rng.integers(0, 9, (80_000, 3)))
+    clock = Clock(Budget(), None)
+    groups = Groups.none(graph, clock)
+    lower_bounds(graph, 0, np.array([1]), clock, groups)
+    bounded = Clock(Budget(max_memory=clock.peak - 1), None)
+    assert lower_bounds(graph, 0, np.array([1]), bounded, groups)[2] is Status.MEMORY_LIMIT
+    tracemalloc.start()
+    lower_bounds(graph, 0, np.array([1]), clock, groups)
+    arrays = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.8 * clock.peak <= arrays <= clock.peak + 20_000  # the objects of a pool of threads
 
 
 def test_a_limit_stops_between_costs():

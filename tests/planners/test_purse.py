@@ -1,0 +1,139 @@
+"""A planner's limits hold while its graph is built, and building is the same whatever the number of cores."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop import compiled
+from hpop.criteria.base import criterion
+from hpop.planners import arcs, purse
+from hpop.planners.lattice import Lattice
+from hpop.planners.purse import Exhausted, Purse
+from hpop.planners.roadmap import Roadmap
+from hpop.planners.weighted_sum import WeightedSum
+from hpop.registry import criteria
+from hpop.status import Budget
+
+COUNTED: list[int] = []
+WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
+ROUND = hpop.DifferentialDrive(radius=0.3)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def watched():
+    """A criterion that counts the motions it is asked for."""
+
+    @criterion("watched", group="C", unit="m", aggregate="sum")
+    @dataclass(frozen=True)
+    class Watched:
+        interrupted: int = 0
+
+        def cost(self, m):
+            COUNTED.append(len(m))
+            if self.interrupted and len(COUNTED) == self.interrupted:
+                raise KeyboardInterrupt
+            return m.base.length
+
+    yield
+    del criteria._types["watched"]
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    COUNTED.clear()
+    monkeypatch.setattr(arcs, "BLOCK", 1000)
+
+
+def asked(*names, world=WORLD):
+    return hpop.Problem(world, ROUND, (1.0, 1.0, 0.0), (7.0, 1.0, 0.0), names or ("watched", "turns"))
+
+
+@pytest.mark.parametrize("planner", [Lattice, WeightedSum, Roadmap])
+def test_a_limit_that_ends_while_the_graph_is_built_is_a_result(planner):
+    front = asked().solve(planner(time_limit=1e-9))
+    assert (front.status, len(front), COUNTED) == ("time limit", 0, [])
+    (note,) = (note for note in front.runs[-1]["notes"] if note.startswith("time limit"))
+    assert "take a larger step" in note
+    assert "raise time_limit" in note
+
+
+@pytest.mark.parametrize("planner", [Lattice, Roadmap])
+def test_a_graph_too_large_for_the_memory_is_refused_before_it_is_costed(planner):
+    front = asked().solve(planner(max_memory=300_000))
+    assert (front.status, len(front), COUNTED) == ("memory limit", 0, [])
+    assert any("MB" in note and "raise max_memory" in note for note in front.runs[-1]["notes"])
+
+
+def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypatch):
+    monkeypatch.setattr("hpop.planners.lattice_stages.MOST", 40)
+    problem, planner = asked("length", "turns"), Lattice(step=0.25)
+    lattice = planner.lattice(problem)
+    room = lattice.size * lattice.headings.count * 20  # bytes: it can be laid out, but not costed
+    *_, front = problem.fronts([Lattice(step=0.25, max_memory=room)], stage=lambda _: None)
+    assert front.status == "memory limit"
+    assert len(front) > 0
+
+
+def test_an_interruption_ends_building_at_the_next_block():
+    with pytest.raises(KeyboardInterrupt):
+        asked({"watched": {"interrupted": 3}}).solve(Lattice(step=0.25))
+    assert len(COUNTED) <= 3 + 2 * 2 * (purse.CORES + 1)  # of some 40 blocks, of turns and moves each
+
+
+def test_the_graph_is_the_same_whatever_the_number_of_cores(monkeypatch):
+    graphs = []
+    for cores in (1, 5):
+        monkeypatch.setattr(purse, "CORES", cores)
+        problem = asked("length", "exposure", "rotation", "worst_obstruction")
+        graphs.append(Lattice(step=0.5).lattice(problem).graph(problem.criteria))
+    for name in ("indptr", "heads", "costs"):
+        assert (getattr(graphs[0], name) == getattr(graphs[1], name)).all()
+
+
+def test_what_is_spent_is_taken_from_what_the_search_may_spend():
+    spent = Purse(Budget(time_limit=100.0, max_memory=1000, max_labels=7), spent=40.0)
+    spent.hold(300, "a graph was built")
+    left = spent.left()
+    assert (left.max_memory, left.max_labels) == (700, 7)
+    assert left.time_limit == pytest.approx(60.0, abs=5.0)
+    with pytest.raises(Exhausted, match="memory limit"):
+        spent.hold(701, "a graph was built")
+
+
+def test_time_that_others_take_is_not_charged(monkeypatch):
+    ticks = iter([10.0, 12.0, 112.0, 115.0])
+    monkeypatch.setattr(purse, "perf_counter", lambda: next(ticks))
+    spent = Purse(Budget(time_limit=1.0))  # at 10 s
+    with spent.paused():
+        pass  # 12 s to 112 s
+    assert spent.seconds() == 5.0
+
+
+def test_time_that_kernels_take_to_compile_is_not_charged(monkeypatch):
+    ticks = iter([10.0, 115.0])
+    monkeypatch.setattr(purse, "perf_counter", lambda: next(ticks))
+    spent = Purse(Budget(time_limit=1.0))
+    before = compiled.compiling_seconds()
+
+    @compiled.numba.njit
+    def inner(x):
+        return x + 1
+
+    @compiled.numba.njit
+    def outer(x):
+        return inner(x) + inner(x + 0.5)
+
+    outer(1)
+    took = compiled.compiling_seconds() - before
+    assert took > 0
+    assert spent.seconds() == pytest.approx(105.0 - took)
+
+
+def test_costs_in_small_integers_are_the_costs():
+    column = arcs.Quanta(4)
+    for part, counts in ((slice(0, 2), [3, 70_000]), (slice(2, 4), [2**40, 5])):
+        column.write(part, np.array(counts))
+    assert arcs.table([column.counts], 4)[:, 0].tolist() == [3, 70_000, 2**40, 5]
