@@ -86,7 +86,11 @@ def parts_of(checkout: Path, scenario: Path, out: Path, cache: Path | None) -> S
     seconds |= _plan(environment, scenario, out)
     if cache is None:
         said = subprocess.run(
-            [sys.executable, "-c", INSIDE, str(scenario)], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-P", "-c", INSIDE, str(scenario)],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         seconds |= {f"  {part}": (value, value) for part, value in json.loads(said.stdout).items()}
     return seconds
@@ -95,7 +99,7 @@ def parts_of(checkout: Path, scenario: Path, out: Path, cache: Path | None) -> S
 def _whole(program: str, environment: dict[str, str], *arguments: str) -> tuple[float, float]:
     """Seconds that a program takes to its end."""
     before, began = os.times(), time.perf_counter()
-    command = [sys.executable, "-c", program, *arguments]
+    command = [sys.executable, "-P", "-c", program, *arguments]
     subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=True)
     after = os.times()
     taken = after.children_user + after.children_system - before.children_user - before.children_system
@@ -105,9 +109,9 @@ def _whole(program: str, environment: dict[str, str], *arguments: str) -> tuple[
 def _plan(environment: dict[str, str], scenario: Path, out: Path) -> Seconds:
     """Seconds of `hpop plan` until its first front, its table, its pictures."""
     began, seconds = time.perf_counter(), {}
-    command = [sys.executable, "-c", HPOP, "plan", str(scenario), "--out", str(out)]
+    command = [sys.executable, "-P", "-c", HPOP, "plan", str(scenario), "--out", str(out)]
     before = os.times()
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, cwd=out.parent) as process:
         assert process.stdout is not None
         said = ""
         with selectors.DefaultSelector() as selector:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from hpop.front import Front
     from hpop.planners import Planner
+    from hpop.problem import Problem
     from hpop.scenario import Scenario
 
 MOST_FAULTS = 20
@@ -181,10 +182,9 @@ def plan(
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
     report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
-    pictures = results.draw(loaded.problem, front, out)
-    click.echo(f"written to {out}: {', '.join([SAVED, *pictures])}")
     if checkpoint is not None:
         _tidy(checkpoint, front)
+    _draw(loaded.problem, front, out, imports)
     if front.status == Status.NO_PATH:
         sys.exit(NO_PATH)
     if Status.INTERRUPTED in front.status:
@@ -308,7 +308,7 @@ def _solved(
 ) -> tuple[list[Front], Front | None]:
     """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
 
-    So are the fronts of a planner's stages, and other processes draw them while the search goes on.
+    So are the fronts of a planner's stages; of one that stands for a while another process draws the map.
     """
     from hpop import report
 
@@ -323,7 +323,7 @@ def _solved(
 
         def stage(front: Front) -> None:
             keep(front)
-            pictures.start()
+            pictures.stage()
 
         try:
             for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor, stage=stage):
@@ -339,6 +339,21 @@ def _solved(
                 click.echo(f"what was found before is saved in {out / SAVED}", err=True)
             raise
     return fronts, say.first
+
+
+def _draw(problem: Problem, front: Front, out: Path, imports: Sequence[str]) -> None:
+    """Draw the pictures; who has pressed Ctrl-C gets the prompt back, and another process draws them."""
+    from hpop.status import Status
+
+    try:
+        if Status.INTERRUPTED in front.status:
+            raise KeyboardInterrupt
+        click.echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
+    except KeyboardInterrupt:
+        PicturesBeside(out, imports).start()
+        click.echo(f"written to {out}: {SAVED}; pictures follow")
+        if Status.INTERRUPTED not in front.status:
+            raise
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:

@@ -1,8 +1,9 @@
-"""Pictures of a front while the search for a better one goes on: another process draws them.
+"""Pictures of a front that is saved, drawn by another process: of a stage, and where the user wants the prompt back.
 
-Drawing takes seconds of Python, which would stand in the search's way. The other process reads what is saved, a front
-with its problem, so it needs nothing else but the user's own code, if there is any;
-``python -P -m hpop.pictures FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the current folder (-P).
+Drawing takes seconds of Python, which would stand in the way of a search that goes on, and of a user who has stopped
+one. The other process reads what is saved, a front with its problem, so it needs nothing else but the user's own code,
+if there is any; ``python -P -m hpop.pictures all|map FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the
+current folder (-P).
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen
+from threading import Timer
 from types import TracebackType
 from typing import Any
 
 from hpop import current_folder
 
 NICENESS = 10  # the search comes first
+STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; most give way to the next one before
 
 
 class PicturesBeside:
@@ -30,6 +33,7 @@ class PicturesBeside:
     def __init__(self, folder: Path, imports: Sequence[str] = ()) -> None:
         self.folder = folder
         self.imports = imports
+        self._timer: Timer | None = None
         self._process: Popen[Any] | None = None
 
     def __enter__(self) -> PicturesBeside:
@@ -40,16 +44,30 @@ class PicturesBeside:
     ) -> None:
         self.stop()
 
-    def start(self) -> None:
-        """Begin to draw; pictures are a help, so where no process can be had there are none."""
+    def stage(self) -> None:
+        """Draw the map alone, if no better front comes soon."""
         self.stop()
-        command = [sys.executable, "-P", "-m", "hpop.pictures", str(self.folder), *self.imports]
+        self._timer = Timer(STANDS, self._begin, ["map"])
+        self._timer.daemon = True
+        self._timer.start()
+
+    def start(self) -> None:
+        """Begin to draw all pictures; they are a help, so where no process can be had there are none."""
+        self.stop()
+        self._begin("all")
+
+    def _begin(self, which: str) -> None:
+        command = [sys.executable, "-P", "-m", "hpop.pictures", which, str(self.folder), *self.imports]
         with suppress(OSError):
             # A session of its own: Ctrl-C on the terminal is not meant for it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
     def stop(self) -> None:
         """Make sure that nothing is drawn any more: a new front is about to be saved. No half of a picture is left."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()  # it may just have begun
+            self._timer = None
         if self._process is None:
             return
         self._process.kill()
@@ -59,8 +77,8 @@ class PicturesBeside:
             half.unlink(missing_ok=True)
 
 
-def draw(folder: Path, imports: Sequence[str]) -> None:
-    """Draw the front saved in a folder, when there is nothing better to do."""
+def draw(which: str, folder: Path, imports: Sequence[str]) -> None:
+    """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
     from hpop import own_code
     from hpop.front import Front
     from hpop.problem import Problem
@@ -70,9 +88,9 @@ def draw(folder: Path, imports: Sequence[str]) -> None:
         os.nice(NICENESS)
     own_code.register(imports)
     front = Front.load(folder / "front.json")
-    save_pictures(Problem.from_description(front.problem or {}), front, folder)
+    save_pictures(Problem.from_description(front.problem or {}), front, folder, map_alone=which == "map")
 
 
 if __name__ == "__main__":
     current_folder.distrust()
-    draw(Path(sys.argv[1]), sys.argv[2:])
+    draw(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])

@@ -8,8 +8,6 @@ from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING
 
-import click
-
 from hpop.errors import OutputError
 
 if TYPE_CHECKING:
@@ -71,6 +69,3 @@ def draw(problem: Problem, front: Front, out: Path) -> list[str]:
         return [path.name for path in save_pictures(problem, front, out)]
     except Exception as error:
         raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error
-    except KeyboardInterrupt:
-        click.echo(f"the front is saved in {out / SAVED}, but the pictures are not", err=True)
-        raise

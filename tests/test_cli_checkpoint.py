@@ -16,6 +16,7 @@ from click.testing import CliRunner, Result
 import hpop.view
 from hpop.cli import main
 from hpop.front import Front
+from hpop.pictures import PicturesBeside
 
 EXTENT = [[0, 0], [9, 0], [9, 7], [0, 7]]
 BOXES = [(2, 1, 2.4, 4), (4, 3, 5.5, 3.4), (6.5, 2, 7, 5), (3, 5.2, 5, 5.5)]
@@ -36,6 +37,7 @@ SCENARIO = {
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
 
 
 def write(folder: Path, planner: object, **changes: object) -> Path:

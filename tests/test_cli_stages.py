@@ -66,23 +66,25 @@ def slowly(last: Callable[[Candidates], Candidates]) -> Callable[..., Iterator[C
 @pytest.fixture
 def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     (tmp_path / "room.yaml").write_text(SCENARIO)
     return tmp_path
 
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """Status and size of what is saved whenever another process begins to draw it."""
+    """Status and size of what is saved whenever another process shall draw it."""
     begun: list[tuple[str, int]] = []
 
-    def start(pictures: PicturesBeside) -> None:
+    def begin(pictures: PicturesBeside) -> None:
         front = Front.load(pictures.folder / "front.json")
         begun.append((front.status, len(front)))
         for name in ("map.png", "front.png"):
             assert not (pictures.folder / name).exists()  # those of the front before are gone
             (pictures.folder / name).touch()
 
-    monkeypatch.setattr(PicturesBeside, "start", start)
+    monkeypatch.setattr(PicturesBeside, "stage", begin)
+    monkeypatch.setattr(PicturesBeside, "start", begin)
     return begun
 
 
@@ -138,11 +140,13 @@ def test_a_stage_that_fails_leaves_the_front_before_it(
     front = Front.load(room / "out" / "front.json")
     assert result.exit_code == code
     assert (front.status, len(front)) == (status, 4)
+    # Who stops a search gets the prompt back: what was found is drawn by another process.
+    assert drawn[2:] == [("interrupted", 4)] * (status == "interrupted")
+    assert ("written to" in result.stdout) is (status == "interrupted")
     assert ("what was found before is saved in" in result.stderr) is (status == "unfinished")
 
 
 def test_ctrl_c_while_a_stage_is_saved_keeps_it(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(PicturesBeside, "start", lambda pictures: None)
     plain, calls = Front.save, []
 
     def interrupted_once(front: Front, path: Path) -> None:
@@ -176,6 +180,22 @@ def test_another_process_draws_what_is_saved(saved: Path) -> None:
         assert pictures._process.wait(120) == 0
     names = {"front.json", "map.png", "front.png", "trace.png", "where.png"}
     assert {path.name for path in saved.iterdir()} == names
+
+
+def test_of_a_stage_that_stands_the_map_is_drawn_and_of_others_nothing(
+    saved: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with PicturesBeside(saved) as pictures:
+        pictures.stage()  # the next front comes at once
+    assert pictures._process is None
+    monkeypatch.setattr("hpop.pictures.STANDS", 0.0)
+    with PicturesBeside(saved) as pictures:
+        pictures.stage()
+        assert pictures._timer is not None
+        pictures._timer.join()
+        assert pictures._process is not None
+        assert pictures._process.wait(120) == 0
+    assert {path.name for path in saved.iterdir()} == {"front.json", "map.png"}
 
 
 def test_what_is_stopped_draws_no_more_and_leaves_no_half_of_a_picture(saved: Path) -> None:
@@ -231,7 +251,7 @@ def test_saved_stages_are_valid_fronts(room: Path, monkeypatch: pytest.MonkeyPat
     """As another program sees them that reads the file whenever it changes."""
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(
-        PicturesBeside, "start", lambda pictures: seen.append(json.loads((pictures.folder / "front.json").read_text()))
+        PicturesBeside, "stage", lambda pictures: seen.append(json.loads((pictures.folder / "front.json").read_text()))
     )
     plan(room, monkeypatch, lambda exact: exact)
     assert [len(document["points"]) for document in seen] == [2, 4]

@@ -20,7 +20,9 @@ from hpop.view.where import draw_where
 DPI = 200
 
 
-def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI) -> list[Path]:
+def save_pictures(
+    problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI, map_alone: bool = False
+) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
     A knee that stays where it is, since the start is the goal, has no trace and no places.
@@ -33,7 +35,7 @@ def save_pictures(problem: Problem, front: Front, folder: str | os.PathLike[str]
         If the folder cannot be made or written to; no picture is then half-written.
     """
     figures = {"map.png": draw_map(problem, front)}
-    if len(front):
+    if len(front) and not map_alone:
         figures["front.png"] = draw_front(front)
         knee = front.knee().item
         if len(knee):

@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 
 import hpop.view
 from hpop.cli import main
+from hpop.pictures import PicturesBeside
 
 ROOM = """\
 world:
@@ -71,6 +72,7 @@ def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., No
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are tested elsewhere and take a second each."""
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
 
 
 @pytest.fixture(scope="session")

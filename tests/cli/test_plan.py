@@ -18,6 +18,7 @@ from hpop import registry
 from hpop.criteria.base import criterion
 from hpop.front import Front
 from hpop.motions import Motions
+from hpop.pictures import PicturesBeside
 from hpop.planners.base import Candidates
 from hpop.problem import Problem
 from hpop.status import ProgressCallback
@@ -183,7 +184,7 @@ def test_deeply_nested_yaml_does_not_end_the_process(
 def test_a_scenario_that_is_a_folder_or_missing(
     run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path
 ) -> None:
-    refused(run("plan", tmp_path, "--out", tmp_path / "out"), 4, "is a folder")
+    refused(run("plan", tmp_path, "--out", tmp_path / "out"), 4, "found a folder")
     refused(run("plan", tmp_path / "gone.yaml", "--out", tmp_path / "out"), 4, "no such file")
 
 
@@ -259,18 +260,21 @@ def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
     assert [path.name for path in (room / "out").iterdir()] == ["front.json"]  # no picture of an earlier front
 
 
-def test_an_interruption_while_drawing_says_where_the_front_is(
+def test_an_interruption_while_drawing_leaves_the_pictures_to_another_process(
     plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*arguments: object) -> None:
         raise KeyboardInterrupt
 
+    begun: list[tuple[Path, str]] = []
     monkeypatch.setattr(hpop.view, "save_pictures", interrupted)
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: begun.append((pictures.folder, which)))
     result = plan(room)
     assert result.exit_code == 130
-    saved = room / "out" / "front.json"
-    assert result.stderr == f"the front is saved in {saved}, but the pictures are not\nerror: interrupted\n"
-    assert len(Front.load(saved)) > 0
+    assert result.stdout.endswith(f"written to {room / 'out'}: front.json; pictures follow\n")
+    assert result.stderr == "error: interrupted\n"
+    assert begun == [(room / "out", "all")]
+    assert len(Front.load(room / "out" / "front.json")) > 0
 
 
 @dataclass(frozen=True)
