@@ -7,13 +7,14 @@ each cost.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
 
+Counts: TypeAlias = NDArray[np.unsignedinteger[Any]]
 BLOCK = 1 << 16  # arcs worked on together: their columns stay in the processor's cache, and every core gets some
 
 
@@ -74,7 +75,7 @@ class Quanta:
     """A column of costs in quanta that are not known yet, in the smallest integers that hold them."""
 
     def __init__(self, size: int) -> None:
-        self.counts: NDArray[np.unsignedinteger] = np.zeros(size, np.uint16)
+        self.counts: Counts = np.zeros(size, np.uint16)
 
     def write(self, part: slice, counts: IntArray) -> None:
         """Take the costs of a range of arcs."""
@@ -84,7 +85,7 @@ class Quanta:
         self.counts[part] = counts
 
 
-def table(columns: list[NDArray[np.unsignedinteger]], size: int) -> IntArray:
+def table(columns: list[Counts], size: int) -> IntArray:
     """Columns (m,) side by side, (m, k)."""
     costs = np.empty((size, len(columns)), np.int64)
     for part in blocks(size):

@@ -7,7 +7,7 @@ step along the heading. Everything is built in array operations; a state's id is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,7 +21,7 @@ from hpop.motions import States
 from hpop.planners.arcs import Arcs, blocks
 from hpop.planners.grid import Headings, steps_from
 from hpop.planners.separation import what_separates
-from hpop.planners.state_graph import StateGraph
+from hpop.planners.state_graph import StateGraph, is_hashable
 
 MAX_STATES = 40_000_000
 POSITION = 32  # bytes that laying out a position takes, beside its states
@@ -67,6 +67,12 @@ class StateLattice(StateGraph):
         return f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings, {cutting}corner cutting"
 
     @cached_property
+    def key(self) -> Hashable:
+        """Model, step, headings, anchor and corner cutting; a part of a lattice is not kept."""
+        key = (type(self), self.model, self.anchor, self.step, self.headings, self.corner_cutting)
+        return key if self.kept is None and is_hashable(key) else None
+
+    @cached_property
     def first(self) -> tuple[int, int]:
         """Grid coordinates (row, column) of the first cell in the extent; the anchor is (0, 0)."""
         x_min, y_min, _, _ = self.world.bounds
@@ -97,6 +103,9 @@ class StateLattice(StateGraph):
     @cached_property
     def clear(self) -> BoolArray:
         """Positions (rows, columns) where the robot is free at every yaw, so that every turn is free too."""
+        return self.shared("clear", self._clear)
+
+    def _clear(self) -> BoolArray:
         self.purse.check(self._laid, self.shape[0] * self.shape[1] * POSITION)
         clear = np.zeros(self.shape, dtype=bool)
 
@@ -107,6 +116,7 @@ class StateLattice(StateGraph):
 
         for rows, columns, found in self.purse.each(free, self._rows(), self._laid):
             clear[rows, columns] = found
+        clear.setflags(write=False)
         return clear
 
     def _rows(self) -> Iterator[slice]:
@@ -121,9 +131,10 @@ class StateLattice(StateGraph):
     def free(self) -> BoolArray:
         """States (rows, columns, H) in which the robot is free."""
         every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self.headings.count))
-        if not self.collision.yaw_matters:
-            return every
-        free = every.copy()
+        return self.shared("free", self._free) if self.collision.yaw_matters else every
+
+    def _free(self) -> BoolArray:
+        free = np.repeat(self.clear[:, :, None], self.headings.count, axis=2)
 
         def at_some_yaw(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
             rows, columns, heading = np.nonzero(
@@ -136,6 +147,7 @@ class StateLattice(StateGraph):
 
         for at, found in self.purse.each(at_some_yaw, self._rows(), self._laid):
             free[at] = found
+        free.setflags(write=False)
         return free
 
     @cached_property
@@ -179,6 +191,9 @@ class StateLattice(StateGraph):
 
         Heads stand in a table with a row a state, in order, so nothing need be sorted; -1 marks what is not free.
         """
+        return self.shared("arcs", self._arcs)
+
+    def _arcs(self) -> Arcs:
         count, places = self.headings.count, self.cells[0].size
         self.purse.check(self._laid, places * count * count * (4 + 1 + 4 + 1))
         others = np.array([[b for b in range(count) if b != a] for a in range(count)], np.int32)

@@ -52,7 +52,7 @@ def _stages(
     planner: Lattice, problem: Problem, objectives: Objectives, purse: Purse, progress: ProgressCallback | None
 ) -> Iterator[Candidates]:
     lattice = planner.lattice(problem, purse)
-    part = _part(planner, lattice, problem)
+    part = None if lattice.costed(objectives.optimised) else _part(planner, lattice, problem)
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
         budget = _share(purse, max(QUICK, SHARE * query.build_seconds))
@@ -65,7 +65,7 @@ def _stages(
         if first.status is Status.INTERRUPTED:
             return
     covered = math.inf
-    if part is not None and planner.eps < COARSE:
+    if lattice.cells[0].size > LARGE * MOST and planner.eps < COARSE:
         coarse = query.exact("lattice", _share(purse, query.build_seconds), progress, eps=COARSE, stage=True)
         covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
         stage = {"stage": f"within a factor {1 + COARSE:g}"}

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from hpop.frontier import is_nondominated
 from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
-from hpop.planners.arcs import Arcs, Quanta, blocks, table
+from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import Candidates, Objectives, quantised
 from hpop.planners.claims import at_memory_limit, missing, within
 from hpop.planners.purse import Purse
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
     from hpop.world import World
 
+A = TypeVar("A")
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
 ARC = 16  # bytes of an arc beside its costs
 MAX_COSTS = 6
@@ -124,33 +125,67 @@ class StateGraph(ABC):
             if own.any():
                 yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
 
+    @property
+    def key(self) -> Hashable:
+        """What makes equal graphs of one world equal, so that it keeps their parts; None where nothing is kept."""
+        return None
+
+    def shared(self, name: Hashable, make: Callable[[], A]) -> A:
+        """A part that the world keeps for all equal graphs: another planning run need not make it again."""
+        found = self._found(name)
+        if found is None:  # not made under the cache's lock: it is made by several threads
+            found = make()
+            self._keep(name, found)
+        return cast(A, found)
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Whether the costs of all edges are kept from an earlier planning run."""
+        return all(self._found(_name(criterion)) is not None for criterion in criteria)
+
+    def _found(self, name: Hashable) -> Any:
+        return None if None in (self.key, name) else self.world.cache.find((self.key, name))
+
+    def _keep(self, name: Hashable, value: Any) -> None:
+        if None not in (self.key, name):
+            self.world.cache.keep((self.key, name), value)
+
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
 
         Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
         Exhausted where a limit of the purse is passed.
         """
-        doing = f"{self.words} was built"
         arcs = self.arcs
-        self.purse.hold(arcs.heads.size * (8 * len(criteria) + ARC), doing)
-        columns = [Quanta(arcs.heads.size) for _ in criteria]
-
-        def costed(part: slice) -> tuple[slice, list[IntArray]]:
-            counts = [np.empty(part.stop - part.start, np.int64) for _ in criteria]
-            for own, _, _, motions in self._batches(part):
-                for count, criterion in zip(counts, criteria, strict=True):
-                    count[own] = quantised(motion_costs(criterion, motions), criterion)
-            return part, counts
-
-        for part, counts in self.purse.each(costed, blocks(arcs.heads.size), doing):
-            for column, count in zip(columns, counts, strict=True):
-                column.write(part, count)
+        self.purse.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
         return Graph.from_csr(
             arcs.start,
             arcs.heads,
-            table([column.counts for column in columns], arcs.heads.size),
+            table(self._columns(criteria), arcs.heads.size),
             aggregates=tuple("max" if c.aggregate == "max" else "sum" for c in criteria),
         )
+
+    def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
+        """Costs (m,) of all arcs in each criterion; those that are not kept are made together, block by block."""
+        columns = [self._found(_name(criterion)) for criterion in criteria]
+        missing = [j for j, column in enumerate(columns) if column is None]
+        size = self.arcs.heads.size
+        made = [Quanta(size) for _ in missing]
+
+        def costs(part: slice) -> tuple[slice, list[IntArray]]:
+            counts = [np.empty(part.stop - part.start, np.int64) for _ in missing]
+            for own, _, _, motions in self._batches(part):
+                for count, j in zip(counts, missing, strict=True):
+                    count[own] = quantised(motion_costs(criteria[j], motions), criteria[j])
+            return part, counts
+
+        for part, counts in self.purse.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
+            for column, count in zip(made, counts, strict=True):
+                column.write(part, count)
+        for j, column in zip(missing, made, strict=True):
+            column.counts.setflags(write=False)
+            columns[j] = column.counts
+            self._keep(_name(criteria[j]), column.counts)
+        return columns
 
     def trajectory(self, ids: IntArray) -> Trajectory:
         """The trajectory through states (n+1,): one motion an edge, yaw continuous."""
@@ -159,6 +194,23 @@ class StateGraph(ABC):
         same = np.diff(self.places(ids)) == 0
         kinds = tuple("turn" if turned else "move" for turned in same)
         return Trajectory(self.model, States(x=states.x, y=states.y, yaw=yaw), kinds)
+
+
+def _name(criterion: Criterion) -> Hashable:
+    """What makes equal columns of costs equal; None of a criterion that may change, or that knows no equals."""
+    declared = getattr(type(criterion), "__dataclass_params__", None)
+    return (
+        (criterion, criterion.quantum) if declared is not None and is_hashable(criterion) and declared.frozen else None
+    )
+
+
+def is_hashable(value: Any) -> bool:
+    """Whether a value, with all that it holds, can be a key."""
+    try:
+        hash(value)
+    except TypeError:
+        return False
+    return True
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, frozen
+from hpop.arrays import Column, FloatArray
 from hpop.math import is_symbolic
 from hpop.world.looks import look
 from hpop.world.shapes import rotate
@@ -44,13 +44,21 @@ class Field:
 
     def __post_init__(self) -> None:
         """Copy the samples."""
-        values = frozen(np.asarray(self.values, dtype=np.float64))
+        values = np.asarray(self.values, dtype=np.float64)
         if values.ndim != 2 or values.size == 0 or not np.isfinite(values).all():
             raise ValueError(f"values must be a finite (H, W) array with samples; got shape {values.shape}.")
-        object.__setattr__(self, "values", values)
+        coefficients = np.pad(values, PAD, mode="edge")
+        coefficients.setflags(write=False)
+        object.__setattr__(self, "values", coefficients[PAD:-PAD, PAD:-PAD])
         object.__setattr__(self, "spacing", float(self.spacing))
         object.__setattr__(self, "_range", (values.min(), values.max()))
-        object.__setattr__(self, "_coefficients", frozen(np.pad(values, PAD, mode="edge")))
+        object.__setattr__(self, "_coefficients", coefficients)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the samples."""
+        coefficients: FloatArray = self.__dict__["_coefficients"]
+        return coefficients.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the samples only; the compiled CasADi function is built again when asked for."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,7 @@ class LazyField(Field):
             _axes=(xs, ys),
             _sample=sample,
             _done=np.zeros((ys.size, xs.size), dtype=bool),
+            _lock=RLock(),
             _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
         )
 
@@ -81,7 +83,11 @@ class LazyField(Field):
         return super().coefficients
 
     def _fill(self, wanted: Any) -> None:
-        """Sample the nodes of blocks (of coefficients) that are wanted and not there."""
+        """Sample the nodes of blocks (of coefficients) that are wanted and not there; one thread at a time."""
+        with self.__dict__["_lock"]:
+            self._filled(wanted)
+
+    def _filled(self, wanted: Any) -> None:
         asked, done, whole = (self.__dict__[name] for name in ("_asked", "_done", "_whole"))
         wanted = wanted & ~asked
         if not wanted.any():

@@ -17,6 +17,7 @@ from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
 from hpop.text import shown
+from hpop.world.cache import Cache
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.field import Field
@@ -50,7 +51,7 @@ class World:
     content              people, landmarks and zones; see `with_content`
     source               how to build the same world again, see `describe`
 
-    Values derived from these are computed when first needed, kept, and not pickled.
+    Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
@@ -88,7 +89,7 @@ class World:
         areas = [zone.area for zone in self.content.zones]
         check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
         object.__setattr__(self, "extent", extent)
-        object.__setattr__(self, "_cache", {})
+        object.__setattr__(self, "_cache", Cache())
 
     def __repr__(self) -> str:
         from hpop.world.description import summary
@@ -101,13 +102,16 @@ class World:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the fields."""
-        self.__dict__.update(state, _cache={})
+        self.__dict__.update(state, _cache=Cache())
 
     def _cached(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        cache: dict[tuple[Any, ...], Any] = self.__dict__["_cache"]
-        if key not in cache:
-            cache[key] = make()
-        return cache[key]  # type: ignore[no-any-return]
+        return self.cache.get(key, make)  # type: ignore[no-any-return]
+
+    @property
+    def cache(self) -> Cache:
+        """What was derived from this world, and is dropped with it."""
+        cache: Cache = self.__dict__["_cache"]
+        return cache
 
     # Constructors
 

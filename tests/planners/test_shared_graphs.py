@@ -1,0 +1,127 @@
+"""A world keeps what was built of graphs: what an earlier planning run has costed, another one does not cost again."""
+
+import gc
+import weakref
+from collections import Counter
+from dataclasses import dataclass
+
+import pytest
+import shapely
+
+import hpop
+from hpop.criteria.base import criterion
+from hpop.planners.lattice import Lattice
+from hpop.registry import criteria
+from hpop.world import cache
+
+CRITERIA = ({"seen": {"weight": 1.0}}, "length", "turns")
+COSTED: Counter[float] = Counter()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def seen():
+    """A criterion that counts the motions of which graphs are made, by its parameter."""
+
+    @criterion("seen", group="C", unit="m", aggregate="sum")
+    @dataclass(frozen=True)
+    class Seen:
+        weight: float = 1.0
+
+        def cost(self, m):
+            if len(m) > 200:  # trajectories are shorter
+                COSTED[self.weight] += len(m)
+            return self.weight * m.base.length
+
+    yield
+    del criteria._types["seen"]
+
+
+@pytest.fixture(autouse=True)
+def uncounted():
+    COSTED.clear()
+
+
+def world():
+    return hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
+
+
+def asked(world, goal=(7.0, 1.0, 0.0), names=CRITERIA, radius=0.3, start=(1.0, 1.0, 0.0)):
+    return hpop.Problem(world, hpop.DifferentialDrive(radius=radius), start, goal, names)
+
+
+def built(problem):
+    return Lattice(step=0.5).lattice(problem).graph(problem.criteria)
+
+
+def test_another_goal_and_another_planner_cost_nothing_again():
+    room = world()
+    first = asked(room).solve("lattice", step=0.5)
+    assert COSTED[1.0] > 0
+    COSTED.clear()
+    again = asked(room).solve("lattice", step=0.5)
+    asked(room, goal=(6.0, 4.0, None)).solve("lattice", step=0.5, eps=0.1)
+    asked(room).solve("weighted-sum", step=0.5)
+    list(asked(room).fronts(["lattice"], step=0.5, stage=lambda front: None))
+    assert not COSTED
+    assert again.costs.tolist() == first.costs.tolist()
+
+
+def test_another_criterion_costs_itself_alone():
+    room = world()
+    built(asked(room))
+    COSTED.clear()
+    built(asked(room, names=({"seen": {"weight": 2.0}}, "length")))
+    assert set(COSTED) == {2.0}
+    COSTED.clear()
+    built(asked(room, names=("turns", {"seen": {"weight": 1.0}}, "exposure")))
+    assert not COSTED
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{}, {"radius": 0.45}, {"start": (1.1, 1.0, 0.0)}],
+    ids=["world", "model", "anchor"],
+)
+def test_another_world_model_or_anchor_costs_anew(changed):
+    room = world()
+    asked(room).solve("lattice", step=0.5)
+    COSTED.clear()
+    found = asked(room if changed else world(), **changed).solve("lattice", step=0.5)
+    assert COSTED[1.0] > 0
+    assert found.costs.tolist() == asked(world(), **changed).solve("lattice", step=0.5).costs.tolist()
+
+
+def test_a_criterion_that_may_change_is_costed_each_time():
+    @dataclass
+    class Changing:
+        name = "changing"
+        group, unit, aggregate, requires, smooth, quantum = "C", "m", "sum", (), True, 1e-3
+        weight: float = 1.0
+
+        def cost(self, m):
+            return self.weight * m.base.length
+
+    room, changing = world(), Changing()
+    problem = asked(room, names=(changing, "turns"))
+    before = built(problem).largest.tolist()
+    changing.weight = 3.0
+    after = built(problem).largest.tolist()
+    assert after[0] == pytest.approx(3 * before[0], rel=0.01)
+
+
+def test_what_is_kept_goes_with_the_world():
+    room = world()
+    built(asked(room))
+    kept = weakref.ref(room.cache)
+    del room
+    gc.collect()
+    assert kept() is None
+
+
+def test_what_is_kept_is_bounded_in_bytes(monkeypatch):
+    room = world()
+    room.cache._limit = 400_000
+    for x in (1.0, 1.1, 1.2, 1.3):
+        problem = asked(room, start=(x, 1.0, 0.0), goal=(7.0, 1.0, None))
+        problem.solve("lattice", step=0.25)
+        assert sum(map(cache.nbytes, room.cache._values.values())) <= 400_000
