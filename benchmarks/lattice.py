@@ -72,8 +72,8 @@ def warm_up() -> None:
     pareto_paths(Graph.from_arcs(50, tails, heads, costs), 0, 49)
     problem, planner = museums.problem("m100"), Lattice(step=museums.CELL)  # long enough for bounds by turns
     lattice = planner.lattice(problem)
-    graph = lattice.graph([make_criterion(name) for name in COSTS])
-    start, goals, _ = planner.ends(lattice, problem)
+    space, start, goals = planner.ends(lattice, problem)
+    graph = space.graph([make_criterion(name) for name in COSTS])
     free_turns = np.where(graph.costs[:, [1]] > 0, [0, 1, 0], graph.costs)  # all alike: other kernels than by angle
     for costs in (graph.costs, free_turns):
         pareto_paths(Graph.from_csr(graph.indptr, graph.heads, costs), start, goals)
@@ -133,9 +133,9 @@ def measured(name: str, step: float) -> list[dict[str, Any]]:
         problem = (maps if name in maps.FOLDERS else museums).problem(name)  # no field from the run before
         began = time.perf_counter()
         lattice = planner.lattice(problem)
-        graph = lattice.graph(criteria)
+        space, start, goals = planner.ends(lattice, problem)
+        graph = space.graph(criteria)
         builds.append(time.perf_counter() - began)
-        start, goals, _ = planner.ends(lattice, problem)
         trees.append(scipy_dijkstra(graph, start))
         for eps in PRECISIONS:
             began, worked = time.perf_counter(), time.process_time()

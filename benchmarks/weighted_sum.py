@@ -52,8 +52,8 @@ def measured(name: str, count: int, workers: int) -> dict[str, Any]:
     problem = museums.problem(name)
     planner = Lattice(step=museums.CELL)
     lattice = planner.lattice(problem)
-    graph = lattice.graph(edge_objectives(problem.criteria, "benchmark").optimised)
-    start, goals, _ = planner.ends(lattice, problem)
+    space, start, goals = planner.ends(lattice, problem)
+    graph = space.graph(edge_objectives(problem.criteria, "benchmark").optimised)
     tree = min(scipy_dijkstra(graph, start) for _ in range(RUNS))
     weights = np.random.default_rng(0).dirichlet([1.0] * graph.criteria, size=count).tolist()
     sweeps: dict[str, dict[str, Any]] = {f"{count} weights": {"weights": weights}, "adaptive": {}}

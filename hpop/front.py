@@ -27,7 +27,7 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the runs: a snapped goal, a stand-in objective, what blocks the way."""
+        """What the user should know of the runs: a stand-in objective, what blocks the way."""
         several = (run.get("notes") for run in self.runs)
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 

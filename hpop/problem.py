@@ -26,7 +26,6 @@ from hpop.trajectory import Trajectory
 from hpop.world import World
 
 StageCallback = Callable[[Front], None]
-SAME_END = 1e-3  # m
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,7 +163,7 @@ class Problem:
                 found = self.front(candidates)
             except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
                 found = self.front(replace(candidates, status=Status.INTERRUPTED))
-            front = _union(front, _ends_noted(front, found))
+            front = _union(front, found)
             yield front
             if Status.INTERRUPTED in front.status:
                 return
@@ -258,23 +257,6 @@ class Problem:
 def _union(front: Front | None, found: Front) -> Front:
     """The front of what was found before and now."""
     return found if front is None else front | found
-
-
-def _ends_noted(front: Front | None, found: Front) -> Front:
-    """What was found, with a note if it does not end where the front so far does: then costs are of different ways."""
-    if front is None:
-        return found
-    before, now = ({(float(t.states.x[-1]), float(t.states.y[-1])) for t in one.trajectories} for one in (front, found))
-    apart = max((math.dist(a, b) for a in before for b in now), default=0.0)
-    if apart <= SAME_END:
-        return found
-    note = (
-        f"these trajectories end up to {apart:.3f} m away from those of planners before: a way that stops short of the "
-        "goal costs less and may have displaced one that reaches it. Take a step by which the goal can be reached from "
-        "the start"
-    )
-    run = found.runs[-1]
-    return replace(found, runs=(*found.runs[:-1], {**run, "notes": [*run["notes"], note]}))
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:

@@ -31,8 +31,8 @@ def verify(problem: Problem, front: Front) -> list[str]:
     """Faults of a front of this problem, in words; none if it holds what it claims.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
-    than 5 cm or 3 degrees, the ends from the problem. A planner that snaps the goal to its grid says by how much in the
-    provenance ("goal_offset"): no more than half a diagonal of a "step" is believed.
+    than 5 cm or 3 degrees, the ends from the problem. Fronts of earlier versions, whose lattice put the goal on its
+    nearest position, say so in the provenance ("goal_offset"): no more than half a diagonal of a "step" is believed.
     """
     lost = [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
     if lost:

@@ -198,9 +198,9 @@ def test_a_front_without_a_model_cannot_hold_trajectories(front: hpop.Front, tmp
 
 @pytest.mark.parametrize("notes", [None, 3, "text", {"a": 1}])
 def test_notes_that_are_no_list_are_passed_over(front: hpop.Front, tmp_path: Path, notes: object) -> None:
-    runs = [{"notes": notes}, {"notes": ["goal snapped", {"odd": []}]}, {}]
+    runs = [{"notes": notes}, {"notes": ["no path", {"odd": []}]}, {}]
     path = edited(front, tmp_path / "front.json", "runs", runs)
-    assert hpop.Front.load(path).notes == ("goal snapped", "{'odd': []}")
+    assert hpop.Front.load(path).notes == ("no path", "{'odd': []}")
 
 
 def test_notes_that_several_runs_share_are_said_once(front: hpop.Front) -> None:

@@ -60,7 +60,7 @@ def shifted(trajectory: Trajectory, **by: float) -> Trajectory:
 
 
 def test_a_front_that_a_planner_found_has_no_fault() -> None:
-    asked = problem(criteria=["obstruction", "turns", "length"], goal=(4.6, 2.6, None))  # the goal is snapped
+    asked = problem(criteria=["obstruction", "turns", "length"], goal=(4.6, 2.6, None))  # off the lattice
     found = asked.solve(step=0.5)
     assert len(found) > 0
     assert verify(asked, found) == []

@@ -44,10 +44,11 @@ class AnyAngle:
     roadmap, pulled taut too, and so is everything that recombines them.
 
     Accepts what the lattice accepts. Guarantees that no path of the roadmap is better in one cost and no worse in the
-    others, costs rounded to the criteria's quanta edge by edge. So if all corners are taken and the goal is on the
-    lattice, nothing on the lattice is better by more than that; elsewhere the last move goes on from the lattice's goal
-    to the exact one. Corners are positions of the lattice, so a smaller step still gives shorter paths. Costs a state
-    for each heading of each link, and a turn for each two headings of a position: the square of what it sees.
+    others, costs rounded to the criteria's quanta edge by edge. So if all corners are taken and start and goal are on
+    the lattice, nothing on the lattice is better by more than that; elsewhere the lattice's path may turn by less than
+    a degree on its way to the goal, as no roadmap does. Corners are positions of the lattice, so a smaller step still
+    gives shorter paths. Costs a state for each heading of each link, and a turn for each two headings of a position:
+    the square of what it sees.
     """
 
     step: float = 0.25

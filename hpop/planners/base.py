@@ -38,8 +38,7 @@ class Candidates:
     status        how the planner ended
     certificate   what is claimed, in words
     provenance    one JSON-able dict a trajectory
-    notes         what the user should know: a snapped goal, an objective that stands in for another, what blocks the
-                  way
+    notes         what the user should know: an objective that stands in for another, what blocks the way
     stats         counts and seconds by name, JSON-able, which `hpop plan` prints
     """
 

@@ -46,12 +46,6 @@ class Headings:
         """Angle (H,) of each heading, rad, in [0, 2 pi)."""
         return np.array([math.atan2(dy, dx) % (2 * math.pi) for dx, dy in self.steps])
 
-    def nearest(self, yaw: float) -> tuple[int, float]:
-        """Index of the heading nearest to a yaw, and the angle between them, rad."""
-        gap = np.abs((self.yaw - yaw + math.pi) % (2 * math.pi) - math.pi)
-        best = int(np.argmin(gap))
-        return best, float(gap[best])
-
 
 def steps_from(
     free: BoolArray, step: tuple[int, int], *, corner_cutting: bool

@@ -7,16 +7,13 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from hpop.errors import OptionError, QueryError
-from hpop.models.collision import why_blocked
-from hpop.motions import Motions, States
+from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.grid import Headings
+from hpop.planners.joined_ends import Ends, with_ends
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
 from hpop.planners.purse import Exhausted, Purse, stopped
@@ -28,9 +25,7 @@ from hpop.status import Budget, Progress, ProgressCallback
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-UNMOVED = 1e-6  # m: a goal that is snapped less is where it was asked for
-FARTHEST = 0.5  # of the way from the start: a goal that is snapped farther is not the one that was asked for
-HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
+REACH = 1.5 + 1e-9  # steps: a start or goal that is none of the lattice's states is joined to those within
 
 
 @planner("lattice")
@@ -55,9 +50,9 @@ class Lattice:
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
     lattice is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge;
-    every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start;
-    the goal is the nearest free position within step / sqrt(2), and half its distance from the start, from which the
-    robot could go straight to where the goal was asked for.
+    every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start. A
+    start or goal that is none of its states, in place or heading, is joined to all positions within 1.5 steps from
+    which, or to which, the robot can turn, go straight and turn (:mod:`.joined_ends`).
 
     With ``eps`` or ``tolerance`` a cost vector p that is optimal is covered by a returned one of at most
     (1 + eps) p + tolerance, which need not be optimal itself: far fewer points, and less work. A search that was
@@ -112,7 +107,7 @@ class Lattice:
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice.
 
-        Raises QueryError when start or goal is blocked, off the map or off the headings, or when people move,
+        Raises QueryError when start or goal is blocked, off the map or out of reach, or when people move,
         UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
         finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint that is of
         another question.
@@ -164,17 +159,15 @@ class Lattice:
         if progress:
             progress(Progress("graph"))
         lattice = lattice or self.lattice(problem)
-        start, goals, snapped = self.ends(lattice, problem)
-        graph = lattice.graph(objectives.optimised)
+        space, start, goals = self.ends(lattice, problem)
+        graph = space.graph(objectives.optimised)
         return GraphQuery(
-            lattice,
+            space,
             objectives,
             graph,
             start,
             goals,
             build_seconds=time.perf_counter() - began,
-            notes=snapped.notes,
-            origin={"goal_offset": snapped.distance},
             max_turns=self.max_turns,
         )
 
@@ -190,86 +183,9 @@ class Lattice:
             purse=purse or Purse(),
         )
 
-    def _heading(self, yaw: float, what: str) -> int:
-        headings = Headings(self.headings)
-        nearest, gap = headings.nearest(yaw)
-        if gap > HEADING_TOLERANCE:
-            order = np.argsort(np.abs((headings.yaw - yaw + math.pi) % (2 * math.pi) - math.pi))[:2]
-            names = " or ".join(f"{headings.yaw[i]:.6f} ({math.degrees(headings.yaw[i]):.2f} deg)" for i in order)
-            raise QueryError(
-                f"the {what} heading {yaw:.6f} rad ({math.degrees(yaw):.2f} deg) is not one of the lattice's "
-                f"{self.headings}; the nearest are {names}"
-            )
-        return nearest
+    def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
+        """The lattice with the problem's start and goal, joined to it where they are none of its states.
 
-    def ends(self, lattice: StateLattice, problem: Problem) -> tuple[int, list[int], Snapped]:
-        """State ids of the start and of the goal or goals, and where the goal was snapped to."""
-        x, y, yaw = problem.start
-        heading = self._heading(yaw, "start")
-        start = lattice.state(-lattice.first[0], -lattice.first[1], heading)
-        if start < 0:
-            reason = why_blocked(lattice.model, lattice.world, x, y, yaw)
-            reason = reason or "the lattice does not reach it. Move it, or take a smaller robot"
-            raise QueryError(f"the start ({x:.3f}, {y:.3f}) is not usable: {reason}.")
-        gx, gy, goal_yaw = problem.goal
-        wanted = range(self.headings) if goal_yaw is None else [self._heading(goal_yaw, "goal")]
-        column, row = (gx - x) / self.step, (gy - y) / self.step
-        corners = [(math.floor(row) + i, math.floor(column) + j) for i in (0, 1) for j in (0, 1)]
-        corners.sort(key=lambda cell: math.hypot(cell[0] - row, cell[1] - column))
-        for i, j in corners:
-            distance = self.step * math.hypot(i - row, j - column)
-            ids = [lattice.state(i - lattice.first[0], j - lattice.first[1], h) for h in wanted]
-            ids = [one for one in ids if one >= 0 and self._joined(lattice, one, gx, gy)]
-            if ids and distance <= self.step / math.sqrt(2) + 1e-9:
-                snapped = Snapped((gx, gy), (x + j * self.step, y + i * self.step), distance)
-                snapped.refuse_far(math.hypot(gx - x, gy - y), self.step)
-                return start, ids, snapped
-        reason = why_blocked(lattice.model, lattice.world, gx, gy, goal_yaw or 0.0)
-        reason = (
-            reason or f"no lattice position within {self.step / math.sqrt(2):.3f} m can reach it; take a smaller step"
-        )
-        raise QueryError(f"the goal ({gx:.3f}, {gy:.3f}) is not usable: {reason}.")
-
-    @staticmethod
-    def _joined(lattice: StateLattice, state: int, x: float, y: float) -> bool:
-        """Whether the robot could slide from a state straight to (x, y): a goal is not snapped through a wall."""
-        start = lattice.states(np.array([state]))
-        end = States(x=np.array([x]), y=np.array([y]), yaw=start.yaw)
-        law = lattice.model.laws["move"]
-        return bool(lattice.collision.motions_free(Motions(lattice.world, lattice.model, law, start, end))[0])
-
-
-class Snapped(NamedTuple):
-    """Where the goal was moved to: asked for and taken, (x, y) m, and the distance between, m."""
-
-    asked: tuple[float, float]
-    taken: tuple[float, float]
-    distance: float
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A note, if it was moved at all."""
-        if self.distance <= UNMOVED:
-            return ()
-        asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
-        return (f"the goal {asked} was snapped to {taken}, {self.distance:.3f} m away",)
-
-    def refuse_far(self, length: float, step: float) -> None:
-        """Raise QueryError where a goal so far (m) from the start would become another, or the start itself."""
-        if self.distance > max(FARTHEST * length, UNMOVED):
-            asked, taken = (f"({x:.3f}, {y:.3f})" for x, y in (self.asked, self.taken))
-            raise QueryError(
-                f"a step of {step:g} m is too large for this goal: {asked} is {length:.3f} m from the start, but the "
-                f"nearest usable position of the lattice is {taken}, {self.distance:.3f} m from the goal; take a "
-                f"smaller step, such as {_rounded_down(length / 4):g} m"
-            )
-
-
-def _rounded_down(length: float) -> float:
-    """A length to one significant digit, no larger.
-
-    >>> _rounded_down(0.0379), _rounded_down(6.5)
-    (0.03, 6.0)
-    """
-    digit = 10.0 ** math.floor(math.log10(length))
-    return math.floor(length / digit) * digit
+        Raises QueryError where one of them is blocked or out of reach.
+        """
+        return with_ends(lattice, problem, REACH * self.step)

@@ -175,6 +175,23 @@ class StateLattice(StateGraph):
             return -1
         return int(self.number[row, column]) * self.headings.count + heading
 
+    def near(self, x: float, y: float, radius: float) -> IntArray:
+        """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
+        low, high = (self._cell(x + sign * radius, y + sign * radius) for sign in (-1, 1))
+        rows, columns = (
+            np.arange(max(0, math.floor(a)), min(math.ceil(b) + 1, n))
+            for a, b, n in zip(low, high, self.shape, strict=True)
+        )
+        row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
+        at_x, at_y = self.position(row, column)
+        number = self.number[row, column]
+        number = number[(number >= 0) & (np.hypot(at_x - x, at_y - y) <= radius)]
+        return (number[:, None] * self.headings.count + np.arange(self.headings.count)).ravel()
+
+    def _cell(self, x: float, y: float) -> tuple[float, float]:
+        """Row and column of a place, fractions for one between positions."""
+        return (y - self.anchor[1]) / self.step - self.first[0], (x - self.anchor[0]) / self.step - self.first[1]
+
     def places(self, ids: IntArray) -> IntArray:
         """Number (N,) of the grid position of each state."""
         return ids // self.headings.count

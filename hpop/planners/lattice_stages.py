@@ -109,8 +109,10 @@ def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLat
         return None
     from hpop.planners.nearby import nearby  # numba: on first use
 
-    start, goals, _ = planner.ends(lattice, problem)
-    at = lattice.places(np.array([start, goals[0]]))
+    starts, goals = planner.ends(lattice, problem).inside
+    if not (starts and goals):
+        return None
+    at = lattice.places(np.array([starts[0], goals[0]]))
     begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
     kept = nearby(lattice.number >= 0, begin, end, MOST, corner_cutting=lattice.corner_cutting)
     return None if kept is None else replace(lattice, kept=kept)

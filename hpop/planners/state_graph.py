@@ -95,6 +95,20 @@ class StateGraph(ABC):
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Say in words why no path leads from a state to any of the goals."""
 
+    def near(self, x: float, y: float, radius: float) -> IntArray:
+        """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
+        found = [np.zeros(0, dtype=np.int64)]
+        for begin in range(0, self.size, BATCH):
+            ids = np.arange(begin, min(begin + BATCH, self.size))
+            states = self.states(ids)
+            found.append(ids[np.hypot(states.x - x, states.y - y) <= radius])
+        return np.concatenate(found)
+
+    def turned(self, graph: Graph) -> IntArray:
+        """Turns (m,) in each arc of its graph."""
+        place = self.places(np.arange(graph.nodes))
+        return np.asarray(np.repeat(place, np.diff(graph.indptr)) == place[graph.heads], dtype=np.int64)
+
     @cached_property
     def collision(self) -> PlanarCollision:
         """What tells free states and motions."""
@@ -255,7 +269,6 @@ class GraphQuery:
     build_seconds  s
     notes          what the user should know of the ends
     max_turns      paths with more turns do not count
-    origin         what the provenance of every candidate says beside the options of the space
     """
 
     space: StateGraph
@@ -265,7 +278,6 @@ class GraphQuery:
     goals: list[int]
     build_seconds: float
     notes: tuple[str, ...] = ()
-    origin: Mapping[str, Any] = field(default_factory=dict)
     max_turns: int | None = None
 
     @property
@@ -365,10 +377,9 @@ class GraphQuery:
 
         Ties would else be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns.
         """
-        graph, place = self.graph, self.space.places(np.arange(self.graph.nodes))
-        turns = np.repeat(place, np.diff(graph.indptr)) == place[graph.heads]
+        graph, turns = self.graph, self.space.turned(self.graph)
         summed = _summed(graph)
-        if not summed or not turns.any() or (graph.costs[turns][:, summed].min(axis=0) > 0).any():
+        if not summed or not turns.any() or (graph.costs[turns > 0][:, summed].min(axis=0) > 0).any():
             return None
         costs = graph.costs.copy()
         costs[:, summed[0]] = costs[:, summed[0]] * TIE_TURNS + turns
@@ -423,7 +434,7 @@ class GraphQuery:
             status=paths.status,
             certificate=f"{name}: {claim}{objectives.certificate}",
             provenance=tuple(
-                {"planner": name, **space.options, **self.origin, "edges": int(n.size - 1), **origin}
+                {"planner": name, **space.options, "edges": int(n.size - 1), **origin}
                 for n, origin in zip(nodes, origins, strict=True)
             ),
             notes=(*objectives.notes, *self.notes, *blocked, *self._coarse(paths, rounds), *notes),

@@ -46,9 +46,6 @@ class Polyline:
             rows.append((s.x[i + 1], s.y[i + 1]))
             heading = ahead
         vertices = np.array(rows, float)
-        off = np.array(problem.goal[:2], float) - vertices[-1]
-        if problem.goal[2] is not None and len(vertices) > 2 and abs(wrap(problem.goal[2] - heading)) < STRAIGHT:
-            vertices[-2] += off  # the last segment keeps its heading
         vertices[0], vertices[-1] = problem.start[:2], problem.goal[:2]
         return cls(vertices, problem.start[2], problem.goal[2])
 

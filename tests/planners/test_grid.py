@@ -37,16 +37,6 @@ def test_other_counts_of_headings_are_refused(count):
         Headings(count)
 
 
-@given(st.sampled_from([4, 8, 16]), st.floats(-20, 20))
-@settings(deadline=None)
-def test_the_nearest_heading_is_nearest_on_the_circle(count, yaw):
-    headings = Headings(count)
-    best, gap = headings.nearest(yaw)
-    angles = np.arccos(np.clip(np.cos(headings.yaw - yaw), -1, 1))
-    assert gap == pytest.approx(angles.min(), abs=1e-6)
-    assert angles[best] == pytest.approx(angles.min(), abs=1e-6)
-
-
 def square(column, row):
     return shapely.box(column - 0.5, row - 0.5, column + 0.5, row + 0.5)
 

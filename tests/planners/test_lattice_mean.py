@@ -73,7 +73,7 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
         for tail, head, *costs in zip(*(column.tolist() for column in (tails, heads, *columns)), strict=True):
             edges.setdefault(tail, []).append((head, tuple(costs)))
             back.setdefault(head, []).append((tail, costs[place]))
-    start, goals, _ = planner.ends(lattice, problem)
+    _, start, goals = planner.ends(lattice, problem)
     left = dict.fromkeys(goals, 0)  # least of what is capped to a goal
     queue = [(0, goal) for goal in goals]
     while queue:
