@@ -58,6 +58,16 @@ def compiling_seconds() -> float:
     return _stopwatch.seconds
 
 
+@contextmanager
+def compiling_elsewhere() -> Iterator[None]:
+    """To wait for another process that compiles counts as compiling."""
+    _stopwatch.on_start(None)
+    try:
+        yield
+    finally:
+        _stopwatch.on_end(None)
+
+
 @cache
 def _ready_to_compile() -> None:
     """Import what numba can compile, all but scipy.linalg."""

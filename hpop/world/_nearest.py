@@ -24,30 +24,6 @@ def _squared(x: float, y: float, edges: FloatArray, e: int) -> float:
 
 
 @kernel
-def rings_empty(rings: IntArray) -> None:
-    """Turn marks (R, C), 1 where a bucket is empty, into the chessboard distance to the nearest that is not.
-
-    Two passes over the grid are exact for this distance (Rosenfeld and Pfaltz 1966).
-    """
-    rows, columns = rings.shape
-    for i in range(rows):
-        for j in range(columns):
-            if rings[i, j] > 0:
-                best = rows + columns
-                for a, b in ((i - 1, j - 1), (i - 1, j), (i - 1, j + 1), (i, j - 1)):
-                    if a >= 0 and 0 <= b < columns:
-                        best = min(best, rings[a, b])
-                rings[i, j] = best + 1
-    for i in range(rows - 1, -1, -1):
-        for j in range(columns - 1, -1, -1):
-            best = rings[i, j]
-            for a, b in ((i + 1, j + 1), (i + 1, j), (i + 1, j - 1), (i, j + 1)):
-                if a < rows and 0 <= b < columns:
-                    best = min(best, rings[a, b] + 1)
-            rings[i, j] = best
-
-
-@kernel
 def nearest(
     edges: FloatArray,
     start: IntArray,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +33,13 @@ class EdgeGrid:
     @classmethod
     def build(cls, edges: FloatArray) -> EdgeGrid:
         """File edges (E, 4), m, at about two a bucket."""
-        from hpop.world._nearest import rings_empty
-
         corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
         size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
         side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() / 2000.0, 1e-9)
         columns, rows = np.floor(size / side).astype(np.int64) + 1
         bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
         start = np.searchsorted(bucket, np.arange(rows * columns + 1))
-        rings = (np.diff(start) == 0).reshape(rows, columns).astype(np.int64)
-        rings_empty(rings)
+        rings = rings_empty((np.diff(start) == 0).reshape(rows, columns))
         return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, rings)
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -51,6 +49,31 @@ class EdgeGrid:
         out = np.empty(x.shape)
         nearest(self.edges, self.start, self.members, self.rings, *self.corner, self.side, x, y, out)
         return out
+
+
+def rings_empty(empty: BoolArray) -> IntArray:
+    """Chessboard distance (R, C) of each bucket to the nearest that is not empty.
+
+    Along rows, then down and up over the rows, each from the one before: exact for this distance (after Rosenfeld and
+    Pfaltz 1966).
+
+    >>> rings_empty(np.array([[True, True, True], [True, True, True], [False, True, True]]))
+    array([[2, 2, 2],
+           [1, 1, 2],
+           [0, 1, 2]])
+    """
+    rows, columns = empty.shape
+    column = np.arange(columns)
+    rings = np.full((rows, columns + 2), rows + columns)  # a column on either side that is far from all
+    inside = rings[:, 1:-1]
+    inside[~empty] = 0
+    inside[:] = np.minimum.accumulate(inside - column, axis=1) + column
+    inside[:, ::-1] = np.minimum.accumulate((inside + column)[:, ::-1], axis=1) - column[::-1]
+    for order in (range(rows), range(rows - 1, -1, -1)):
+        for before, i in pairwise(order):
+            near = rings[before]
+            np.minimum(inside[i], np.minimum(np.minimum(near[:-2], near[1:-1]), near[2:]) + 1, out=inside[i])
+    return np.ascontiguousarray(inside)
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:

@@ -113,10 +113,15 @@ def is_compiling() -> bool:
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
     """Wait while a process is at this kernel, and report now and then."""
+    if not _processes:
+        return
+    from hpop.compiled import compiling_elsewhere
+
     name = name_of(compiled)
-    while is_compiling() and any(process.at == name and not process.ended for process in _processes):
-        report()
-        sleep(POLL)
+    with compiling_elsewhere():
+        while is_compiling() and any(process.at == name and not process.ended for process in _processes):
+            report()
+            sleep(POLL)
 
 
 def words(compiled: Any) -> str:

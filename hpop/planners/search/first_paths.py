@@ -28,7 +28,7 @@ STEP = 1e-9  # what an arc costs beside, so that loops of arcs that cost nothing
 def first_paths(
     graph: Graph, source: int, targets: Sequence[int], budget: Budget, progress: ProgressCallback | None = None
 ) -> ParetoPaths:
-    """Non-dominated ones of the paths that are least in each cost, then for mixed weights while the budget lasts.
+    """Non-dominated ones of the paths that are least in each cost, then for mixed weights while the time lasts.
 
     Where a cost is a maximum its sum is weighted instead, and the maximum is what is returned.
 
@@ -40,7 +40,7 @@ def first_paths(
     found: dict[tuple[int, ...], IntArray] = {}
     status = Status.COMPLETE
     try:
-        for arcs in _found(graph, source, np.asarray(targets)):
+        for solved, arcs in enumerate(_found(graph, source, np.asarray(targets)), start=1):
             if arcs is None:
                 status = Status.NO_PATH
                 break
@@ -52,7 +52,7 @@ def first_paths(
             seconds = perf_counter() - began
             if progress:
                 progress(Progress("weights", front=len(found), seconds=seconds))
-            if budget.time_limit is not None and seconds > budget.time_limit:
+            if budget.time_limit is not None and solved >= graph.criteria and seconds > budget.time_limit:
                 status = Status.TIME_LIMIT
                 break
     except KeyboardInterrupt:
