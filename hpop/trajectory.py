@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
-from hpop.motions import Curve, Model, Motions, States, slopes
+from hpop.motions import Curve, Law, Model, Motions, States, slopes
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -51,28 +51,9 @@ class Trajectory:
         names = (*self.model.state_names, *extras(self.model, self.kinds))
         if self.states.names != names:
             raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
-        self._check_what_stays()
-        self._check_curves()
-
-    def _check_what_stays(self) -> None:
-        """A law that does not vary a state would hide a jump in it from every criterion."""
         for kind, index in self._by_kind():
-            for name in set(self.model.state_names) - self.model.laws[kind].varies:
-                jump = np.abs(np.diff(getattr(self.states, name))[index])
-                if jump.max() > STILL:
-                    i = int(index[np.argmax(jump)])
-                    raise ModelError(f"a {kind} does not change {name}, but motion {i} does, by {jump.max():.3g}")
-
-    def _check_curves(self) -> None:
-        """The states of a curve fix its way: they may not contradict it."""
-        for index, law in self._curves():
-            strays = law.strays(self.states.take(index), self.states.take(index + 1))
-            if strays.max() > LED:
-                i = int(index[np.argmax(strays)])
-                raise ModelError(
-                    f"motion {i}, a {law.kind}, ends {strays.max():.3g} m or rad from where its speeds lead; the "
-                    "states of a curve must agree with each other, and its clock may not run backwards"
-                )
+            start, end = self.states.take(index), self.states.take(index + 1)
+            refuse_impossible(self.model, self.model.laws[kind], start, end, index)
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -80,6 +61,13 @@ class Trajectory:
     def __repr__(self) -> str:
         counts = ", ".join(f"{number} {kind}" for kind, number in Counter(self.kinds).items())
         return f"<Trajectory: {len(self)} motions ({counts or 'start is goal'}), {self.duration:.3f} s>"
+
+    @classmethod
+    def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...]) -> Trajectory:
+        """A trajectory whose columns are frozen and whose motions were checked: of many that share them, at once."""
+        made = cls.__new__(cls)
+        made.__dict__.update(model=model, states=states, kinds=kinds)
+        return made
 
     @classmethod
     def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
@@ -290,6 +278,27 @@ class Trajectory:
                 else:
                     out[0][name][at] = getattr(start, name)[chosen]
             elapsed = np.where(within, np.nan, elapsed - phase.duration)
+
+
+def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:
+    """Raise ModelError that names the worst of some motions (M,) of one law, if they are none of this law.
+
+    A law that does not vary a state would hide a jump in it from every criterion, and the states of a curve, which fix
+    its way, may not contradict each other.
+    """
+    for name in [name for name in model.state_names if name not in law.varies]:
+        jump = np.abs(getattr(end, name) - getattr(start, name))
+        if jump.max() > STILL:
+            i = int(np.argmax(jump))
+            raise ModelError(f"a {law.kind} does not change {name}, but motion {numbers[i]} does, by {jump[i]:.3g}")
+    if not isinstance(law, Curve):
+        return
+    strays = law.strays(start, end)
+    if strays.max() > LED:
+        raise ModelError(
+            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, ends {strays.max():.3g} m or rad from where its "
+            "speeds lead; the states of a curve must agree with each other, and its clock may not run backwards"
+        )
 
 
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:

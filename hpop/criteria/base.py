@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
@@ -27,6 +27,7 @@ import numpy as np
 from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
+from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import Motions, missing
 from hpop.registry import criteria, made
 from hpop.trajectory import Trajectory, batches
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 Group = Literal["P", "C", "R", "O"]
 Aggregate = Literal["sum", "time-mean", "max", "trajectory"]
 DEFAULT_QUANTUM = 1e-6
+SPOKEN = 100  # trajectories between two reports of how far an evaluation is
 T = TypeVar("T", bound=type)
 
 
@@ -221,27 +223,99 @@ def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) 
     return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
 
 
-def trajectory_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
+def trajectory_costs(
+    criteria: Sequence[Criterion],
+    trajectories: Sequence[Trajectory],
+    world: World,
+    *,
+    table: MotionTable | None = None,
+    say: Callable[[str], None] | None = None,
+) -> FloatArray:
     """Values (n, k) of criteria on whole trajectories of one model; 0 where start is goal and nothing moves.
 
-    The motions of all trajectories are evaluated together, grouped by law. A time-mean is the integral over the
+    The motions of all trajectories are evaluated together, grouped by law; one that several share is evaluated once,
+    unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
     duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
+
+    Parameters
+    ----------
+    table : the motions of the trajectories, where that is known
+    say : called now and then with what is done, in words
     """
-    values = np.zeros((len(trajectories), len(criteria)))
+    values = np.full((len(trajectories), len(criteria)), np.nan)
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
-    for j, i in product(with_memory, range(len(trajectories))):
-        values[i, j] = _running(criteria[j], trajectories[i], world)
+    for j, (i, trajectory) in product(with_memory, enumerate(trajectories)):
+        if say is not None and i % SPOKEN == 0:
+            say(f"{criteria[j].name} of {i:,} of {len(trajectories):,} trajectories")
+        values[i, j] = _running(criteria[j], trajectory, world)
+    additive = [j for j in range(len(criteria)) if j not in with_memory]
+    if len(trajectories) > 1 and additive:
+        shared = table or MotionTable.of(trajectories)
+        values[:, additive] = _shared_costs([criteria[j] for j in additive], shared, world, say)
+    unknown = np.isnan(values)
+    rows, columns = np.flatnonzero(unknown.any(axis=1)).tolist(), np.flatnonzero(unknown.any(axis=0)).tolist()
+    for part in _parts([len(trajectories[i]) for i in rows]):
+        if say is not None:
+            say(f"costs of {part.start:,} of {len(rows):,} trajectories")
+        own = [trajectories[i] for i in rows[part]]
+        values[np.ix_(rows[part], columns)] = _own_costs([criteria[j] for j in columns], own, world)
+    return values
+
+
+def _shared_costs(
+    criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
+) -> FloatArray:
+    """Values (n, k) of criteria without memory, each distinct motion evaluated once.
+
+    NaN of trajectories with curves, and for criteria that want to know when a motion begins.
+    """
+    each, lasts = np.zeros((len(criteria), len(table))), np.zeros(len(table))
+    done = 0
+    for index, motions in table.batches(world):
+        lasts[index] = motions.duration
+        for j, criterion in enumerate(criteria):
+            if say is not None:
+                say(f"{criterion.name} of {done:,} of {len(table):,} motions")
+            try:
+                each[j, index] = motion_costs(criterion, motions)
+            except (CriterionError, UnsupportedCriterion):  # evaluated with its time, it says itself what is wrong
+                each[j] = np.nan
+        done += index.size
+    each[:, table.curved] = np.nan
+    durations = np.bincount(table.owner, lasts[table.motions], minlength=len(table.counts))  # (n,) s, in time order
+    values = []
+    for costs, criterion in zip(each, criteria, strict=True):
+        total = table.maxima(costs) if criterion.aggregate == "max" else table.sums(costs)
+        if criterion.aggregate == "time-mean":
+            total = np.divide(total, durations, out=np.zeros(durations.size), where=durations > 0)
+        values.append(total)
+    return np.stack(values, axis=1)
+
+
+def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
+    """Values (n, k) of criteria without memory, each motion evaluated at its time and with its neighbours."""
+    values = np.zeros((len(trajectories), len(criteria)))
     durations = np.array([trajectory.duration for trajectory in trajectories])
     for owner, motions in batches(trajectories, world):
         for j, criterion in enumerate(criteria):
             if criterion.aggregate == "max":
                 np.maximum.at(values[:, j], owner, motion_costs(criterion, motions))
-            elif criterion.aggregate != "trajectory":
+            else:
                 values[:, j] += np.bincount(owner, motion_costs(criterion, motions), minlength=len(trajectories))
     for j, criterion in enumerate(criteria):
         if criterion.aggregate == "time-mean":
             values[:, j] = np.divide(values[:, j], durations, out=np.zeros(len(trajectories)), where=durations > 0)
     return values
+
+
+def _parts(counts: Sequence[int]) -> Iterator[slice]:
+    """Runs of trajectories with so many motions each, of bounded size together."""
+    begin = motions = 0
+    for i, number in enumerate(counts):
+        motions += number
+        if motions >= BLOCK or i == len(counts) - 1:
+            yield slice(begin, i + 1)
+            begin, motions = i + 1, 0
 
 
 def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> float:

@@ -1,0 +1,282 @@
+"""The distinct motions of many trajectories: what a large front shares is kept, evaluated and checked once.
+
+Trajectories of one front go mostly through the same states: of five million motions on a lattice some ten thousand
+differ. States are the same if their numbers are, bit for bit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.errors import ModelError
+from hpop.frontier.columns import numbers, parts, places
+from hpop.motions import Curve, Law, Model, Motions, States
+from hpop.trajectory import Trajectory, extras, refuse_impossible
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+BLOCK = 2**16  # motions in a batch, so that what is evaluated along them takes bounded memory
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionTable:
+    """Trajectories of one model as a table of the states and motions that they share.
+
+    model    the system that moves
+    states   (S,) columns: distinct states, NaN where a column is one that no motion there needs
+    laws     names of the motions' laws
+    law      (M,) of each distinct motion, as its place in ``laws``
+    start    (M,) state in which each motion begins
+    end      (M,) state in which each motion ends
+    first    (n,) state in which each trajectory begins
+    counts   (n,) motions of each trajectory
+    motions  (N,) all motions, one trajectory after another, in time order
+    """
+
+    model: Model
+    states: States
+    laws: tuple[str, ...]
+    law: IntArray
+    start: IntArray
+    end: IntArray
+    first: IntArray
+    counts: IntArray
+    motions: IntArray
+
+    @classmethod
+    def of(cls, trajectories: Sequence[Trajectory]) -> MotionTable:
+        """The table of one trajectory or more."""
+        names = dict.fromkeys(name for t in trajectories for name in t.states.names)
+        counts = np.array([len(t) for t in trajectories], dtype=np.int64)
+        nothing = {number: np.full(number + 1, np.nan) for number in set(counts.tolist())}
+        columns = {
+            name: np.concatenate([getattr(t.states, name, nothing[len(t)]) for t in trajectories]) for name in names
+        }
+        rows, place = _distinct(list(columns.values()))
+        begins = np.cumsum(counts) - counts + np.arange(counts.size)  # each has a state more than motions
+        tails = np.delete(np.arange(place.size), begins + counts)
+        vocabulary = {
+            kind: i for i, kind in enumerate(dict.fromkeys(chain.from_iterable(t.kinds for t in trajectories)))
+        }
+        codes = map(vocabulary.__getitem__, chain.from_iterable(t.kinds for t in trajectories))
+        law = np.fromiter(codes, np.int64, tails.size)
+        several, motions = _distinct([law, place[tails], place[tails + 1]])
+        return cls(
+            model=trajectories[0].model,
+            states=States(**{name: column[rows] for name, column in columns.items()}),
+            laws=tuple(vocabulary),
+            law=law[several],
+            start=place[tails][several],
+            end=place[tails + 1][several],
+            first=place[begins],
+            counts=counts,
+            motions=motions,
+        )
+
+    def __len__(self) -> int:
+        return self.law.size
+
+    def __repr__(self) -> str:
+        return (
+            f"<MotionTable: {self.counts.size} trajectories of {len(self)} motions between {self.states.size} states>"
+        )
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """The trajectory (N,) that each of the motions belongs to."""
+        return np.repeat(np.arange(self.counts.size), self.counts)
+
+    @cached_property
+    def last(self) -> IntArray:
+        """State (n,) in which each trajectory ends."""
+        ends = np.cumsum(self.counts) - 1
+        moves = self.counts > 0
+        last = self.first.copy()
+        last[moves] = self.end[self.motions[ends[moves]]]
+        return last
+
+    @cached_property
+    def curved(self) -> BoolArray:
+        """Which motions (M,) go along curves, so that what they are depends on their neighbours."""
+        return np.array([isinstance(self.model.laws[name], Curve) for name in self.laws], dtype=bool)[self.law]
+
+    def having(self, motions: BoolArray) -> BoolArray:
+        """Which trajectories (n,) have one of some motions (M,)."""
+        return np.bincount(self.owner[motions[self.motions]], minlength=self.counts.size) > 0
+
+    def through(self, states: BoolArray) -> BoolArray:
+        """Which trajectories (n,) pass one of some states (S,)."""
+        return states[self.first] | self.having(states[self.end])
+
+    def sums(self, each: FloatArray) -> FloatArray:
+        """Sum (n,) of a value of each distinct motion (M,) over each trajectory, law by law."""
+        total = np.zeros(self.counts.size)
+        for i in range(len(self.laws)):
+            of_law = self._of_law(i)
+            total += np.bincount(self.owner[of_law], each[self.motions[of_law]], minlength=total.size)
+        return total
+
+    def maxima(self, each: FloatArray) -> FloatArray:
+        """Largest value (n,) of a motion (M,) of each trajectory; 0 without motions."""
+        most = np.zeros(self.counts.size)
+        np.maximum.at(most, self.owner, each[self.motions])
+        return most
+
+    def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
+        """The distinct motions (M,) of each law in turn, in batches of bounded size; without time or neighbours."""
+        for index, law in self._by_law():
+            yield index, Motions(world, self.model, law, *self.ends(index))
+
+    def ends(self, index: IntArray) -> tuple[States, States]:
+        """The states at which some motions of one law begin and end."""
+        names = (*self.model.state_names, *extras(self.model, (self.laws[i] for i in np.unique(self.law[index]))))
+        columns = {name: getattr(self.states, name) for name in names}
+        return (
+            States(**{name: column[self.start[index]] for name, column in columns.items()}),
+            States(**{name: column[self.end[index]] for name, column in columns.items()}),
+        )
+
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """The trajectories; columns of those without curves are views of common ones.
+
+        Raises ModelError where a motion is none of its law.
+        """
+        for index, law in self._by_law():
+            if not isinstance(law, Curve):
+                refuse_impossible(self.model, law, *self.ends(index), index)
+        begins = self._begins
+        place = np.empty(self.motions.size + self.counts.size, dtype=np.int64)
+        place[begins] = self.first
+        place[np.delete(np.arange(place.size), begins)] = self.end[self.motions]
+        columns = {name: getattr(self.states, name)[place] for name in self.states.names}
+        for column in columns.values():
+            column.setflags(write=False)
+        kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
+        curved, several = self.having(self.curved).tolist(), []
+        for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
+            own = kinds[begin - i : begin - i + number]
+            names = (*self.model.state_names, *extras(self.model, own))
+            states = States(**{name: columns[name][begin : begin + number + 1] for name in names})
+            several.append((Trajectory if curved[i] else Trajectory.of_checked)(self.model, states, own))
+        return tuple(several)
+
+    def describe(self) -> dict[str, Any]:
+        """What a saved front keeps of its trajectories: JSON-able, exact.
+
+        States and motions are tables of columns by name; ``start``, ``end`` and ``kind`` are places in these, and so
+        are the motions of each trajectory.
+        """
+        ends = np.cumsum(self.counts)
+        motions = self.motions.tolist()
+        return {
+            "kinds": list(self.laws),
+            "states": {name: _with_gaps(getattr(self.states, name)) for name in self.states.names},
+            "motions": {"kind": self.law.tolist(), "start": self.start.tolist(), "end": self.end.tolist()},
+            "trajectories": {
+                "start": self.first.tolist(),
+                "motions": [motions[b:e] for b, e in zip((ends - self.counts).tolist(), ends.tolist(), strict=True)],
+            },
+        }
+
+    @classmethod
+    def from_description(cls, model: Model, description: Mapping[str, Any]) -> MotionTable:
+        """The table that :meth:`describe` described; raises ModelError or ValueError for anything else."""
+        kinds, states, motions, several = parts(
+            description, "the items", kinds=list, states=dict, motions=dict, trajectories=dict
+        )
+        if not all(isinstance(kind, str) and kind in model.laws for kind in kinds) or len(set(kinds)) != len(kinds):
+            raise ModelError(f"expected distinct motion laws of {sorted(model.laws)}, found {kinds!r:.80}")
+        names = (*model.state_names, *extras(model, kinds))
+        columns = dict(zip(names, parts(states, "states", **dict.fromkeys(names, list)), strict=True))
+        law, start, end = parts(motions, "motions", kind=list, start=list, end=list)
+        first, own = parts(several, "trajectories", start=list, motions=list)
+        if not set(map(type, own)) <= {list} or len(own) != len(first):
+            raise ModelError("expected a start and a list of motions for each trajectory, found others")
+        size, moves = len(columns[names[0]]), list(chain.from_iterable(own))
+        made = cls(
+            model=model,
+            states=States(
+                **{n: numbers(c, f"states.{n}", size, gaps=n not in model.state_names) for n, c in columns.items()}
+            ),
+            laws=tuple(kinds),
+            law=places(law, "motions.kind", len(law), len(kinds)),
+            start=places(start, "motions.start", len(law), size),
+            end=places(end, "motions.end", len(law), size),
+            first=places(first, "trajectories.start", len(first), size),
+            counts=np.array([len(each) for each in own], dtype=np.int64),
+            motions=places(moves, "trajectories.motions", len(moves), len(law)),
+        )
+        made._check_meeting()
+        return made
+
+    @cached_property
+    def _begins(self) -> IntArray:
+        """Place (n,) of the first state of each trajectory, were all their states written one after another."""
+        return np.cumsum(self.counts) - self.counts + np.arange(self.counts.size)
+
+    def _of_law(self, i: int) -> BoolArray:
+        """Which of all motions (N,) go by a law."""
+        of_law: BoolArray = self.law[self.motions] == i
+        return of_law
+
+    def _by_law(self) -> Iterator[tuple[IntArray, Law]]:
+        """The distinct motions of each law, in blocks."""
+        for i, name in enumerate(self.laws):
+            of_law = np.flatnonzero(self.law == i)
+            for begin in range(0, of_law.size, BLOCK):
+                yield of_law[begin : begin + BLOCK], self.model.laws[name]
+
+    def _check_meeting(self) -> None:
+        """Each motion of a trajectory begins where the one before it ends."""
+        before = np.empty(self.motions.size, dtype=np.int64)
+        before[1:] = self.end[self.motions[:-1]]
+        moves = self.counts > 0
+        before[(np.cumsum(self.counts) - self.counts)[moves]] = self.first[moves]
+        apart = np.flatnonzero(before != self.start[self.motions])
+        if apart.size:
+            raise ModelError(
+                f"trajectory {self.owner[apart[0]]} jumps: its motion {self.motions[apart[0]]} does not begin in the "
+                "state in which the one before it ends"
+            )
+
+
+def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
+    """Rows of the table that differ in some bit, by first appearance: their places, and for each row which it is.
+
+    Rows are sorted by a hash of their bits, which takes a quarter of the time of exact sorting; the comparison that
+    follows makes it exact. Its key is drawn anew each time, so that nobody can know rows that it does not tell apart.
+    """
+    bits = [np.ascontiguousarray(column).view(np.uint64) for column in columns]
+    while True:
+        odd = np.uint64(int.from_bytes(os.urandom(8)) | 1)
+        key = np.zeros(bits[0].size, dtype=np.uint64)
+        for column in bits:
+            key ^= column
+            key *= odd
+            key ^= key >> np.uint64(32)
+        values, place = np.unique(key, return_inverse=True)
+        first = np.empty(values.size, dtype=np.int64)
+        first[place[::-1]] = np.arange(place.size)[::-1]  # what is assigned last stays
+        if all((column[first][place] == column).all() for column in bits):
+            break
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return first[order], rank[place]
+
+
+def _with_gaps(column: FloatArray) -> list[float | None]:
+    """A column as JSON: null where there is no number."""
+    values: list[float | None] = column.tolist()
+    for i in np.flatnonzero(np.isnan(column)).tolist():
+        values[i] = None
+    return values
