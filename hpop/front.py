@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
 
 from hpop import frontier
 from hpop.arrays import FloatArray
-from hpop.frontier import FrontFileError
+from hpop.errors import ModelError
+from hpop.frontier import FrontFileError, storage
 from hpop.frontier.storage import checked_path
+from hpop.motion_table import MotionTable
+from hpop.motions import Model
 from hpop.registry import GROUPS, make_model
 from hpop.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
@@ -55,38 +58,70 @@ class Front(frontier.Front[Trajectory]):
         self,
         path: str | os.PathLike[str],
         *,
-        encode: Callable[[Trajectory], Any] | None = Trajectory.describe,
+        encode: Callable[[Trajectory], Any] | None = None,
         problem: Mapping[str, Any] | None = None,
     ) -> None:
         """Write the front with its trajectories and the problem's description to a JSON file.
 
-        The files of the world are named by their whole paths, and as seen from the front's folder: moved together, the
-        front and its map are found again.
+        States and motions that several trajectories share are written once (:meth:`hpop.motion_table.MotionTable
+        .describe`). The files of the world are named by their whole paths, and as seen from the front's folder: moved
+        together, the front and its map are found again.
+
+        Parameters
+        ----------
+        encode : turns a trajectory into JSON values of your own, one by one, to be read back by ``decode``
         """
         asked = self.problem if problem is None else problem
-        super().save(path, encode=encode, problem=asked and _placed(seen_from, path, asked))
+        placed = asked and _placed(seen_from, path, asked)
+        if encode is not None or not len(self):
+            super().save(path, encode=encode, problem=placed)
+        else:
+            self._save(path, MotionTable.of(self.trajectories).describe(), placed)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], Trajectory] | None = None) -> Front:
         """Read a front that :meth:`save` wrote; the robot model is rebuilt from the problem's description.
 
+        Parameters
+        ----------
+        decode : turns what ``encode`` made of a trajectory back into it; without ``encode``, what
+            :meth:`Trajectory.describe` says of it
+
         Raises FrontFileError when the file does not hold a front of trajectories.
         """
-        if decode is None:
-            problem = frontier.Front.load(path).problem
+        stored = storage.read(path)
+        items = stored["items"]
+        found: Sequence[Any]
+        if decode is None or isinstance(items, dict):
+            model = _stored_model(path, stored["problem"])
             try:
-                model = make_model((problem or {})["model"])
-            except (LookupError, TypeError, ValueError, AttributeError) as error:
-                raise FrontFileError(
-                    f"{path}: expected a front with its problem and model, found none that can be built ({error}); "
-                    "plan again, or pass decode= for another kind of front"
-                ) from None
+                found = _trajectories(model, items)
+            except (ModelError, ValueError) as error:
+                raise FrontFileError(f"{path}: {error}; plan again, or pass decode= for other items") from None
+            found = found if decode is None else [trajectory.describe() for trajectory in found]
+        else:
+            found = items
+        if stored["problem"] is not None:
+            stored["problem"] = _placed(found_from, path, stored["problem"])
+        return cls._of_stored(path, stored, found, decode)
 
-            def decode(item: Any) -> Trajectory:
-                return Trajectory.from_description(model, item)
 
-        front = super().load(path, decode=decode)
-        return front if front.problem is None else replace(front, problem=_placed(found_from, path, front.problem))
+def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
+    """The robot of a saved problem."""
+    try:
+        return cast(Model, make_model((problem or {})["model"]))
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise FrontFileError(
+            f"{path}: expected a front with its problem and model, found none that can be built ({error}); "
+            "plan again, or pass decode= for another kind of front"
+        ) from None
+
+
+def _trajectories(model: Model, items: list[Any] | dict[str, Any]) -> Sequence[Trajectory]:
+    """The trajectories of a file, as they are stored together, or one by one in files of version 1."""
+    if isinstance(items, dict):
+        return MotionTable.from_description(model, items).trajectories()
+    return [Trajectory.from_description(model, item) for item in items]
 
 
 def _placed(

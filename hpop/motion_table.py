@@ -126,9 +126,10 @@ class MotionTable:
         return total
 
     def maxima(self, each: FloatArray) -> FloatArray:
-        """Largest value (n,) of a motion (M,) of each trajectory; 0 without motions."""
+        """Largest value (n,) of a motion (M,) of each trajectory; 0 without motions, NaN with one that is NaN."""
         most = np.zeros(self.counts.size)
-        np.maximum.at(most, self.owner, each[self.motions])
+        with np.errstate(invalid="ignore"):
+            np.maximum.at(most, self.owner, each[self.motions])
         return most
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
@@ -191,14 +192,14 @@ class MotionTable:
     def from_description(cls, model: Model, description: Mapping[str, Any]) -> MotionTable:
         """The table that :meth:`describe` described; raises ModelError or ValueError for anything else."""
         kinds, states, motions, several = parts(
-            description, "the items", kinds=list, states=dict, motions=dict, trajectories=dict
+            description, "the items", {"kinds": list, "states": dict, "motions": dict, "trajectories": dict}
         )
         if not all(isinstance(kind, str) and kind in model.laws for kind in kinds) or len(set(kinds)) != len(kinds):
             raise ModelError(f"expected distinct motion laws of {sorted(model.laws)}, found {kinds!r:.80}")
         names = (*model.state_names, *extras(model, kinds))
-        columns = dict(zip(names, parts(states, "states", **dict.fromkeys(names, list)), strict=True))
-        law, start, end = parts(motions, "motions", kind=list, start=list, end=list)
-        first, own = parts(several, "trajectories", start=list, motions=list)
+        columns = dict(zip(names, parts(states, "states", dict.fromkeys(names, list)), strict=True))
+        law, start, end = parts(motions, "motions", {"kind": list, "start": list, "end": list})
+        first, own = parts(several, "trajectories", {"start": list, "motions": list})
         if not set(map(type, own)) <= {list} or len(own) != len(first):
             raise ModelError("expected a start and a list of motions for each trajectory, found others")
         size, moves = len(columns[names[0]]), list(chain.from_iterable(own))

@@ -12,21 +12,27 @@ import numpy as np
 
 from hpop.frontier.dominance import FloatArray, IntArray
 
+Kinds = dict[str, type | tuple[type, ...]]
+"""Keys of an object, each with the types that its value may have."""
 
-def parts(table: Any, name: str, **kinds: type | tuple[type, ...]) -> list[Any]:
+
+def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
     """The values of an object that must have certain keys and no others, each of its type.
 
-    >>> parts({"a": [1], "b": {}}, "the file", a=list, b=dict)
+    >>> parts({"a": [1], "b": {}}, "the file", {"a": list, "b": dict})
     [[1], {}]
     """
-    if not isinstance(table, Mapping) or table.keys() != kinds.keys():
-        found = f"the keys {sorted(map(str, table))}" if isinstance(table, Mapping) else type(table).__name__
-        raise ValueError(f"expected {name} to be an object with the keys {list(kinds)}, found {found:.200}")
+    if not isinstance(table, Mapping):
+        raise ValueError(f"expected {name} to be an object, found {type(table).__name__}")
+    if table.keys() != kinds.keys():
+        missing, unknown = sorted(kinds.keys() - table.keys()), sorted(map(str, table.keys() - kinds.keys()))
+        found = f"missing keys {missing}, unknown keys {unknown}"
+        raise ValueError(f"expected {name} to have the keys {list(kinds)}, found {found:.200}")
     for key, kind in kinds.items():
         one_of = kind if isinstance(kind, tuple) else (kind,)
         if type(table[key]) not in one_of:
             words = " or ".join(each.__name__ for each in one_of)
-            raise ValueError(f"expected {key!r} of {name} to be of type {words}, found {type(table[key]).__name__}")
+            raise ValueError(f"expected {key!r} to be of type {words}, found {type(table[key]).__name__} in {name}")
     return [table[key] for key in kinds]
 
 

@@ -16,6 +16,7 @@ from hpop.frontier import choosing, knee, storage, union
 from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quantised
 from hpop.frontier.errors import FrontError, FrontFileError
 from hpop.frontier.point import Point
+from hpop.frontier.strict_json import plain
 
 T = TypeVar("T")
 
@@ -99,7 +100,7 @@ class Front(Generic[T]):
             raise ValueError("the rows are not a sorted front without duplicates; build it with Front.of")
         integers.setflags(write=False)
         object.__setattr__(self, "integers", integers)
-        object.__setattr__(self, "provenance", tuple(_as_json("provenance", p) for p in self.provenance))
+        object.__setattr__(self, "provenance", tuple(_origins(self.provenance)[0]))
         object.__setattr__(self, "runs", tuple(_as_json("runs", run) for run in self.runs))
         if self.problem is not None:
             object.__setattr__(self, "problem", _as_json("problem", self.problem))
@@ -144,14 +145,13 @@ provenance, problem, runs
         matrix = _floats(costs, (n, k))
         table = _floats([] if reported is None else reported, (n, len(reported_names)))
         given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
-        origins = [_as_json("provenance", origin) for origin in given]
+        origins, texts = _origins(given)
         if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(origins) != n:
             raise ValueError(
                 f"expected costs {(n, k)}, reported values {(n, len(reported_names))} and provenance ({n},) "
                 f"for {n} items and {k} names, got {matrix.shape}, {table.shape} and ({len(origins)},)"
             )
         integers = quantised(matrix, quanta)
-        texts = [json.dumps(origin, sort_keys=True) for origin in origins]
         rank = {text: position for position, text in enumerate(sorted(set(texts)))}
         by_name = sorted(range(len(reported_names)), key=lambda column: reported_names[column])
         keys = [*integers.T, *matrix.T, *table[:, by_name].T, np.array([rank[text] for text in texts])]
@@ -291,23 +291,15 @@ provenance, problem, runs
         problem : mapping, optional
             What the front answers, as JSON, to be kept in the file; by default the front's own ``problem``.
         """
-        stored = storage.StoredFront(
-            costs=self.costs.tolist(),
-            items=[item if encode is None else encode(item) for item in self.items],
-            names=list(self.names),
-            units=list(self.units),
-            quanta=self.quanta.tolist(),
-            groups=list(self.groups),
-            reported=self.reported.tolist(),
-            reported_names=list(self.reported_names),
-            reported_units=list(self.reported_units),
-            status=str(self.status),
-            certificate=self.certificate,
-            provenance=list(self.provenance),
-            problem=self.problem if problem is None else _as_json("problem", problem),
-            runs=list(self.runs),
-        )
-        storage.write(path, stored)
+        self._save(path, [item if encode is None else encode(item) for item in self.items], problem)
+
+    def _save(
+        self, path: str | os.PathLike[str], items: list[Any] | dict[str, Any], problem: Mapping[str, Any] | None
+    ) -> None:
+        """Write the front with its items as they are encoded: a list of them, or an object that holds all together."""
+        fields: dict[str, Any] = {name: getattr(self, name) for name in storage.StoredFront.__annotations__}
+        asked = self.problem if problem is None else _as_json("problem", problem)
+        storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": asked}))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], T] | None = None) -> Self:
@@ -326,17 +318,34 @@ provenance, problem, runs
             If the file does not hold a front; the message says what was expected, what was found, what to do.
         """
         stored = storage.read(path)
-        items: list[Any] = []
-        for row, item in enumerate(stored["items"]):
+        items = stored["items"]
+        if isinstance(items, dict):
+            raise FrontFileError(
+                f"{path}: its items are stored together, in a form that only the class of front that wrote it reads; "
+                "load it with that class, such as hpop.Front"
+            )
+        return cls._of_stored(path, stored, items, decode)
+
+    @classmethod
+    def _of_stored(
+        cls,
+        path: str | os.PathLike[str],
+        stored: storage.StoredFront,
+        items: Sequence[Any],
+        decode: Callable[[Any], T] | None,
+    ) -> Self:
+        """The front that a file holds, its items decoded one by one."""
+        decoded: list[Any] = []
+        for row, item in enumerate(items):
             try:
-                items.append(item if decode is None else decode(item))
+                decoded.append(item if decode is None else decode(item))
             except Exception as error:
                 raise FrontFileError(
                     f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error}); "
                     "pass the decode= that belongs to the encode= it was saved with"
                 ) from error
         try:
-            return cls(**{**stored, "items": items})  # type: ignore[arg-type]
+            return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
             raise FrontFileError(f"{path}: expected a front, found that {error}") from error
 
@@ -357,9 +366,24 @@ def _floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     return array.reshape(shape) if array.size == 0 and 0 in shape else array
 
 
+def _origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Copies of origins as plain JSON values, and their texts; those that are alike become one object."""
+    copies: dict[str, dict[str, Any]] = {}
+    texts: list[str] = []
+    known: dict[int, str] = {}
+    for origin in provenance:
+        text = known.get(id(origin))
+        if text is None:
+            copy = _as_json("provenance", origin)
+            text = known[id(origin)] = json.dumps(copy, sort_keys=True)
+            copies.setdefault(text, copy)
+        texts.append(text)
+    return [copies[text] for text in texts], texts
+
+
 def _as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
     """Copy a mapping as plain JSON values, so that it is the same after saving and loading."""
     try:
-        return cast(dict[str, Any], json.loads(json.dumps(dict(value), allow_nan=False, sort_keys=True)))
-    except (TypeError, ValueError) as error:
+        return cast(dict[str, Any], plain(dict(value)))
+    except (TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{what} must be a dict of JSON values, got {value!r:.200} ({error})") from error

@@ -1,28 +1,36 @@
 """The file format of a saved front: strict JSON, read without running anything.
 
-A file holds the schema's name and version, the criteria, and the points one by one, so that a person can read
-it. Numbers are written in the shortest decimal form that reads back as the same float64. Writing is atomic:
-the file appears whole or not at all. Reading checks every key, type and shape, and refuses what it does not
-know.
+A file holds the schema's name and version, the criteria, and tables of columns by name, so that a person and a program
+in any language can read it: the costs and reported values, where each point came from, and the items as they were
+encoded, one by one or all together. Writing is atomic: the file appears whole or not at all. Reading checks every key,
+type and shape, and refuses what it does not know; files of version 1 are read as well.
 """
 
 from __future__ import annotations
 
 import errno
 import json
-import math
 import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypedDict
+from typing import Any, NoReturn, TypedDict, cast
 
+import numpy as np
+
+from hpop.frontier import version_1
 from hpop.frontier.atomic import replacing
+from hpop.frontier.columns import Kinds, numbers, parts, places
+from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontFileError
+from hpop.frontier.strict_json import parse, pieces
+from hpop.regular_file import read_regular
 
 SCHEMA = "hpop-front"
-VERSION = 1
+VERSION = 2
 SIZE_LIMIT = 512 * 1024**2  # bytes
 
-_TOP = {
+_AGAIN = "save the front again"
+_TOP: Kinds = {
     "schema": str,
     "version": int,
     "status": str,
@@ -31,30 +39,29 @@ _TOP = {
     "reported": list,
     "problem": (dict, type(None)),
     "runs": list,
-    "points": list,
 }
-_CRITERION = {"name": str, "unit": str, "group": str, "quantum": (int, float)}
-_REPORTED = {"name": str, "unit": str}
-_POINT = {"costs": list, "reported": list, "provenance": dict, "item": object}
+_CRITERION: Kinds = {"name": str, "unit": str, "group": str, "quantum": (float, int)}
+_REPORTED: Kinds = {"name": str, "unit": str}
+_POINTS: Kinds = {"count": int, "costs": dict, "reported": dict, "origins": list, "origin": list}
 
 
 class StoredFront(TypedDict):
-    """The contents of a file, named as the fields of a front; items are still encoded."""
+    """The contents of a file, named as the fields of a front; items are still encoded, one by one or all in one."""
 
-    costs: list[list[float]]
-    items: list[Any]
-    names: list[str]
-    units: list[str]
-    quanta: list[float]
-    groups: list[str]
-    reported: list[list[float]]
-    reported_names: list[str]
-    reported_units: list[str]
+    costs: FloatArray
+    items: list[Any] | dict[str, Any]
+    names: Sequence[str]
+    units: Sequence[str]
+    quanta: FloatArray
+    groups: Sequence[str]
+    reported: FloatArray
+    reported_names: Sequence[str]
+    reported_units: Sequence[str]
     status: str
     certificate: str
-    provenance: list[dict[str, Any]]
+    provenance: Sequence[dict[str, Any]]
     problem: dict[str, Any] | None
-    runs: list[dict[str, Any]]
+    runs: Sequence[dict[str, Any]]
 
 
 def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
@@ -68,26 +75,28 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
         If the folder cannot be written.
     """
     target = checked_path(path)
+    if not target.parent.exists():
+        raise FileNotFoundError(
+            errno.ENOENT, "the folder for the front is not there; make it first", str(target.parent)
+        )
+    size = 0
     try:
-        document = json.dumps(_document(stored), allow_nan=False, ensure_ascii=False, indent=1)
-        data = document.encode(errors="backslashreplace")  # half a surrogate, as in a name of a file that is no UTF-8
-        _parse(data)
+        with replacing(target) as file:
+            for piece in pieces(_document(stored)):
+                # Half of a surrogate pair, as in the name of a file that is no UTF-8, is written as its number.
+                size += file.write(piece.encode(errors="backslashreplace"))
+                if size > SIZE_LIMIT:
+                    raise FrontFileError(
+                        f"{target}: the file would be above the limit of {SIZE_LIMIT} bytes; let encode= write less "
+                        "of each item, or save fewer points"
+                    )
+    except FrontFileError:
+        raise
     except (TypeError, ValueError, RecursionError) as error:
         raise FrontFileError(
             f"{target}: the front cannot be written as JSON ({error}); "
             "pass encode= to turn each item into lists, dicts, strings and finite numbers"
         ) from error
-    if len(data) > SIZE_LIMIT:
-        raise FrontFileError(
-            f"{target}: the file would be {len(data)} bytes, above the limit of {SIZE_LIMIT}; "
-            "let encode= write less of each item, or save fewer points"
-        )
-    if not target.parent.exists():
-        raise FileNotFoundError(
-            errno.ENOENT, "the folder for the front is not there; make it first", str(target.parent)
-        )
-    with replacing(target) as file:
-        file.write(data)
 
 
 def read(path: str | os.PathLike[str]) -> StoredFront:
@@ -97,55 +106,35 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
     ------
     FrontFileError
         If the file is larger than 512 MB, is not strict JSON (duplicate keys and NaN are refused), or is not
-        a front of this version. The message names the file, what was expected, and what was found.
+        a front of a known version. The message names the file, what was expected, and what was found.
     OSError
-        If the file cannot be opened.
+        If the file cannot be opened, or is no regular file.
     """
     source = checked_path(path)
-    with source.open("rb") as file:
-        data = file.read(SIZE_LIMIT + 1)
-    if len(data) > SIZE_LIMIT:
+    try:
+        data = read_regular(source, SIZE_LIMIT)
+    except OSError as error:
+        if error.errno != errno.EFBIG:
+            raise
         _refuse(source, f"a file of at most {SIZE_LIMIT} bytes", "a larger one", "save fewer points")
     try:
-        top = _parse(data)
+        top = parse(data)
     except RecursionError:
-        _refuse(source, "JSON", "brackets nested too deeply", "save the front again")
+        _refuse(source, "JSON", "brackets nested too deeply", _AGAIN)
     except ValueError as error:
-        _refuse(source, "JSON", str(error), "save the front again")
+        _refuse(source, "JSON", str(error), _AGAIN)
     if not isinstance(top, dict) or top.get("schema") != SCHEMA:
-        found = f"schema {top.get('schema')!r}" if isinstance(top, dict) else f"a JSON {type(top).__name__}"
+        found = f"schema {top.get('schema')!r:.40}" if isinstance(top, dict) else f"a JSON {type(top).__name__}"
         _refuse(source, f'an object with "schema": "{SCHEMA}"', found, "name a file that Front.save wrote")
     version = top.get("version")
-    if version != VERSION:
+    if type(version) is not int or version not in (1, VERSION):
         newer = type(version) is int and version > VERSION
-        advice = "update the library that reads it" if newer else "save the front again"
-        _refuse(source, f"version {VERSION}", f"version {version!r}", advice)
-    _check_keys(source, "the file", top, _TOP)
-    for number, run in enumerate(top["runs"]):
-        if not isinstance(run, dict):
-            _refuse(source, f"runs[{number}] to be an object", type(run).__name__, "save the front again")
-    for part, keys in (("criteria", _CRITERION), ("reported", _REPORTED), ("points", _POINT)):
-        for number, entry in enumerate(top[part]):
-            _check_keys(source, f"{part}[{number}]", entry, keys)
-    criteria, reported, points = top["criteria"], top["reported"], top["points"]
-    return StoredFront(
-        costs=[_numbers(source, f"points[{i}].costs", p["costs"], len(criteria)) for i, p in enumerate(points)],
-        items=[p["item"] for p in points],
-        names=[c["name"] for c in criteria],
-        units=[c["unit"] for c in criteria],
-        quanta=_numbers(source, "quantum", [c["quantum"] for c in criteria], len(criteria)),
-        groups=[c["group"] for c in criteria],
-        reported=[
-            _numbers(source, f"points[{i}].reported", p["reported"], len(reported)) for i, p in enumerate(points)
-        ],
-        reported_names=[r["name"] for r in reported],
-        reported_units=[r["unit"] for r in reported],
-        status=top["status"],
-        certificate=top["certificate"],
-        provenance=[p["provenance"] for p in points],
-        problem=top["problem"],
-        runs=top["runs"],
-    )
+        advice = "update the library that reads it" if newer else _AGAIN
+        _refuse(source, f"version 1 or {VERSION}", f"version {version!r:.40}", advice)
+    try:
+        return _stored(top)
+    except ValueError as error:
+        raise FrontFileError(f"{source}: {error}; {_AGAIN}") from None
 
 
 def checked_path(path: object) -> Path:
@@ -155,21 +144,12 @@ def checked_path(path: object) -> Path:
     return Path(path)
 
 
-def _parse(data: bytes) -> Any:
-    """Parse strict JSON: UTF-8, no key twice in an object, no NaN, no infinity."""
-    return json.loads(
-        data.decode("utf-8"),
-        object_pairs_hook=_object_without_duplicates,
-        parse_float=_finite_float,
-        parse_constant=_no_constant,
-    )
-
-
 def _document(stored: StoredFront) -> dict[str, Any]:
     """Arrange a front as the JSON object that the file holds."""
-    criteria = zip(stored["names"], stored["units"], stored["groups"], stored["quanta"], strict=True)
+    rows: dict[str, int] = {}
+    origins = [rows.setdefault(text, len(rows)) for text in _texts(stored["provenance"])]
+    criteria = zip(stored["names"], stored["units"], stored["groups"], stored["quanta"].tolist(), strict=True)
     reported = zip(stored["reported_names"], stored["reported_units"], strict=True)
-    points = zip(stored["costs"], stored["reported"], stored["provenance"], stored["items"], strict=True)
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -178,59 +158,78 @@ def _document(stored: StoredFront) -> dict[str, Any]:
         "criteria": [dict(zip(_CRITERION, values, strict=True)) for values in criteria],
         "reported": [dict(zip(_REPORTED, values, strict=True)) for values in reported],
         "problem": stored["problem"],
-        "runs": stored["runs"],
-        "points": [dict(zip(_POINT, values, strict=True)) for values in points],
+        "runs": list(stored["runs"]),
+        "points": {
+            "count": len(origins),
+            "costs": dict(zip(stored["names"], stored["costs"].T.tolist(), strict=True)),
+            "reported": dict(zip(stored["reported_names"], stored["reported"].T.tolist(), strict=True)),
+            "origins": list(map(json.loads, rows)),
+            "origin": origins,
+        },
+        "items": stored["items"],
+    }
+
+
+def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """The text of each origin; what many points share is written once."""
+    known: dict[int, str] = {}
+    for origin in provenance:
+        text = known.get(id(origin))
+        if text is None:
+            text = known[id(origin)] = json.dumps(origin, sort_keys=True)
+        yield text
+
+
+def _stored(top: dict[str, Any]) -> StoredFront:
+    """The contents of a document, checked; raises ValueError."""
+    rest: Kinds = {"points": list} if top["version"] == 1 else {"points": dict, "items": (list, dict)}
+    parts(top, "the file", _TOP | rest)
+    criteria = [parts(entry, f"criteria[{i}]", _CRITERION) for i, entry in enumerate(top["criteria"])]
+    reported = [parts(entry, f"reported[{i}]", _REPORTED) for i, entry in enumerate(top["reported"])]
+    names, units, groups, quanta = ([entry[i] for entry in criteria] for i in range(4))
+    for i, run in enumerate(top["runs"]):
+        if type(run) is not dict:
+            raise ValueError(f"expected runs[{i}] to be an object, found {type(run).__name__}")
+    reported_names = [name for name, _ in reported]
+    points = version_1.points(top) if top["version"] == 1 else _points(top, names, reported_names)
+    stored: dict[str, Any] = {
+        "names": names,
+        "units": units,
+        "groups": groups,
+        "quanta": numbers(quanta, "quantum", len(criteria)),
+        "reported_names": reported_names,
+        "reported_units": [unit for _, unit in reported],
+        "status": top["status"],
+        "certificate": top["certificate"],
+        "problem": top["problem"],
+        "runs": top["runs"],
+    }
+    return cast(StoredFront, stored | points)
+
+
+def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
+    """What the points of a file hold: costs and reported values in columns by name, origins and items."""
+    count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
+    for what, column in (("origin", origin), ("items", top["items"])):
+        if isinstance(column, list) and len(column) != count:
+            raise ValueError(f"expected as many entries in {what} as the count of points, found {len(column)}")
+    for i, each in enumerate(origins):
+        if type(each) is not dict:
+            raise ValueError(f"expected origins[{i}] to be an object, found {type(each).__name__}")
+    matrices = []
+    for what, table, columns in zip(("costs", "reported"), tables, (names, reported_names), strict=True):
+        kinds: Kinds = dict.fromkeys(columns, list)
+        lists = dict(zip(kinds, parts(table, what, kinds), strict=True))
+        matrix = [numbers(lists[name], f"{what}.{name}", count) for name in columns]
+        matrices.append(np.array(matrix, dtype=np.float64).reshape(len(columns), count).T)
+    return {
+        "costs": matrices[0],
+        "reported": matrices[1],
+        "provenance": [origins[i] for i in places(origin, "origin", count, len(origins)).tolist()],
+        "items": top["items"],
     }
 
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
     """Raise the error that every refusal to read has the form of."""
     raise FrontFileError(f"{source}: expected {expected}, found {found}; {advice}") from None
-
-
-def _check_keys(source: Path, place: str, entry: object, keys: dict[str, Any]) -> None:
-    """Check that an object has exactly these keys, with values of these types."""
-    if not isinstance(entry, dict):
-        _refuse(source, f"{place} to be an object", type(entry).__name__, "save the front again")
-    if entry.keys() != keys.keys():
-        missing, extra = sorted(keys.keys() - entry.keys()), sorted(entry.keys() - keys.keys())
-        found = f"missing keys {missing}, unknown keys {extra}"
-        _refuse(source, f"{place} to have the keys {list(keys)}", found, "save the front again")
-    for key, kind in keys.items():
-        if not isinstance(entry[key], kind) or (isinstance(entry[key], bool) and kind is not object):
-            names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
-            found = f"{type(entry[key]).__name__} in {place}"
-            _refuse(source, f"{key!r} to be of type {names}", found, "save the front again")
-
-
-def _numbers(source: Path, place: str, values: list[Any], length: int) -> list[float]:
-    """Check that a list holds ``length`` finite numbers, and return them as floats."""
-    if len(values) != length:
-        _refuse(source, f"{length} numbers in {place}", f"{len(values)}", "save the front again")
-    for value in values:
-        if type(value) is not float and (type(value) is not int or abs(value) > 2**1023):
-            _refuse(source, f"float64 numbers in {place}", f"{value!r:.40}", "save the front again")
-    return [float(value) for value in values]
-
-
-def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Build an object, refusing one that says the same key twice."""
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        seen: set[str] = set()
-        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-        raise ValueError(f"the key {twice!r} twice in one object")
-    return result
-
-
-def _finite_float(text: str) -> float:
-    """Parse a number, refusing one too large for float64."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"the number {text:.40}, too large for float64")
-    return value
-
-
-def _no_constant(text: str) -> NoReturn:
-    """Refuse NaN and Infinity, which JSON does not have."""
-    raise ValueError(f"the constant {text}, which is not JSON")

@@ -126,7 +126,19 @@ def test_the_problem_is_kept_beside_the_front(tmp_path):
     assert Front.load(tmp_path / "front.json").problem == front_of().problem
 
 
-@pytest.mark.parametrize("item", [object(), {1, 2}, float("nan"), "\ud800", {1: 0, "1": 0}])
+def test_half_a_surrogate_pair_as_in_names_of_files_comes_back(tmp_path):
+    front_of(items=["\udcff"] * 2).save(tmp_path / "front.json")
+    assert Front.load(tmp_path / "front.json").items == ("\udcff",) * 2
+
+
+def nested(depth):
+    value = []
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+@pytest.mark.parametrize("item", [nested(10**5), object(), {1, 2}, float("nan"), {1: 0, "1": 0}])
 def test_an_item_that_is_not_json_is_refused_and_the_old_file_stays(tmp_path, item):
     path = tmp_path / "front.json"
     path.write_text("old")
@@ -203,10 +215,11 @@ def test_every_truncation_of_a_file_is_refused(tmp_path):
         ("0.30000000000000004", "NaN", "NaN"),
         ("0.30000000000000004", "-Infinity", "-Infinity"),
         ("0.30000000000000004", "1e999", "too large"),
-        ("0.30000000000000004", "1" * 400, "float64 numbers in points"),
-        ("0.30000000000000004", '"0.3"', "float64 numbers in points"),
-        ("0.30000000000000004", "true", "float64 numbers in points"),
-        ("0.30000000000000004", "null", "float64 numbers in points"),
+        ("0.30000000000000004", "1" * 400, "float64 numbers in costs.length"),
+        ("0.30000000000000004", '"0.3"', "2 numbers in costs.length, found 2 of type float, str"),
+        ("0.30000000000000004", "true", "2 numbers in costs.length, found 2 of type bool, float"),
+        ("0.30000000000000004", "null", "2 numbers in costs.length, found 2 of type NoneType, float"),
+        ('"labels": 7', f'"labels": {10**400}', "too large for float64"),
     ],
 )
 def test_what_strict_json_numbers_exclude_is_refused(refuse_text, old, new, message):
@@ -223,9 +236,9 @@ def test_other_files_are_refused(refuse, refuse_text):
 
 
 def test_a_newer_version_says_to_update(refuse):
-    message = refuse(lambda document: document.update(version=2, anything="else"))
-    assert "version 1, found version 2; update" in message
-    for version in ("1", True, 1.0, 0, None):
+    message = refuse(lambda document: document.update(version=3, anything="else"))
+    assert "version 1 or 2, found version 3; update" in message
+    for version in ("2", True, 2.0, 0, -(10**300), None):
         assert "save the front again" in refuse(lambda document, v=version: document.update(version=v))
 
 
@@ -241,18 +254,32 @@ def drop(mapping, key):
         (lambda document: document.update(status=None), "'status' to be of type str"),
         (lambda document: document.update(runs=[7]), "runs[0] to be an object"),
         (lambda document: document.update(problem=[]), "'problem' to be of type dict or NoneType"),
-        (lambda document: drop(document["points"][1], "item"), "points[1] to have the keys"),
-        (lambda document: document["points"].append(7), "points[2] to be an object"),
-        (lambda document: document["points"][0].update(provenance=[]), "'provenance' to be of type dict"),
-        (lambda document: document["points"][0]["costs"].append(1.0), "2 numbers in points[0].costs"),
-        (lambda document: document["points"][0]["reported"].clear(), "1 numbers in points[0].reported"),
+        (lambda document: drop(document, "items"), "missing keys ['items']"),
+        (lambda document: document.update(items=7), "'items' to be of type list or dict"),
+        (lambda document: document["items"].append(7), "as many entries in items as the count of points, found 3"),
+        (lambda document: document["points"].update(count=3), "as many entries in origin as the count of points"),
+        (lambda document: document["points"].update(count=10**300), "as many entries in origin"),
+        (lambda document: document["points"].update(count=True), "'count' to be of type int"),
+        (lambda document: document["points"].update(origins=[[]]), "origins[0] to be an object"),
+        (lambda document: document["points"].update(origin=[0, 1]), "places in a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, -1]), "places in a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, 10**30]), "places in a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, False]), "2 whole numbers in origin"),
+        (lambda document: document["points"]["costs"]["turns"].append(1.0), "2 numbers in costs.turns, found 3"),
+        (lambda document: document["points"]["reported"]["duration"].clear(), "2 numbers in reported.duration"),
+        (lambda document: drop(document["points"]["costs"], "length"), "missing keys ['length']"),
+        (lambda document: document["points"]["costs"].update(length={}), "'length' to be of type list"),
         (lambda document: document["criteria"][0].update(quantum=True), "'quantum' to be of type"),
         (lambda document: document["criteria"][0].update(quantum=0), "quanta must be positive"),
-        (lambda document: document["criteria"][1].update(name="turns"), "no name twice"),
-        (lambda document: document["criteria"].clear(), "0 numbers in points[0].costs"),
-        (lambda document: document["points"].reverse(), "not a sorted front"),
-        (lambda document: document["points"].append(document["points"][1]), "not a sorted front"),
-        (lambda document: document["points"][1]["costs"].__setitem__(1, 99.0), "not a sorted front"),
+        (lambda document: document["criteria"][1].update(name="turns"), "unknown keys ['length']"),
+        (lambda document: document["criteria"].append(document["criteria"][0]), "no name twice"),
+        (lambda document: document["criteria"].clear(), "unknown keys ['length', 'turns']"),
+        (lambda document: document["points"]["costs"]["turns"].reverse(), "not a sorted front"),
+        (
+            lambda document: document["points"]["costs"].update(turns=[1.0, 1.0], length=[2.0, 2.0]),
+            "not a sorted front",
+        ),
+        (lambda document: document["points"]["costs"]["length"].__setitem__(1, 99.0), "not a sorted front"),
         (lambda document: document.update(certificate=""), "what it claims"),
     ],
 )
