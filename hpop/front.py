@@ -43,6 +43,22 @@ class Front(frontier.Front[Trajectory]):
         return tuple(name for name, constant in zip(self.names, same, strict=True) if constant)
 
     @property
+    def evaluated(self) -> tuple[str, ...]:
+        """Criteria that no run searched for: evaluated on what was found, in which other trajectories may be better."""
+        known = [names for run in self.runs if isinstance(names := run.get("evaluated"), list)]
+        if not known or len(known) < len(self.runs):
+            return ()
+        return tuple(name for name in self.names if all(name in names for names in known))
+
+    def named(self) -> dict[str, frontier.Point[Trajectory]]:
+        """The points worth a name: the knee and the least in each criterion, of those found if only evaluated."""
+        if not len(self):
+            return {}
+        found = self.evaluated
+        least = {f"least {name}" + " of those found" * (name in found): self.best(name) for name in self.names}
+        return {"knee": self.knee(), **least}
+
+    @property
     def question(self) -> dict[str, Any] | None:
         """The problem, wherever its files lie: what is in them is known by its hash."""
         problem = self.problem

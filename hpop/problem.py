@@ -211,7 +211,13 @@ class Problem:
             certificate=certificate,
             provenance=candidates.provenance,
             problem=self.describe(),
-            runs=[{"notes": [*candidates.notes, *self._coverage()], **candidates.stats}],
+            runs=[
+                {
+                    "notes": [*candidates.notes, *self._coverage()],
+                    "evaluated": [c.name for c in candidates.filters],
+                    **candidates.stats,
+                }
+            ],
         )
 
     def _coverage(self) -> list[str]:

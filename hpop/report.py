@@ -26,7 +26,7 @@ from hpop import registry
 from hpop.arrays import FloatArray
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
-from hpop.frontier import Point, hypervolume
+from hpop.frontier import hypervolume
 from hpop.problem import Problem
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
@@ -58,18 +58,10 @@ def described(progress: Progress) -> str:
     return f"{progress.stage}  {counts}, {progress.memory / 1e6:,.0f} MB"
 
 
-def marked(front: Front) -> dict[str, Point[Any]]:
-    """The points worth a name: the knee and the best in each criterion."""
-    if not len(front):
-        return {}
-    best = {f"least {name}": front.best(name) for name in front.names}
-    return {"knee": front.knee(), **best}
-
-
 def marks(front: Front) -> dict[int, list[str]]:
     """The rows that are marked, each with all its names."""
     names: dict[int, list[str]] = {}
-    for label, point in marked(front).items():
+    for label, point in front.named().items():
         names.setdefault(point.index, []).append(label)
     return names
 

@@ -91,19 +91,32 @@ def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
-    """What is found once a stage is done: a final answer alone, else its candidates and those of the stages before."""
-    if before is None or now.status.is_final or not before.trajectories:
+    """What is found once a stage is done: its candidates and those of the stages before.
+
+    A final answer covers these in all that it optimised, so it is joined with them only where criteria filter: in one
+    that was only evaluated, an earlier path may be better.
+    """
+    if before is None or not before.trajectories or (now.status.is_final and not now.filters):
         return now
+    known = {_driven(trajectory) for trajectory in now.trajectories}
+    new = [i for i, trajectory in enumerate(before.trajectories) if _driven(trajectory) not in known]
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
     what = f" ({', '.join(stages)})" if stages else ""
+    better = f", which may be better in {', '.join(c.name for c in now.filters)}" if now.status.is_final else ""
     return replace(
         now,
-        trajectories=now.trajectories + before.trajectories,
-        planned=np.concatenate([now.planned, before.planned]),
-        tolerance=np.concatenate([now.tolerance, before.tolerance]),
-        provenance=now.provenance + before.provenance,
-        certificate=f"{now.certificate}; with the points of earlier stages{what}",
+        trajectories=now.trajectories + tuple(before.trajectories[i] for i in new),
+        planned=np.concatenate([now.planned, before.planned[new]]),
+        tolerance=np.concatenate([now.tolerance, before.tolerance[new]]),
+        provenance=now.provenance + tuple(before.provenance[i] for i in new),
+        certificate=f"{now.certificate}; with the points of earlier stages{what}{better}",
     )
+
+
+def _driven(trajectory: Trajectory) -> tuple[Any, ...]:
+    """What tells a trajectory from others: its motions and states."""
+    states = trajectory.states
+    return (trajectory.kinds, *(getattr(states, name).tobytes() for name in states.names))
 
 
 def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:

@@ -146,7 +146,7 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
     A row with several names is one mark. Raises OptionError for a row that the front does not have.
     """
     if chosen is None:
-        chosen = _knee_and_bests(front) if len(front) else {}
+        chosen = {name: point.index for name, point in front.named().items()}
     names: dict[int, list[str]] = {}
     for name, row in chosen.items():
         if not 0 <= row < len(front):
@@ -154,10 +154,6 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
         names.setdefault(int(row), []).append(name)
     looks = zip(cycle(COLOURS), cycle(DASHES), cycle(MARKERS), strict=False)
     return tuple(Mark(tuple(names[row]), row, *look) for row, look in zip(names, looks, strict=False))
-
-
-def _knee_and_bests(front: Front) -> dict[str, int]:
-    return {"knee": front.knee().index} | {f"least {name}": front.best(name).index for name in front.names}
 
 
 def turns_in_place(trajectory: Trajectory) -> BoolArray:
