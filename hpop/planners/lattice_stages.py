@@ -22,7 +22,7 @@ from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.planners.search.beside import compiling_beside, is_compiling
+from hpop.planners.search.beside import compiling_beside, first_is_awaited
 from hpop.planners.search.first_paths import first_paths
 from hpop.planners.state_graph import TURNS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
@@ -56,7 +56,7 @@ def _stages(
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
         budget = _share(purse, max(QUICK, SHARE * query.build_seconds))
-        if is_compiling() and space is (part or lattice):
+        if first_is_awaited() and space is (part or lattice):
             first = _quick_answer(query, budget, progress)
         else:
             first = _first_answer(query, budget, progress)

@@ -15,7 +15,7 @@ from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
 from typing import Any
 
-PARTS = ("search", "bounds")  # of a rehearsal, the longer one first
+PARTS = ("search", "bounds", "weights")  # of a rehearsal, in the order of their need
 # The kernels of a search in the order in which it takes them.
 ORDER = (
     "number_groups",
@@ -39,6 +39,7 @@ main()
 POLL = 0.02  # s between two looks at what a process says
 
 _processes: list[_Process] = []
+_first: list[Any] = []  # the kernel of a first answer, while processes compile
 
 
 class _Process:
@@ -55,7 +56,12 @@ class _Process:
         self.at = ""
         self.ended = False
 
-    def listen(self) -> None:
+    def is_at(self, name: str) -> bool:
+        """Whether the process compiles the kernel of this name."""
+        self._listen()
+        return self.at == name and not self.ended
+
+    def _listen(self) -> None:
         """Take what the process said since."""
         while not self.ended:
             with suppress(BlockingIOError):
@@ -75,22 +81,24 @@ class _Process:
 
 @contextmanager
 def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
-    """Compile the kernels of a search beside what is done in a ``with``; tells whether there are any to compile.
+    """Compile the kernels of a search beside what is done in a ``with``; tells whether the search has to wait for any.
 
     turns  the cost that counts turns, -1 for none
     """
     from hpop.compiled import can_be_kept, is_kept  # numba: on first use
+    from hpop.planners.search.weighted_path import weighted_path
 
     longest = main_kernel(aggregates, turns)
-    needed = can_be_kept(longest) and not is_kept(longest)
-    if needed:
+    first = longest if "max" in aggregates else weighted_path
+    if can_be_kept(longest) and not (is_kept(longest) and is_kept(first)):
         with suppress(OSError):  # where no process can be had, this one compiles
             count = 2 if (os.cpu_count() or 1) > 2 else 1
-            for first in range(count):
-                _processes.append(_Process(PARTS[first::count], aggregates, turns))
+            _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
+            _first.append(first)
     try:
-        yield needed
+        yield bool(_first) and not is_kept(longest)
     finally:
+        _first.clear()
         while _processes:
             _processes.pop().stop()
 
@@ -104,11 +112,13 @@ def main_kernel(aggregates: Sequence[str], turns: int) -> Any:
     return advance
 
 
-def is_compiling() -> bool:
-    """Whether a process compiles beside."""
-    for process in _processes:
-        process.listen()
-    return not all(process.ended for process in _processes)
+def first_is_awaited() -> bool:
+    """Whether what a first answer takes is compiled beside: then one is sought without."""
+    if not _first:
+        return False
+    from hpop.compiled import is_kept
+
+    return not is_kept(_first[0])
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
@@ -119,7 +129,7 @@ def wait_for(compiled: Any, report: Callable[[], None]) -> None:
 
     name = name_of(compiled)
     with compiling_elsewhere():
-        while is_compiling() and any(process.at == name and not process.ended for process in _processes):
+        while any(process.is_at(name) for process in _processes):
             report()
             sleep(POLL)
 

@@ -1,7 +1,7 @@
 """What a process that compiles beside does: the search of a tiny graph, for which all kernels get their types.
 
-The parts are "search" (queue and dominance) and "bounds"; kernels that come before run as plain Python, since the
-process that plans compiles these meanwhile.
+The parts are "search" (queue and dominance), "bounds" and "weights" (of first answers); kernels that come before run as
+plain Python, since the process that plans compiles these meanwhile.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from hpop.planners.search.graph import Graph
 from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.planners.search.slices import Clock, Search
 from hpop.planners.search.turns import Groups
+from hpop.planners.search.weighted_sum import _Run as SupportedRun
 from hpop.status import Budget
 
 SIDE, HEADINGS = 3, 8  # of the lattice
@@ -52,9 +53,14 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
     graph, target = lattice(aggregates, turns), np.array([SIDE * SIDE * HEADINGS - 1])
     clock = _Rehearsal()
     groups = Groups.of(graph, clock)
-    if part == "bounds":
+    if part != "search":
         clock.compiles = True
+    if part == "bounds":
         lower_bounds(graph, 0, target, clock, groups)
+        return
+    if part == "weights":
+        if "max" not in aggregates:
+            SupportedRun(graph, 0, clock).go(target, None, None)
         return
     h = np.zeros((graph.criteria, graph.nodes), np.int64)
     search: Search
@@ -89,7 +95,7 @@ def lattice(aggregates: Sequence[str], turns: int) -> Graph:
 
 def main() -> None:
     """Compile the parts that the command line names, for the costs that it describes."""
-    if hasattr(os, "nice"):
+    if os.cpu_count() == 1 and hasattr(os, "nice"):  # elsewhere a search waits for this, and nothing stands in its way
         os.nice(NICENESS)
     parts, turns, *aggregates = sys.argv[1:]
     for part in parts.split(","):

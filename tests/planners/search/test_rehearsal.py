@@ -10,8 +10,8 @@ import shapely
 import hpop
 from hpop.planners.base import edge_objectives
 from hpop.planners.lattice import Lattice
-from hpop.planners.search import pareto_paths
-from hpop.planners.search.beside import ORDER, is_compiling, words
+from hpop.planners.search import pareto_paths, supported_paths
+from hpop.planners.search.beside import ORDER, PARTS, first_is_awaited, words
 from hpop.planners.search.kernels import signature
 from hpop.planners.search.rehearsal import _Rehearsal, rehearse
 from hpop.planners.search.slices import Clock
@@ -21,7 +21,7 @@ CRITERIA = {"turns": ["exposure", "turns", "length"], "general": ["exposure", "r
 
 
 def taken(query: GraphQuery, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
-    """Kernels of an exact search, each with the types that it is called with."""
+    """Kernels of a first answer and of an exact search, each with the types that it is called with."""
     seen: dict[str, set[Any]] = {}
     prepare = Clock.prepare
 
@@ -32,6 +32,7 @@ def taken(query: GraphQuery, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[A
     with monkeypatch.context() as patch:
         patch.setattr(Clock, "prepare", noted)
         pareto_paths(query.graph, query.start, query.goals)
+        supported_paths(query.graph, query.start, query.goals)
     return seen
 
 
@@ -45,7 +46,7 @@ def rehearsed(aggregates: list[str], turns: int, monkeypatch: pytest.MonkeyPatch
 
     with monkeypatch.context() as patch:
         patch.setattr(_Rehearsal, "prepare", noted)
-        for part in ("search", "bounds"):
+        for part in PARTS:
             rehearse(part, aggregates, turns)
     return seen
 
@@ -58,10 +59,10 @@ def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monk
     query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
     search = taken(query, monkeypatch)
     beside = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
-    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along"} <= beside.keys()
+    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along", "weighted_path"} <= beside.keys()
     for name, types in beside.items():
         assert types & search[name], name
-    assert set(search) <= {*ORDER, "build", "sweep", "order_chains"}
+    assert set(search) <= {*ORDER, "build", "sweep", "order_chains", "arcs_onward", "reduce_costs", "weighted_path"}
 
 
 def test_what_is_compiled_is_told_with_how_far_it_is() -> None:
@@ -71,4 +72,4 @@ def test_what_is_compiled_is_told_with_how_far_it_is() -> None:
 
 
 def test_nothing_is_compiled_beside_unless_asked_for() -> None:
-    assert not is_compiling()
+    assert not first_is_awaited()
