@@ -37,6 +37,7 @@ from hpop.errors import (
     own_place,
 )
 from hpop.interrupts import ENDING, SIGNALS
+from hpop.options import MOST_WORKERS
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
 
@@ -139,7 +140,9 @@ def main() -> None:
 @main.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, callback=_folder, help="Folder for the front and the pictures.", metavar="PATH")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes for planners that sweep, such as weighted-sum.")
+@click.option(
+    "--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes for planners that sweep, such as weighted-sum."
+)
 @click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
 @click.option(
     "--checkpoint",

@@ -6,6 +6,7 @@ zero, or goes on for ever.
 
 from __future__ import annotations
 
+import re
 from math import nan
 from numbers import Integral, Real
 from typing import Any
@@ -19,6 +20,12 @@ MOST = 1e6
 """Greatest length, time, speed, factor, ..., SI units: the longest map that is read is 1,000 km long."""
 FARTHEST = 1e8
 """Greatest coordinate, m: projected ones of the earth are below 5e7, and a double is still exact to 15 nm there."""
+MOST_SEED = 2**63 - 1
+"""Greatest seed of random numbers."""
+MOST_WORKERS = 1024
+"""Processes, more than the cores of any machine."""
+EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?e[-+]?\d+", re.IGNORECASE)
+"""What looks like a number, and YAML 1.1 reads as text."""
 MOST_COUNTED = 2**60
 """Greatest count: no cost of a path is larger, and sums of a few fit 64 bits."""
 
@@ -36,8 +43,9 @@ def real(
     """
     number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else nan
     if not least <= number <= most:
-        hint = "; YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if isinstance(value, str) else ""
-        raise error(f"{name} must be {kind} from {_bound(least)} to {_bound(most)}, got {shown(value)}{hint}")
+        text = isinstance(value, str) and EXPONENT.fullmatch(value)
+        hint = "; YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if text else ""
+        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{hint}")
     return number if isinstance(number, int) else float(number)
 
 
@@ -58,8 +66,7 @@ def whole(
     """
     number: Any = value if isinstance(value, Integral) and not isinstance(value, bool) else nan
     if not least <= number <= most:
-        limits = f"of at least {least}" if most == MOST_COUNTED else f"from {_bound(least)} to {_bound(most)}"
-        raise error(f"{name} must be {kind} {limits}, got {shown(value)}")
+        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}")
     return int(number)
 
 
@@ -71,10 +78,21 @@ def set_reals(
         object.__setattr__(owner, name, real(name, getattr(owner, name), least, most, kind, error=error))
 
 
-def set_wholes(owner: object, *names: str, least: int, most: int = MOST_COUNTED) -> None:
+def set_wholes(
+    owner: object,
+    *names: str,
+    least: int,
+    most: int = MOST_COUNTED,
+    kind: str = "a whole number",
+    error: type[HpopError] = OptionError,
+) -> None:
     """Check attributes of a frozen dataclass, each as :func:`whole` does."""
     for name in names:
-        object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most))
+        object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most, kind, error=error))
+
+
+def _limits(least: float, most: float) -> str:
+    return f"of at least {_bound(least)}" if most >= MOST_COUNTED else f"from {_bound(least)} to {_bound(most)}"
 
 
 def _bound(bound: float) -> str:

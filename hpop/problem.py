@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -18,9 +17,11 @@ from hpop.frontier.union import JOINT
 from hpop.math import not_radians
 from hpop.models import DifferentialDrive
 from hpop.motions import Model, missing
+from hpop.options import FARTHEST, MOST, real
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
 from hpop.registry import GROUPS, make_model
 from hpop.status import Progress, ProgressCallback, Status
+from hpop.text import shown
 from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
 from hpop.world import World
@@ -59,11 +60,11 @@ class Problem:
         criteria: Sequence[CriterionSpec],
     ) -> None:
         if not isinstance(world, World):
-            raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {world!r:.80}")
+            raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
         if isinstance(model, type) or not isinstance(model, Model):
-            raise ModelError(f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {model!r:.80}")
+            raise ModelError(f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}")
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
-            raise CriterionError(f"criteria is a list such as ['obstruction', 'turns', 'length'], got {criteria!r}")
+            raise CriterionError(f"criteria is a list such as ['turns', 'length'], got {shown(criteria)}")
         made = tuple(make_criterion(spec) for spec in criteria)
         repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
         if repeated:
@@ -256,7 +257,7 @@ class Problem:
             return cls(World.from_description(world), make_model(model), start, goal, criteria)
         except HpopError:
             raise
-        except (TypeError, ValueError, AttributeError) as error:
+        except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
             raise QueryError(f"not the description of a problem: {error}") from None
 
 
@@ -291,7 +292,7 @@ def _check_describable(criterion: Criterion) -> None:
 def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
     if not isinstance(trajectory, Trajectory):
         raise QueryError(
-            f"expected a trajectory, such as front.trajectories[0] or the item of a point, got {trajectory!r:.80}"
+            f"expected a trajectory, such as front.trajectories[0] or the item of a point, got {shown(trajectory)}"
         )
     return trajectory
 
@@ -299,11 +300,15 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
 def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:
     try:
         x, y, yaw = pose
-        checked = (float(x), float(y), None if yaw is None else float(yaw))  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise QueryError(f"the {what} is (x m, y m, yaw rad), got {pose!r}") from None
-    if not all(math.isfinite(value) for value in checked if value is not None):
-        raise QueryError(f"the {what} must be finite numbers, got {pose!r}")
-    if checked[2] is not None and (advice := not_radians(checked[2])):
+        raise QueryError(f"the {what} is (x m, y m, yaw rad), got {shown(pose)}") from None
+    east, north = (
+        real(f"{name} of the {what}", value, -FARTHEST, FARTHEST, "a position in m", error=QueryError)
+        for name, value in (("x", x), ("y", y))
+    )
+    if yaw is None:
+        return float(east), float(north), None
+    angle = real(f"the yaw of the {what}", yaw, -MOST, MOST, "an angle in rad", error=QueryError)
+    if advice := not_radians(angle):
         raise QueryError(f"the yaw of the {what} {advice}")
-    return checked
+    return float(east), float(north), float(angle)

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from hpop.errors import OWN, HpopError, QueryError, ScenarioError
 from hpop.math import not_radians
+from hpop.options import FARTHEST, MOST, real
 from hpop.registry import Registry, readers
 from hpop.scenario_schema import STRICT, WorldSection
 from hpop.yaml_lines import Document, Place
@@ -131,14 +132,22 @@ class Faults:
     def pose(self, given: Any, key: str) -> tuple[Any, ...]:
         """A start or goal, the yaw in rad; a goal's may be free (None)."""
         x, y, yaw = given if isinstance(given, list) and len(given) == 3 else (0.0, 0.0, 0.0)
+        for i, position in enumerate((x, y)):
+            if isinstance(position, int | float):
+                with self.collected((key, i)):
+                    real(f"{'xy'[i]} of the {key}", position, -FARTHEST, FARTHEST, "a position in m", error=QueryError)
         if yaw == "any" and key == "goal":
             return x, y, None
         if yaw == "any":
             self.add((key, 2), "the yaw at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
             return x, y, 0.0
         angle = self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
-        if isinstance(angle, float | int) and (advice := not_radians(angle)):
-            self.add((key, 2), f"a yaw {advice}", QueryError)
+        if isinstance(angle, float | int):
+            with self.collected((key, 2)):
+                real("a yaw", angle, -MOST, MOST, "an angle in rad", error=QueryError)
+                if not (advice := not_radians(angle)):
+                    return x, y, angle
+                self.add((key, 2), f"a yaw {advice}", QueryError)
             return x, y, 0.0
         return x, y, angle
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from numbers import Real
 
-from hpop.errors import OptionError
+from hpop.options import MOST_COUNTED, real
 
 
 class Status(StrEnum):
@@ -48,11 +47,9 @@ class Budget:
     max_memory: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("time_limit", "max_labels", "max_memory"):
-            value = getattr(self, name)
-            number = isinstance(value, Real) and not isinstance(value, bool)
-            if value is not None and not (number and value > 0):
-                raise OptionError(f"{name} must be a positive number, got {value!r}; leave it out for no bound")
+        for name, least in (("time_limit", 1e-9), ("max_labels", 1), ("max_memory", 1)):
+            if (value := getattr(self, name)) is not None:
+                real(name, value, least, MOST_COUNTED, "a positive number")
 
 
 @dataclass(frozen=True)

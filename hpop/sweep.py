@@ -35,6 +35,7 @@ from uuid import uuid4
 from hpop import current_folder
 from hpop.errors import OptionError
 from hpop.interrupts import ENDING, interrupts_held
+from hpop.options import MOST_WORKERS, whole
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -239,8 +240,7 @@ class _Processes(ProcessPoolExecutor):
 
 def processes(workers: int) -> ProcessPoolExecutor:
     """A pool of fresh processes on this machine; Ctrl-C and what else ends a group is left to the one that plans."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise OptionError(f"workers must be a whole number of processes, at least 1, got {workers!r}")
+    whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     if method == "forkserver":
         _serve_forks()

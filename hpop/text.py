@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from math import log10
 from reprlib import Repr
 from typing import Any
@@ -27,6 +28,8 @@ def shown(value: Any, most: int = LENGTH) -> str:
 
     >>> shown([1, "two"]), shown("x" * 1000, 20)
     ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
+    >>> shown({"b": 1, "a": {"c": {"d": {"e": 2}}}})
+    "{'b': 1, 'a': {'c': {'d': {...}}}}"
     >>> shown(10**5000)
     'a whole number of 5,001 digits'
     """
@@ -46,6 +49,13 @@ class _Short(Repr):
         self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 8
         self.maxstring = self.maxother = most
         self.maxlong = 40
+
+    def repr_dict(self, x: dict[Any, Any], level: int) -> str:
+        """As ever, but in the order of the keys."""
+        if level <= 0 and x:
+            return "{...}"
+        pieces = [f"{self.repr1(key, level - 1)}: {self.repr1(x[key], level - 1)}" for key in islice(x, self.maxdict)]
+        return f"{{{', '.join([*pieces, *['...'] * (len(x) > self.maxdict)])}}}"
 
     def repr_int(self, x: int, level: int) -> str:
         """As ever, but of numbers that Python does not print."""

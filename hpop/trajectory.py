@@ -14,6 +14,7 @@ from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
 from hpop.motions import Curve, Law, Model, Motions, States, slopes
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -208,8 +209,8 @@ class Trajectory:
         try:
             columns = {str(k): np.array(v, float) for k, v in description["states"].items()}
             kinds = tuple(str(kind) for kind in description["kinds"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise ModelError(f"not a trajectory: expected kinds and states, got {error!r}") from None
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise ModelError(f"not a trajectory: expected kinds and states, got {shown(error)}") from None
         return cls(model, States(**columns), kinds)
 
     def _by_kind(self) -> Iterator[tuple[str, IntArray]]:

@@ -14,6 +14,7 @@ from hpop.front import Front
 from hpop.math import wrap
 from hpop.models.solid import SolidCollision
 from hpop.motions import Curve, States
+from hpop.options import MOST
 from hpop.planners.base import edge_objectives
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -99,9 +100,9 @@ def _cost_faults(problem: Problem, front: Front) -> Iterator[str]:
 def _offset(provenance: Mapping[str, Any]) -> float:
     """How far from the goal the planner says that it ended, m, within what its step allows."""
     offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
-    if not (isinstance(offset, int | float) and isinstance(step, int | float)):
+    if not (isinstance(offset, int | float) and isinstance(step, int | float) and max(abs(offset), abs(step)) <= MOST):
         return 0.0
-    return min(float(offset), abs(float(step)) / math.sqrt(2.0))
+    return min(float(offset), abs(step) / math.sqrt(2.0))
 
 
 def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:

@@ -10,9 +10,12 @@ import yaml
 
 from hpop.errors import ScenarioError
 from hpop.regular_file import read_regular
+from hpop.text import shown
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
+MAX_EXPANDED = 10_000
+"""Values of a file with aliases, written out: aliases of aliases would double them with every line."""
 TAG = "tag:yaml.org,2002:"
 DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*|\d*\.\d*(e[-+]\d+)?|\.inf|\.nan)", re.IGNORECASE)
 Place = tuple[str | int, ...]
@@ -21,7 +24,8 @@ Place = tuple[str | int, ...]
 class Document:
     """A YAML file as plain values, with the line of every key.
 
-    Keys are words, each given once; numbers are decimal; dates, tags, anchors and aliases are refused.
+    Keys are words, each given once; numbers are decimal; dates and tags are refused. An alias stands for a copy of what
+    its anchor names, and a file with aliases holds at most `MAX_EXPANDED` values, copies included.
 
     values  dict
     path    of the file
@@ -44,7 +48,7 @@ class Document:
         except yaml.YAMLError as error:
             self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):
-            self._refuse(None, f"expected keys such as world, start and goal, got {_shown(self.values)}")
+            self._refuse(None, f"expected keys such as world, start and goal, got {_got(self.values)}")
 
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
@@ -64,29 +68,26 @@ class Document:
         raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
 
     def _check_events(self, text: str) -> None:
-        """Refuse aliases, tags and deep nesting before anything is built: the C loader recurses."""
-        depth = 0
+        """Refuse tags, deep nesting and too many aliases before anything is built: the C loader recurses."""
+        expanded = _Expanded()
         event: Any
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
             line = event.start_mark.line + 1
-            if getattr(event, "anchor", None):
-                self._refuse(line, "anchors and aliases are not read; write the values out")
             if getattr(event, "tag", None):
                 self._refuse(line, f"tags such as {event.tag} are not read; write a plain value")
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > MAX_DEPTH:
-                self._refuse(line, f"values are nested more than {MAX_DEPTH} deep; a scenario needs fewer")
+            if isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent) and (wrong := expanded.add(event)):
+                self._refuse(line, wrong)
 
     def _walk(self, node: Any, place: Place) -> None:
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
                 line = key.start_mark.line + 1
                 if key.tag != TAG + "str":
-                    got = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or keys"
+                    got = shown(key.value) if isinstance(key, yaml.ScalarNode) else "a list or keys"
                     self._refuse(line, f"a key must be a word, got {got}; put it in quotes if it is one")
                 here = (*place, key.value)
                 if here in self._lines:
-                    self._refuse(line, f"{key.value!r} is given twice; keep one")
+                    self._refuse(line, f"{shown(key.value)} is given twice; keep one")
                 self._lines[here] = line
                 self._walk(value, here)
         elif isinstance(node, yaml.SequenceNode):
@@ -102,6 +103,50 @@ class Document:
                 self._refuse(line, f"YAML reads {got!r} as a {kind}; put it in quotes")
 
 
+class _Expanded:
+    """How large and how deep the values of a YAML file are, its aliases written out, told by its events."""
+
+    def __init__(self) -> None:
+        self._open: list[tuple[str | None, int, int]] = []  # anchor, values before, deepest level within
+        self._named: dict[str | None, tuple[int, int]] = {}  # values and levels of what an anchor names
+        self._values = 0
+        self._aliases = False
+
+    def add(self, event: Any) -> str:
+        """Count one event more; what is wrong with it, or nothing."""
+        if isinstance(event, yaml.CollectionStartEvent):
+            self._named.pop(event.anchor, None)
+            self._values += 1
+            self._open.append((event.anchor, self._values - 1, 1))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before, levels = self._open.pop()
+            self._close(anchor, self._values - before, levels)
+        elif isinstance(event, yaml.ScalarEvent):
+            self._values += 1
+            self._close(event.anchor, 1, 0)
+        elif event.anchor in self._named:
+            self._aliases = True
+            values, levels = self._named[event.anchor]
+            self._values += values
+            self._close(None, values, levels)
+        else:  # an alias within what its anchor names, or of nothing
+            return f"the alias *{event.anchor} names nothing that ends before it; write the value out"
+        depth = max((level + levels for level, (_, _, levels) in enumerate(self._open)), default=0)
+        if depth > MAX_DEPTH:
+            return f"values are nested more than {MAX_DEPTH} deep; a scenario needs fewer"
+        if self._aliases and self._values > MAX_EXPANDED:
+            return f"with its aliases written out, the file has more than {MAX_EXPANDED:,} values; write fewer"
+        return ""
+
+    def _close(self, anchor: str | None, values: int, levels: int) -> None:
+        """Take what ends into what it stands in, and remember it if it has a name."""
+        if anchor is not None:
+            self._named[anchor] = (values, levels)
+        if self._open:
+            outer, before, deepest = self._open[-1]
+            self._open[-1] = (outer, before, max(deepest, levels + 1))
+
+
 def _read(path: Path) -> str:
     try:
         return read_regular(path, MAX_BYTES).decode("utf-8-sig")
@@ -114,5 +159,5 @@ def _read(path: Path) -> str:
         raise ScenarioError(f"{path}: cannot be read: {reason}; give the path of a scenario (YAML)") from None
 
 
-def _shown(value: object) -> str:
-    return repr(value)[:60] if value is not None else "an empty file"
+def _got(value: object) -> str:
+    return shown(value) if value is not None else "an empty file"

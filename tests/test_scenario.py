@@ -190,7 +190,7 @@ def test_a_fault_is_said_with_line_key_and_what_to_do(
         (("step: 0.5", "max_detour: {width: 1.3}, max_turns: 6"), OptionError, 12, "{'length': number}"),
         (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be a positive number"),
         (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
-        (("radius: 0.2", "radius: 200"), ModelError, 7, "in metres, at most 20, got 200"),
+        (("radius: 0.2", "radius: 200"), ModelError, 7, "a positive length in m from 1e-06 to 20, got 200"),
         (("[1.0, 1.0, 0]", "[1.0, 1.0, 90]"), QueryError, 8, "start.2: a yaw is in radians"),
         (("[1.0, 1.0, 0]", "[1.0, 1.0, 90]"), QueryError, 8, "in a scenario '90 deg', if these are degrees"),
         (("any]", "750 deg]"), QueryError, 9, "goal.2: a yaw is in radians, within two turns of 0; got 13.09"),

@@ -40,8 +40,9 @@ def test_a_missing_key_is_placed_at_the_nearest_one_above_it(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "line", "said"),
     [
-        ("a: 1\nb: &x 2\n", 2, "anchors and aliases"),
-        ("a: 1\nb: *x\n", 2, "anchors and aliases"),
+        ("a: 1\nb: *x\n", 2, "the alias *x names nothing that ends before it"),
+        ("a: 1\nb: &x [*x]\n", 2, "the alias *x names nothing that ends before it"),
+        ("a: &x 1\nb: &x [*x]\n", 2, "the alias *x names nothing that ends before it"),
         ("a: 1\n\nb: !!python/object/apply:os.system ['exit']\n", 3, "python/object/apply:os.system"),
         ("a: !home 1\n", 1, "!home"),
         ("a: 1\nb: 2\na: 3\n", 3, "'a' is given twice"),

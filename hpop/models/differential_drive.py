@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +17,15 @@ from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.parts import Part, convex_parts
 from hpop.motions import Law, Pose, States
+from hpop.options import LEAST, MOST, real, set_reals
 from hpop.registry import models
+from hpop.text import shown
 from hpop.trajectory import Trajectory
 
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m
 LONGEST = 20.0  # m: what is larger is given in another unit
+SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: what is slower does not move
 
 
 @dataclass(frozen=True)
@@ -103,21 +105,15 @@ class DifferentialDrive:
     wheel_base: float = 0.4
 
     def __post_init__(self) -> None:
-        for name in ("radius", "body_height", "camera_height", "mast_radius", "speed", "acceleration"):
-            self._check_positive(name)
-        for name in ("turn_rate", "turn_acceleration", "wheel_base"):
-            self._check_positive(name)
+        lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")
+        rates = ("speed", "acceleration", "turn_rate", "turn_acceleration")
+        set_reals(self, *lengths, least=LEAST, most=LONGEST, kind="a positive length in m", error=ModelError)
+        set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
+        for name in (*lengths, *rates):
+            object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
-
-    def _check_positive(self, name: str) -> None:
-        value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
-            raise ModelError(f"{name} of a differential drive must be a positive number, got {value!r}")
-        if name not in ("speed", "acceleration", "turn_rate", "turn_acceleration") and float(value) > LONGEST:
-            raise ModelError(f"{name} of a differential drive is in metres, at most {LONGEST:g}, got {value!r}")
-        object.__setattr__(self, name, float(value))
 
     @property
     def name(self) -> str:
@@ -205,22 +201,24 @@ class DifferentialDrive:
 
 def _checked_offset(offset: Any) -> tuple[float, float]:
     try:
-        ahead, left = (float(value) for value in offset)
+        ahead, left = offset
     except (TypeError, ValueError):
-        ahead = left = math.nan
-    if not (math.isfinite(ahead) and math.isfinite(left)):
-        raise ModelError(f"camera_offset is (ahead, left) in m, got {offset!r}")
-    return ahead, left
+        raise ModelError(f"camera_offset is (ahead, left) in m, got {shown(offset)}") from None
+    ahead, left = (
+        real("camera_offset", value, -LONGEST, LONGEST, "(ahead, left) in m, each", error=ModelError)
+        for value in (ahead, left)
+    )
+    return float(ahead), float(left)
 
 
 def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
     try:
         points = tuple((float(x), float(y)) for x, y in corners)
-        if not np.isfinite(points).all():
-            raise ValueError("corners must be finite")
+        if not (np.abs(points) <= LONGEST).all():
+            raise ValueError(f"corners must be finite, within {LONGEST:g} m of the axis")
         polygon = shapely.Polygon(points)
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"a footprint is at least three corners (x, y) in m, got {corners!r}: {error}") from None
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ModelError(f"a footprint is at least three corners (x, y) in m, got {shown(corners)}: {error}") from None
     if not polygon.is_valid or polygon.area == 0:
         raise ModelError(f"the footprint {points} is not a simple polygon: {shapely.is_valid_reason(polygon)}")
     if not polygon.covers(shapely.Point(0, 0)):

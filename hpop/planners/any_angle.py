@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.errors import OptionError
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
+from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.lattice import Lattice
 from hpop.planners.purse import Purse
@@ -60,9 +60,8 @@ class AnyAngle:
 
     def __post_init__(self) -> None:
         self._lattice()
-        most = self.max_positions
-        if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 0):
-            raise OptionError(f"max_positions must be a whole number of at least 0, got {most!r}")
+        if self.max_positions is not None:
+            set_wholes(self, "max_positions", least=0)
 
     def _lattice(self) -> Lattice:
         return Lattice(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.errors import OptionError
+from hpop.options import MOST_COUNTED, real, set_wholes
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.epsilon_job import PolylineJob, Task
@@ -24,11 +25,12 @@ from hpop.planners.vertices import Polyline
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-MOST = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
+MOST_DIVISIONS = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
 COUNTED = (
     "tried",
     "skipped",
@@ -78,21 +80,18 @@ class EpsilonConstraint:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        for name, least, most in (("divisions", 0, MOST), ("rounds", 1, MOST), ("max_points", 1, math.inf)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
-            if not whole and not (value is None and name == "max_points"):
-                limits = f"{least} to {most:,}" if math.isfinite(most) else f"at least {least}"
-                raise OptionError(f"{name} must be a whole number of {limits}, got {value!r}")
+        set_wholes(self, "divisions", least=0, most=MOST_DIVISIONS)
+        set_wholes(self, "rounds", least=1, most=MOST_DIVISIONS)
+        if self.max_points is not None:
+            set_wholes(self, "max_points", least=1)
         if self.epsilon is not None:
-            wrong = not isinstance(self.epsilon, Mapping) or any(
-                isinstance(v, bool) or not isinstance(v, int | float) or not v >= 0 for v in self.epsilon.values()
-            )
-            if wrong:
+            if not isinstance(self.epsilon, Mapping):
                 raise OptionError(
                     "epsilon gives bounds by the name of a cost, such as {'length': 30}, none of them below 0, got "
-                    f"{self.epsilon!r}"
+                    f"{shown(self.epsilon)}"
                 )
+            for name, bound in self.epsilon.items():
+                real(f"epsilon, the bound on {name},", bound, 0, MOST_COUNTED)
         Budget(self.time_limit)
         self._warm_planner(None)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
+from hpop.text import shown
 
 # One step along each heading, in cells (columns, rows), counter-clockwise from +x.
 STEPS_8 = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -33,8 +34,8 @@ class Headings:
     count: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.count, int | np.integer) or self.count not in STEPS:
-            raise OptionError(f"headings must be one of {sorted(STEPS)}, got {self.count!r}")
+        if isinstance(self.count, bool) or not isinstance(self.count, int | np.integer) or self.count not in STEPS:
+            raise OptionError(f"headings must be one of {sorted(STEPS)}, got {shown(self.count)}")
 
     @property
     def steps(self) -> tuple[tuple[int, int], ...]:

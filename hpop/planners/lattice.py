@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hpop.errors import OptionError
+from hpop.options import LEAST, MOST, real, set_reals, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.grid import Headings
@@ -21,6 +21,7 @@ from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.planners.state_graph import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.status import Budget, Progress, ProgressCallback
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -82,19 +83,21 @@ class Lattice:
     checkpoint: CheckpointSpec | None = None
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.step, int | float) and 0 < self.step < math.inf):
-            raise OptionError(f"the lattice's step must be a positive length in m, got {self.step!r}")
+        set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
         Headings(self.headings)
         if self.max_detour is not None:
             Detour.of(self.max_detour, self.max_turns)
         Precision(self.eps)
-        if self.tolerance is not None and not isinstance(self.tolerance, Mapping):
-            raise OptionError(
-                f"tolerance gives amounts by the name of a cost, such as {{'length': 0.1}}, got {self.tolerance!r}"
-            )
-        turns = self.max_turns
-        if turns is not None and (isinstance(turns, bool) or not isinstance(turns, int) or turns < 0):
-            raise OptionError(f"max_turns must be a whole number of at least 0, got {turns!r}")
+        if self.tolerance is not None:
+            if not isinstance(self.tolerance, Mapping):
+                raise OptionError(
+                    "tolerance gives amounts by the name of a cost, such as {'length': 0.1}, got "
+                    f"{shown(self.tolerance)}"
+                )
+            for name, amount in self.tolerance.items():
+                real(f"the tolerance in {name}", amount, 0, MOST)
+        if self.max_turns is not None:
+            set_wholes(self, "max_turns", least=0)
         if self.max_detour is not None and (self.eps or self.tolerance):
             raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
         if self.checkpoint is not None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.errors import OptionError, QueryError
+from hpop.errors import QueryError
 from hpop.models.collision import PlanarCollision, why_blocked
 from hpop.motions import States
+from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.roadmap_graph import StateRoadmap
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 SAME = 1e-9  # m: two positions no further apart are one
 DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
+
+
+MOST_SAMPLES = 1_000_000
 
 
 @planner("roadmap")
@@ -64,11 +68,10 @@ class Roadmap:
     checkpoint: CheckpointSpec | None = None
 
     def __post_init__(self) -> None:
-        for name, least in (("samples", 1), ("neighbours", 1), ("seed", 0)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool) and value >= least
-            if not whole and not (name == "neighbours" and value is None):
-                raise OptionError(f"{name} of a roadmap must be a whole number of at least {least}, got {value!r}")
+        set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
+        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        if self.neighbours is not None:
+            set_wholes(self, "neighbours", least=1)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
         self._budget()

@@ -14,6 +14,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models.collision import PlanarCollision
+from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.roadmap import checked_ends
 from hpop.planners.rrt_query import Query
@@ -21,6 +22,7 @@ from hpop.planners.rrt_run import Run, load_ompl, run
 from hpop.planners.trust import judge
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -57,14 +59,11 @@ class RRT:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        for name, least in (("runs", 1), ("seed", 0), ("max_extensions", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise OptionError(f"{name} of rrt must be a whole number of at least {least}, got {value!r}")
-        if self.runs > MOST_RUNS:
-            raise OptionError(f"runs of rrt must be at most {MOST_RUNS:,}, got {self.runs!r}; the paper took 1000")
-        if self.keep not in get_args(Keep):
-            raise OptionError(f"keep of rrt is 'selected' or 'all', got {self.keep!r}")
+        set_wholes(self, "runs", least=1, most=MOST_RUNS)
+        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        set_wholes(self, "max_extensions", least=1)
+        if not isinstance(self.keep, str) or self.keep not in get_args(Keep):
+            raise OptionError(f"keep of rrt is 'selected' or 'all', got {shown(self.keep)}")
         Budget(self.time_limit)
 
     def solve(

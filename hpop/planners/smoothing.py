@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.errors import OptionError
+from hpop.options import set_wholes
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.driven_program import FLAT
 from hpop.planners.nlp import require_ipopt
@@ -66,9 +66,7 @@ class Smoothing:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
-        whole = isinstance(self.intervals, int) and not isinstance(self.intervals, bool)
-        if not whole or not 1 <= self.intervals <= MOST_INTERVALS:
-            raise OptionError(f"intervals must be a whole number of 1 to {MOST_INTERVALS:,}, got {self.intervals!r}")
+        set_wholes(self, "intervals", least=1, most=MOST_INTERVALS)
         Budget(self.time_limit)
         self._warm_planner(None)
 

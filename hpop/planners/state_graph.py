@@ -22,6 +22,7 @@ from hpop.frontier import is_nondominated
 from hpop.math import wrap
 from hpop.models.collision import PlanarCollision
 from hpop.motions import Motions, States
+from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import Candidates, Objectives, quantised
 from hpop.planners.claims import at_memory_limit, missing, within
@@ -253,10 +254,9 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
                 f"tolerance names {name!r}, but the costs that are searched for are {', '.join(names)}."
                 + did_you_mean(name, names)
             )
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
-            raise OptionError(f"the tolerance in {name} must be a number of at least 0, got {value!r}")
+        real(f"the tolerance in {name}", value, 0, MOST)
     slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
-    return np.array([math.floor(value + 1e-9) for value in slack], dtype=np.int64)
+    return np.array([min(math.floor(value + 1e-9), MOST_COUNTED) for value in slack], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)

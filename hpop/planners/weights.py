@@ -8,6 +8,7 @@ from typing import Any
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.search.weighted_sum import check_divisions, integer_weights
+from hpop.text import shown
 
 Weights = tuple[tuple[float, ...], ...]
 
@@ -19,9 +20,9 @@ def asked_weights(divisions: int | None, weights: Any) -> Weights | None:
     if weights is None:
         return None
     if divisions is not None:
-        raise OptionError(f"give divisions or weights, not both; got {divisions!r} and {weights!r}")
+        raise OptionError(f"give divisions or weights, not both; got {shown(divisions)} and {shown(weights)}")
     if not isinstance(weights, list | tuple) or not weights:
-        raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {weights!r}")
+        raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {shown(weights)}")
     for row in weights:
         integer_weights(row)
     return tuple(tuple(float(w) for w in row) for row in weights)

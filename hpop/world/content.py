@@ -7,7 +7,6 @@ the robot like a column of its radius; one who moves is where :meth:`Person.at` 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,8 +20,10 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import Column
 from hpop.errors import MapError
 from hpop.math import not_radians
+from hpop.options import FARTHEST, LEAST, MOST, real
 from hpop.text import shown
 from hpop.world.crossings import check_joinable
+from hpop.world.shapes import check_coordinates
 
 ZoneKind = Literal["speed", "keep-out", "one-way"]
 
@@ -52,8 +53,8 @@ class Person:
         object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in self.velocity))
         _set_numbers(self, what, "x", "y", "yaw", "radius")
         _check_radians(what, "yaw", self.yaw)
-        if not self.radius > 0:
-            raise MapError(f"{what} needs a radius above 0 m; got {self.radius!r}.")
+        if not self.radius >= LEAST:
+            raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
 
     @property
     def moves(self) -> bool:
@@ -86,8 +87,8 @@ class Landmark:
         what = _named("landmark", self.name)
         _set_numbers(self, what, "x", "y", "z", "weight", *(() if self.facing is None else ("facing",)))
         _check_radians(what, "facing", self.facing or 0.0)
-        if not self.weight > 0:
-            raise MapError(f"{what} needs a weight above 0; got {self.weight!r}.")
+        if not self.weight >= LEAST:
+            raise MapError(f"{what} needs a weight above {LEAST:g}; got {self.weight!r}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,20 +112,22 @@ class Zone:
         what = _named(f"{self.kind} zone" if self.kind in get_args(ZoneKind) else "zone", self.name)
         if self.kind not in get_args(ZoneKind):
             raise MapError(f"{what}: kind must be one of {', '.join(get_args(ZoneKind))}; got {shown(self.kind)}.")
-        if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty or not _is_finite(self.area):
-            raise MapError(f"{what} needs a polygon with finite coordinates as its area; got {shown(self.area)}.")
+        if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty:
+            raise MapError(f"{what} needs a polygon as its area; got {shown(self.area)}.")
+        check_coordinates(self.area, f"{what}: its area")
         check_joinable([self.area], what)
         if not self.area.is_valid:
             raise MapError(f"{what}: its area is no valid polygon: {shapely.is_valid_reason(self.area)}.")
         if self.kind == "speed":
             _set_numbers(self, what, "limit")
-            if not (self.limit and self.limit > 0):
-                raise MapError(f"{what} needs a limit above 0 m/s; got {self.limit!r}.")
+            if not (self.limit and self.limit >= LEAST):
+                raise MapError(f"{what} needs a limit above {LEAST:g} m/s; got {self.limit!r}.")
         elif self.limit is not None:
             raise MapError(f"{what} has a limit, {shown(self.limit)}, which only a speed zone has; leave it out.")
         if self.kind == "one-way":
-            if not isinstance(self.path, LineString) or not _is_finite(self.path) or not self.path.length > 0:
+            if not isinstance(self.path, LineString) or not self.path.length > 0:
                 raise MapError(f"{what} needs a path, a line with a length, m; got {shown(self.path)}.")
+            check_coordinates(self.path, f"{what}: its path")
         elif self.path is not None:
             raise MapError(f"{what} has a path, which only a one-way zone has; leave it out.")
 
@@ -227,21 +230,10 @@ def _set_numbers(value: object, what: str, *names: str) -> None:
 
 
 def _number(what: str, name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise MapError(f"{what}: {name} must be a number; got {shown(value)}.")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise MapError(f"{what}: {name} must be a finite number; got {shown(value)}.")
-    return number
+    most = FARTHEST if name in ("x", "y") else MOST
+    return float(real(f"{what}: {name}", value, -most, most, error=MapError))
 
 
 def _check_radians(what: str, name: str, angle: float) -> None:
     if advice := not_radians(angle):
         raise MapError(f"{what}: {name} {advice}.")
-
-
-def _is_finite(geometry: BaseGeometry) -> bool:
-    return bool(np.isfinite(shapely.get_coordinates(geometry)).all())

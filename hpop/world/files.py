@@ -58,19 +58,24 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load plain YAML; `MapError` for Python tags, wrong syntax, and nesting deeper than `MAX_DEPTH`.
+    """Load plain YAML; `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`.
 
-    Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep.
+    Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep. Aliases of aliases
+    make values whose size doubles with every line.
     """
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     depth = 0
+    event: Any
     try:
         for event in yaml.parse(text, Loader=loader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise MapError(f"{path} nests values more than {MAX_DEPTH} deep: it is no map file.")
+            if getattr(event, "anchor", None):
+                line = event.start_mark.line + 1
+                raise MapError(f"{path}, line {line}: anchors and aliases are not read; write the values out.")
         return yaml.load(text, Loader=loader)
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, MapError):

@@ -14,16 +14,19 @@ from shapely.geometry import Polygon, shape
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
+from hpop.options import FARTHEST
 from hpop.text import shown
 from hpop.world.crossings import check_joinable, check_mendable
 from hpop.world.files import file_source, read_bytes, read_text
-from hpop.world.shapes import Obstacle, check_heights, check_positive
+from hpop.world.shapes import Obstacle, check_coordinates, check_heights, check_positive
 from hpop.world.world import WHOLE, Heights, World
 
 Meaning = Literal["obstacles", "free", "outline"]
 POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
 POLYGONS = ("Polygon", "MultiPolygon")
 GEOMETRIES = (*POINTS, *LINES, *POLYGONS)
+FARTHEST_UNIT = 1000 * FARTHEST
+"""Greatest coordinate of a file, in its units, which may be millimetres."""
 WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
 
 
@@ -93,8 +96,11 @@ def check_origin(origin: Any) -> tuple[float, float]:
         x, y = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
         x = y = math.nan
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise MapError(f"origin must be two finite numbers (x, y) in the file's units; got {shown(origin)}.")
+    if not (abs(x) <= FARTHEST_UNIT and abs(y) <= FARTHEST_UNIT):
+        raise MapError(
+            f"origin must be two finite numbers (x, y) in the file's units, at most {FARTHEST_UNIT:,.0f}; got "
+            f"{shown(origin)}."
+        )
     return x, y
 
 
@@ -141,8 +147,8 @@ def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], not
             geometry = shapely.force_2d(shape(data))
     except Exception as error:  # shapely passes on whatever the coordinates provoke
         raise MapError(f"{where}: its coordinates make no {kind}: {error}.") from None
-    if not np.isfinite(shapely.get_coordinates(geometry)).all():
-        raise MapError(f"{where}: its coordinates must be finite numbers.")
+    if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST_UNIT).all():
+        raise MapError(f"{where}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}.")
     if geometry.is_empty:
         notes.append(f"{where} is an empty {kind}: left out.")
         return None
@@ -150,8 +156,10 @@ def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], not
 
 
 def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> BaseGeometry:
-    """From the file's units to metres."""
-    return shapely.transform(geometry, lambda points: (points - origin) * scale)
+    """From the file's units to metres; `MapError` where no building lies."""
+    placed = shapely.transform(geometry, lambda points: (points - origin) * scale)
+    check_coordinates(placed, "a geometry, less the origin and times the scale,")
+    return placed
 
 
 def polygons_of(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:

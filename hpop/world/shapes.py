@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray, frozen
 from hpop.errors import MapError
+from hpop.options import FARTHEST, MOST, real
 from hpop.text import shown
 from hpop.world.crossings import check_joinable
 
@@ -45,28 +45,34 @@ def check_heights(heights: Any) -> tuple[float, float]:
         raise MapError(f"heights must be a pair (z_min, z_max) in metres; got {shown(heights)}.") from None
     if not z_min < z_max:
         raise MapError(f"heights must satisfy z_min < z_max; got ({z_min}, {z_max}).")
+    if any(math.isfinite(z) and abs(z) > MOST for z in (z_min, z_max)):
+        raise MapError(f"heights must be within {MOST:,.0f} m of the floor; got ({z_min:g}, {z_max:g}).")
     return z_min, z_max
 
 
 def check_pose(origin: Any) -> tuple[float, float, float]:
     """Return an origin (x, y, yaw), metres and radians, as three finite floats, or raise `MapError`."""
     try:
-        pose = tuple(float(value) for value in origin)
+        x, y, yaw = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
-        pose = ()
-    if len(pose) != 3 or not all(math.isfinite(value) for value in pose):
-        raise MapError(f"origin must be three finite numbers [x, y, yaw] (m, m, rad); got {shown(origin)}.")
-    return pose[0], pose[1], pose[2]
+        x = y = yaw = math.nan
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(yaw) <= MOST):
+        raise MapError(
+            f"origin must be three finite numbers [x, y, yaw] (m, m, rad), a place within {FARTHEST:,.0f} m; got "
+            f"{shown(origin)}."
+        )
+    return x, y, yaw
+
+
+def check_coordinates(geometry: BaseGeometry, what: str) -> None:
+    """Refuse a geometry that lies where no building does."""
+    if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST).all():
+        raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
 
 
 def check_positive(name: str, value: Any) -> float:
     """Return a finite float above 0, or raise `MapError` naming the quantity."""
-    hint = " YAML 1.1 reads 1e-3 as text: write 0.001 or 1.0e-3." if isinstance(value, str) else ""
-    if isinstance(value, bool | str) or not isinstance(value, int | float | np.number):
-        raise MapError(f"{name} must be a number above 0; got {shown(value)}.{hint}")
-    if not 0 < value <= sys.float_info.max:
-        raise MapError(f"{name} must be a finite number above 0; got {shown(value)}.")
-    return float(value)
+    return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
 
 
 def check_size(height: int, width: int, what: str) -> None:
@@ -119,8 +125,7 @@ class Obstacle:
         """Check the outline and the heights."""
         if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
             raise MapError(f"an obstacle must be a shapely Polygon with an area; got {shown(self.polygon)}.")
-        if not np.isfinite(shapely.get_coordinates(self.polygon)).all():
-            raise MapError("an obstacle's coordinates must be finite numbers.")
+        check_coordinates(self.polygon, "an obstacle")
         check_joinable([self.polygon], "an obstacle")
         if not self.polygon.is_valid:
             reason = shapely.is_valid_reason(self.polygon)

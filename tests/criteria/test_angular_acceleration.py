@@ -51,7 +51,7 @@ def test_a_path_agrees_with_its_sampled_accelerations():
 
 @pytest.mark.parametrize("threshold", [-0.1, math.inf, math.nan])
 def test_a_threshold_is_an_acceleration(threshold):
-    with pytest.raises(CriterionError, match="'threshold' must be"):
+    with pytest.raises(CriterionError, match="threshold must be"):
         AngularAcceleration(threshold)
 
 

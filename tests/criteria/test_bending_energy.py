@@ -65,5 +65,5 @@ def test_piecewise_linear_trajectories_rank_by_their_total_rotation():
 
 @pytest.mark.parametrize("rounding", [0.0, -1.0, np.inf, np.nan])
 def test_the_rounding_must_be_a_radius(rounding):
-    with pytest.raises(CriterionError, match="'rounding' must be a positive radius"):
+    with pytest.raises(CriterionError, match="rounding must be a positive radius"):
         BendingEnergy(rounding)

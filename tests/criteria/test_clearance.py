@@ -51,7 +51,7 @@ def test_a_path_costs_its_worst_motion_and_nothing_where_there_is_room():
 
 @pytest.mark.parametrize("enough", [0, -1.0, math.inf, math.nan])
 def test_what_is_enough_must_be_a_positive_distance(enough):
-    with pytest.raises(CriterionError, match="'enough' must be a positive distance"):
+    with pytest.raises(CriterionError, match="enough must be a positive distance"):
         Clearance(enough)
 
 

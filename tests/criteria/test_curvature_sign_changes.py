@@ -93,5 +93,5 @@ def test_the_running_count_rises_where_the_sign_flips(arcs):
 
 @pytest.mark.parametrize("parameters", [{"spacing": 0.0}, {"spacing": np.nan}, {"least": -1.0}, {"least": np.inf}])
 def test_parameters_must_be_lengths_and_curvatures(parameters):
-    with pytest.raises(CriterionError, match=f"'{next(iter(parameters))}' must be"):
+    with pytest.raises(CriterionError, match=f"{next(iter(parameters))} must be"):
         CurvatureSignChanges(**parameters)

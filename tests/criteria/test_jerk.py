@@ -58,7 +58,7 @@ def test_the_running_value_grows_to_the_cost():
 
 @pytest.mark.parametrize("smoothing", [0, -1, 1e-5, math.inf, math.nan])
 def test_smoothing_is_a_time(smoothing):
-    with pytest.raises(CriterionError, match="'smoothing' must be"):
+    with pytest.raises(CriterionError, match="smoothing must be"):
         Jerk(smoothing)
 
 

@@ -101,10 +101,10 @@ def test_a_camera_that_goes_up_and_down_is_refused():
 @pytest.mark.parametrize("kind", [OpticFlow, PeakOpticFlow])
 def test_parameters_are_checked(kind):
     for nearest in (0.0, -1.0, 20.0, math.nan):
-        with pytest.raises(CriterionError, match="'nearest' must be a distance"):
+        with pytest.raises(CriterionError, match="nearest must be a distance"):
             kind(nearest=nearest)
     for bearings in (3, 16.0, 1000):
-        with pytest.raises(CriterionError, match="'bearings' must be a number"):
+        with pytest.raises(CriterionError, match="bearings must be a number"):
             kind(bearings=bearings)
 
 

@@ -55,7 +55,7 @@ def test_among_boxes_it_is_near_the_sum_over_exact_distances():
 
 @pytest.mark.parametrize("least", [0.0, -1.0, np.inf, np.nan])
 def test_least_must_be_a_length(least):
-    with pytest.raises(CriterionError, match="'least' must be a positive distance"):
+    with pytest.raises(CriterionError, match="least must be a positive distance"):
         Proximity(least=least)
 
 

@@ -61,7 +61,7 @@ def test_it_builds_up_along_the_way():
 
 @pytest.mark.parametrize("vection", [-0.1, 1.1, math.nan])
 def test_vection_is_a_share(vection):
-    with pytest.raises(CriterionError, match="'vection' must be a share"):
+    with pytest.raises(CriterionError, match="vection must be a share"):
         Sickness(vection)
 
 

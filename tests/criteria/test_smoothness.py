@@ -101,5 +101,5 @@ def test_the_last_running_value_is_the_cost_and_turning_first_counts_nothing_yet
 
 @pytest.mark.parametrize("ramp", [0.0, -0.1, np.inf, np.nan])
 def test_the_ramp_must_be_a_time(ramp):
-    with pytest.raises(CriterionError, match="'ramp' must be a positive time"):
+    with pytest.raises(CriterionError, match="ramp must be a positive time"):
         Smoothness(ramp)

@@ -65,5 +65,5 @@ def test_it_is_a_good_criterion_in_other_worlds_too(seed):
 
 @pytest.mark.parametrize("range_", [0.0, -1.0, np.inf, np.nan])
 def test_a_range_that_is_no_distance_is_refused(range_):
-    with pytest.raises(CriterionError, match="'range'"):
+    with pytest.raises(CriterionError, match="range must be a positive distance"):
         VisibilityToPeople(range_)

@@ -322,7 +322,7 @@ def test_a_candidate_that_is_not_to_be_trusted_is_dropped_and_said(monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"samples": 0}, "samples of a roadmap must be a whole number of at least 1, got 0"),
+        ({"samples": 0}, "samples must be a whole number from 1 to 1,000,000, got 0"),
         ({"samples": 10.0}, "samples"),
         ({"samples": True}, "samples"),
         ({"samples": None}, "samples"),

@@ -299,7 +299,7 @@ def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
     [
         ({"runs": 0}, "runs"),
         ({"runs": 2.0}, "runs"),
-        ({"runs": 10**9}, "runs of rrt must be at most 100,000"),
+        ({"runs": 10**9}, "runs must be a whole number from 1 to 100,000"),
         ({"seed": -1}, "seed"),
         ({"seed": True}, "seed"),
         ({"max_extensions": 0}, "max_extensions"),

@@ -376,7 +376,7 @@ def test_an_executor_gives_the_same():
     ("options", "message"),
     [
         ({"intervals": 0}, "intervals must be a whole number"),
-        ({"intervals": 10**6}, "intervals must be a whole number of 1 to 2,000"),
+        ({"intervals": 10**6}, "intervals must be a whole number from 1 to 2,000"),
         ({"time_limit": 0.0}, "time_limit"),
         ({"warm_start": 3}, "warm_start is the name of a planner"),
         ({"warm_start": {"lattice": {"stp": 1}}}, "no option 'stp'"),

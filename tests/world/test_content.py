@@ -66,7 +66,7 @@ def test_a_direction_in_degrees_is_refused(degrees):
 
 @pytest.mark.parametrize("radius", [0, -0.1])
 def test_a_person_has_a_body(radius):
-    with pytest.raises(MapError, match="radius above 0"):
+    with pytest.raises(MapError, match="radius above"):
         Person(0.0, 0.0, radius=radius)
 
 
@@ -86,7 +86,7 @@ def test_a_facing_is_a_direction_or_none(facing):
 
 @pytest.mark.parametrize("weight", [0, -1.0])
 def test_a_landmark_has_a_weight(weight):
-    with pytest.raises(MapError, match="weight above 0"):
+    with pytest.raises(MapError, match="weight above"):
         Landmark(0.0, 0.0, weight=weight)
 
 
@@ -106,10 +106,10 @@ def test_a_name_is_text(thing):
         ({"area": shapely.Polygon()}, "needs a polygon"),
         ({"area": shapely.Polygon([(0, 0), (1, 0), (math.inf, 1)])}, "finite"),
         ({"area": shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])}, "no valid polygon: Self-intersection"),
-        ({"limit": 0.0}, "limit above 0"),
-        ({"limit": -1}, "limit above 0"),
-        ({"limit": None}, "limit must be a number; got None"),
-        ({"limit": math.nan}, "limit must be a finite number"),
+        ({"limit": 0.0}, "limit above"),
+        ({"limit": -1}, "limit above"),
+        ({"limit": None}, "limit must be a number"),
+        ({"limit": math.nan}, "limit must be a number"),
         ({"path": PATH}, "a path, which only a one-way zone has"),
         ({"kind": "keep-out"}, "a limit, 0.5, which only a speed zone has"),
         ({"kind": "one-way", "limit": None}, "needs a path"),

@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import hinge, smooth_abs
 from hpop.motions import Curve, Motions
+from hpop.options import MOST, set_reals
 
 FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
 
@@ -33,8 +34,7 @@ class AngularAcceleration:
     threshold: float = FELT
 
     def __post_init__(self) -> None:
-        if not 0 <= self.threshold < np.inf:
-            raise CriterionError(f"'threshold' must be an angular acceleration >= 0 in rad/s², got {self.threshold!r}")
+        set_reals(self, "threshold", least=0, most=MOST, kind="an angular acceleration in rad/s²", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Excess (M,), rad/s."""

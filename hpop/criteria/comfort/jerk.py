@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.comfort._visual import camera_at
 from hpop.errors import CriterionError
 from hpop.history import History
+from hpop.options import MOST, set_reals
 
 SPLIT = 10  # samples a smoothing time
 
@@ -31,8 +32,7 @@ class Jerk:
     smoothing: float = 0.1
 
     def __post_init__(self) -> None:
-        if not 0.001 <= self.smoothing < np.inf:
-            raise CriterionError(f"'smoothing' must be a time of at least 0.001 s, got {self.smoothing!r}")
+        set_reals(self, "smoothing", least=0.001, most=MOST, kind="a time in s", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
         """Integral (M,), m²/s⁵, up to the end of each motion; the last has what smoothing spreads beyond it."""

@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import is_symbolic
 from hpop.motions import Instants, Motions
+from hpop.options import set_reals, set_wholes
 from hpop.world.bearings import Bearings, bearings
 
 
@@ -22,10 +23,8 @@ class _Flow:
     bearings: int = 16
 
     def __post_init__(self) -> None:
-        if not 0.01 <= self.nearest < 20:
-            raise CriterionError(f"'nearest' must be a distance in [0.01, 20) m, got {self.nearest!r}")
-        if type(self.bearings) is not int or not 4 <= self.bearings <= 360:
-            raise CriterionError(f"'bearings' must be a number of directions from 4 to 360, got {self.bearings!r}")
+        set_reals(self, "nearest", least=0.01, most=19.99, kind="a distance in m", error=CriterionError)
+        set_wholes(self, "bearings", least=4, most=360, kind="a number of directions", error=CriterionError)
 
     def _around(self, m: Motions) -> Bearings:
         return bearings(m.world, camera_height(m), self.bearings)

@@ -12,6 +12,7 @@ from hpop.criteria.comfort.optic_flow import camera_height
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.bearings import MARGIN, as_seen
 
 
@@ -34,10 +35,8 @@ class PassingDistance:
     band: float = 0.5
 
     def __post_init__(self) -> None:
-        if not 0 < self.enough <= MARGIN:
-            raise CriterionError(f"'enough' must be a distance in (0, {MARGIN:g}] m, got {self.enough!r}")
-        if not 0 <= self.band < np.inf:
-            raise CriterionError(f"'band' must be a height >= 0 in m, got {self.band!r}")
+        set_reals(self, "enough", least=LEAST, most=MARGIN, kind="a distance in m", error=CriterionError)
+        set_reals(self, "band", least=0, most=MOST, kind="a height in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Worst shortfall (M,), m."""

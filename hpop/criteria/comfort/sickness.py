@@ -12,6 +12,7 @@ from hpop.criteria.comfort._visual import visual_motion
 from hpop.criteria.comfort.svc import STEP, sicken
 from hpop.errors import CriterionError
 from hpop.history import History
+from hpop.options import set_reals
 
 
 @criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)
@@ -31,8 +32,7 @@ class Sickness:
     vection: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.vection <= 1:
-            raise CriterionError(f"'vection' must be a share in [0, 1], got {self.vection!r}")
+        set_reals(self, "vection", least=0, most=1, kind="a share", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
         """Incidence (M,), %, at the end of each motion."""

@@ -13,6 +13,7 @@ from hpop.criteria.others.robot import check_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.math import hypot
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
 from hpop.world.proxemics import HALL, offset, over
 
@@ -38,13 +39,14 @@ class HallZones:
     robot_radius: float | None = None
 
     def __post_init__(self) -> None:
-        if not (np.inf > self.intimate >= self.personal >= self.social >= 0 and self.intimate > 0):
+        zones = ("intimate", "personal", "social")
+        set_reals(self, *zones, least=0, most=MOST, kind="a weight", error=CriterionError)
+        if not (self.intimate >= self.personal >= self.social and self.intimate > 0):
             raise CriterionError(
-                "the weights of zones must be finite, at least 0, none larger than that of the zone within it, "
+                "the weights of zones must be such that none is larger than that of the zone within it, "
                 f"and not all 0; got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
             )
-        if not 0 < self.softness <= 2 * HALL["intimate"]:
-            raise CriterionError(f"'softness' must be in (0, {2 * HALL['intimate']}] m, got {self.softness!r}")
+        set_reals(self, "softness", least=LEAST, most=2 * HALL["intimate"], kind="a length in m", error=CriterionError)
         check_radius(self.robot_radius)
 
     def cost(self, m: Motions) -> Column:

@@ -11,6 +11,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.others.robot import check_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
+from hpop.options import LEAST, MOST, real
 from hpop.world.proxemics import HALL, offset
 
 if TYPE_CHECKING:
@@ -56,8 +57,8 @@ def social_metrics(
     Raises CriterionError for a step or a length that is none.
     """
     check_radius(robot_radius)
-    if shortest_length is not None and not 0 < shortest_length < np.inf:
-        raise CriterionError(f"'shortest_length' must be a positive length in m, got {shortest_length!r}")
+    if shortest_length is not None:
+        real("shortest_length", shortest_length, LEAST, MOST, "a positive length in m", error=CriterionError)
     radius = reach(trajectory.model, robot_radius)
     middles = _middles(trajectory, step)
     times = np.union1d(middles, trajectory.times)
@@ -93,8 +94,7 @@ def zone_fractions(
 
 def _middles(trajectory: Trajectory, step: float) -> FloatArray:
     """Middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
-    if not 0 < step < np.inf:
-        raise CriterionError(f"'step' must be a positive time in s, got {step!r}")
+    real("step", step, LEAST, MOST, "a positive time in s", error=CriterionError)
     count = max(1, int(np.ceil(trajectory.duration / step)))
     return np.asarray((np.arange(count) + 0.5) * (trajectory.duration / count))
 

@@ -12,6 +12,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
 from hpop.world.proxemics import over, position
 
@@ -30,10 +31,8 @@ class OSpace:
     sigma: float = 0.75
 
     def __post_init__(self) -> None:
-        if not 0 <= self.stride < np.inf:
-            raise CriterionError(f"'stride' must be a length in m, at least 0, got {self.stride!r}")
-        if not 0 < self.sigma < np.inf:
-            raise CriterionError(f"'sigma' must be a positive length in m, got {self.sigma!r}")
+        set_reals(self, "stride", least=0, most=MOST, kind="a length in m", error=CriterionError)
+        set_reals(self, "sigma", least=LEAST, most=MOST, kind="a positive length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the intrusion, s."""

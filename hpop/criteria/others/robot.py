@@ -9,6 +9,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
+from hpop.options import MOST, real
 from hpop.world.content import Person
 from hpop.world.proxemics import any_moves
 
@@ -22,10 +23,8 @@ def reach(model: Model, radius: float | None) -> float:
 
 def check_radius(radius: float | None) -> None:
     """Raise CriterionError unless a robot's radius is None or a length."""
-    if radius is not None and not 0 <= radius < np.inf:
-        raise CriterionError(
-            f"'robot_radius' must be a length in m, at least 0, or None for the model's; got {radius!r}"
-        )
+    if radius is not None:
+        real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
 
 
 def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:

@@ -12,6 +12,7 @@ from hpop.criteria.others.robot import base_velocity, clock
 from hpop.errors import CriterionError
 from hpop.math import hypot
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
 from hpop.world.proxemics import offset, over
 
@@ -41,12 +42,9 @@ class SocialForce:
     slowing: float = 3.0  # n′, 1/m
 
     def __post_init__(self) -> None:
-        for name in ("strength", "stretch"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise CriterionError(f"{name!r} must be a positive number, got {getattr(self, name)!r}")
-        for name in ("anticipation", "turning", "slowing"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise CriterionError(f"{name!r} must be a number of at least 0, got {getattr(self, name)!r}")
+        set_reals(self, "strength", "stretch", least=LEAST, most=MOST, kind="a positive number", error=CriterionError)
+        others = ("anticipation", "turning", "slowing")
+        set_reals(self, *others, least=0, most=MOST, kind="a number", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the force per unit of mass, m/s."""

@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import base_velocity, check_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
 from hpop.world.proxemics import offset, over
 
@@ -33,8 +34,7 @@ class TimeToCollision:
     robot_radius: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.horizon < np.inf:
-            raise CriterionError(f"'horizon' must be a positive time in s, got {self.horizon!r}")
+        set_reals(self, "horizon", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)
         check_radius(self.robot_radius)
 
     def cost(self, m: Motions) -> Column:

@@ -12,6 +12,7 @@ from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
 from hpop.math import hypot
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
 from hpop.world.proxemics import HALL, in_frame, over
 
@@ -35,8 +36,7 @@ class VisibilityToPeople:
     range: float = HALL["social"]
 
     def __post_init__(self) -> None:
-        if not 0 < self.range < np.inf:
-            raise CriterionError(f"'range' must be a positive distance in m, got {self.range!r}")
+        set_reals(self, "range", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,), s."""

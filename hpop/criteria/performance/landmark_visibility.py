@@ -10,6 +10,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.visibility import landmarks_unseen
 
 
@@ -26,12 +27,12 @@ class _Unseen:
     fov: float = 2 * np.pi
 
     def __post_init__(self) -> None:
-        if not 0 <= self.near < self.far < np.inf:
+        set_reals(self, "near", "far", least=0, most=MOST, kind="a distance in m", error=CriterionError)
+        if not self.near < self.far:
             raise CriterionError(
                 f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
             )
-        if not 0 < self.fov <= 2 * np.pi + 1e-3:
-            raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
+        set_reals(self, "fov", least=LEAST, most=2 * np.pi + 1e-3, kind="an angle of view in rad", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the unseen share, s."""

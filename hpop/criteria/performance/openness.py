@@ -8,6 +8,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, set_reals
 from hpop.world.visibility import openness
 
 
@@ -18,8 +19,7 @@ class _Enclosed:
     radius: float = 5.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.radius < 1e3:
-            raise CriterionError(f"the radius of the isovist must be in (0, 1000) m, got {self.radius!r}")
+        set_reals(self, "radius", least=LEAST, most=999, kind="a length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the closed share, s."""

@@ -12,6 +12,7 @@ from hpop.errors import CriterionError
 from hpop.history import History
 from hpop.math import wrap
 from hpop.motions import Motions
+from hpop.options import LEAST, set_reals
 
 TIE = 1e-9  # turns within this share of a multiple's half count as halfway
 
@@ -23,10 +24,8 @@ class _RoundTurns:
     multiple: float = np.pi / 2
 
     def __post_init__(self) -> None:
-        if not 0 < self.multiple <= np.pi:
-            raise CriterionError(
-                f"'multiple' must be an angle in (0, pi] rad, such as pi/4 or pi/2; got {self.multiple!r}"
-            )
+        kind = "an angle in rad, such as pi/4 or pi/2,"
+        set_reals(self, "multiple", least=LEAST, most=np.pi, kind=kind, error=CriterionError)
 
     def _missed(self, turn: Column) -> Column:
         """Signed angle (M,), rad, by which a turn goes beyond the nearest multiple; at most half a multiple."""

@@ -10,6 +10,7 @@ from hpop.arrays import BoolArray, Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History, Track
+from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Landmark
 from hpop.world.visibility import ALL_ROUND, bearing, sees
 
@@ -41,12 +42,9 @@ class UnseenLandmarks:
     fov: float = 2 * np.pi
 
     def __post_init__(self) -> None:
-        if not 0 <= self.least < np.inf:
-            raise CriterionError(f"'least' must be a time >= 0 s, got {self.least!r}")
-        if not 0 < self.far < np.inf:
-            raise CriterionError(f"'far' must be a distance above 0 m, got {self.far!r}")
-        if not 0 < self.fov <= 2 * np.pi + 1e-3:
-            raise CriterionError(f"the angle of view 'fov' must be in (0, 2 pi] rad, got {self.fov!r}")
+        set_reals(self, "least", least=0, most=MOST, kind="a time in s", error=CriterionError)
+        set_reals(self, "far", least=LEAST, most=MOST, kind="a distance in m", error=CriterionError)
+        set_reals(self, "fov", least=LEAST, most=2 * np.pi + 1e-3, kind="an angle of view in rad", error=CriterionError)
 
     def cost(self, m: History) -> Column:
         """Weighted share (M,) of the landmarks not seen by the end of each motion."""

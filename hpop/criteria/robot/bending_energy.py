@@ -10,6 +10,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
+from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("bending_energy", group="R", unit="1/m", aggregate="sum")
@@ -31,8 +32,7 @@ class BendingEnergy:
     rounding: float = 0.5  # m
 
     def __post_init__(self) -> None:
-        if not 0 < self.rounding < np.inf:
-            raise CriterionError(f"'rounding' must be a positive radius in m, got {self.rounding!r}")
+        set_reals(self, "rounding", least=LEAST, most=MOST, kind="a positive radius in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Integral (M,) of the squared curvature, 1/m."""

@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.motions import Motions
+from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)
@@ -25,8 +26,7 @@ class Clearance:
     enough: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.enough < np.inf:
-            raise CriterionError(f"'enough' must be a positive distance in m, got {self.enough!r}")
+        set_reals(self, "enough", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Worst shortfall (M,), m."""

@@ -10,6 +10,7 @@ from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History
+from hpop.options import MOST, set_reals
 
 LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading in place is no turn, as in `turns`
 
@@ -31,10 +32,8 @@ class CurvatureSignChanges:
     least: float = 0.05  # 1/m
 
     def __post_init__(self) -> None:
-        if not 0 < self.spacing < np.inf:
-            raise CriterionError(f"'spacing' must be a positive length in m, got {self.spacing!r}")
-        if not 0 <= self.least < np.inf:
-            raise CriterionError(f"'least' must be a curvature of at least 0 per metre, got {self.least!r}")
+        set_reals(self, "spacing", least=0.001, most=MOST, kind="a positive length in m", error=CriterionError)
+        set_reals(self, "least", least=0, most=MOST, kind="a curvature per metre", error=CriterionError)
 
     def cost(self, m: History) -> Column:
         """Number of sign flips (M,) at the end of each motion."""

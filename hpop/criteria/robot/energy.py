@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import hinge, is_symbolic
 from hpop.motions import Instants, Motions
+from hpop.options import MOST, set_reals
 
 
 @criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",))
@@ -39,10 +40,8 @@ class Energy:
     c6: float = 20.0  # W s³/m², or kg
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not 0 <= value < np.inf:
-                raise CriterionError(f"{field.name!r} must be a finite number of at least 0, got {value!r}")
+        names = (field.name for field in fields(self))
+        set_reals(self, *names, least=0, most=MOST, kind="a number", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Energy (M,), J."""

@@ -11,6 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import smooth_abs
 from hpop.motions import Instants, Motions
+from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("proximity", group="R", unit="1", aggregate="sum")
@@ -30,8 +31,7 @@ class Proximity:
     least: float = 0.1  # m
 
     def __post_init__(self) -> None:
-        if not 0 < self.least < np.inf:
-            raise CriterionError(f"'least' must be a positive distance in m, got {self.least!r}")
+        set_reals(self, "least", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Reciprocal clearance along each motion (M,)."""

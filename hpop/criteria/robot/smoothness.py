@@ -10,6 +10,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History
+from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("smoothness", group="R", unit="1", aggregate="trajectory", smooth=False)
@@ -33,8 +34,7 @@ class Smoothness:
     ramp: float = 0.1  # s
 
     def __post_init__(self) -> None:
-        if not 0 < self.ramp < np.inf:
-            raise CriterionError(f"'ramp' must be a positive time in s, got {self.ramp!r}")
+        set_reals(self, "ramp", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)
 
     def cost(self, m: History) -> Column:
         """Dimensionless jerk (M,) of what has been done at the end of each motion."""

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.errors import OptionError
 from hpop.frontier import is_nondominated
+from hpop.options import MOST, MOST_COUNTED, set_reals, whole
 
+ANYTHING = MOST_COUNTED  # no cost of a path is larger
 CHUNK = 1024  # open labels that are compared with the front at once
 
 
@@ -35,11 +36,9 @@ class Precision:
     tolerance: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        if isinstance(self.eps, bool) or not isinstance(self.eps, int | float) or not 0 <= self.eps < math.inf:
-            raise OptionError(f"eps must be a number of at least 0, such as 0.01 for one percent, got {self.eps!r}")
-        wrong = [t for t in self.tolerance if isinstance(t, bool) or not isinstance(t, int | np.integer) or t < 0]
-        if wrong:
-            raise OptionError(f"a tolerance is a whole number of at least 0 for each cost, got {wrong[0]!r}")
+        set_reals(self, "eps", least=0, most=MOST, kind="a number, such as 0.01 for one percent,")
+        for count in self.tolerance:
+            whole("a tolerance", count, 0, ANYTHING)
 
     @property
     def is_exact(self) -> bool:
@@ -52,7 +51,6 @@ class Precision:
 
 
 EXACT = Precision()
-ANYTHING = 2**60  # no cost of a path is larger
 
 
 def thinned(costs: IntArray, kept: IntArray, eps: float, tolerance: IntArray) -> IntArray:
@@ -60,7 +58,7 @@ def thinned(costs: IntArray, kept: IntArray, eps: float, tolerance: IntArray) ->
 
     The first that is uncovered is covered by the last one that can, and so on.
     """
-    most = costs + np.floor(eps * costs).astype(np.int64) + tolerance
+    most = costs + np.floor(np.minimum(eps * costs, ANYTHING)).astype(np.int64) + tolerance
     left = np.ones(len(costs), np.bool_)
     for row in kept:
         left &= (row > most).any(axis=1)

@@ -31,7 +31,9 @@ from numpy.typing import NDArray
 from hpop import __version__
 from hpop.errors import HpopWarning, OptionError, OutputError
 from hpop.interrupts import interrupts_held
+from hpop.options import MOST, set_reals
 from hpop.status import Status
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.planners.search.graph import Graph
@@ -65,10 +67,8 @@ class Checkpoint:
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, str | os.PathLike) or not os.fspath(self.path):
-            raise OptionError(f"checkpoint must be the path of a file, got {self.path!r}")
-        number = isinstance(self.every, int | float) and not isinstance(self.every, bool)
-        if not (number and 0 <= self.every < math.inf):
-            raise OptionError(f"every must be the seconds between two checkpoints, at least 0, got {self.every!r}")
+            raise OptionError(f"checkpoint must be the path of a file, got {shown(self.path)}")
+        set_reals(self, "every", least=0, most=MOST, kind="the seconds between two checkpoints,")
 
     @classmethod
     def of(cls, spec: CheckpointSpec) -> Checkpoint:

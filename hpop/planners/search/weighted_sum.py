@@ -14,11 +14,13 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
+from hpop.options import whole
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, SearchStats, _node, _targets
 from hpop.planners.search.weight_cone import Vector, WeightCone
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock
@@ -123,8 +125,7 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
 
 def check_divisions(divisions: Any, k: int = 1) -> None:
     """Raise OptionError unless a simplex lattice of k weights can have that many divisions."""
-    if isinstance(divisions, bool) or not isinstance(divisions, int | np.integer) or divisions < 1:
-        raise OptionError(f"divisions must be a whole number of steps from weight 0 to weight 1, got {divisions!r}")
+    whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
     count = math.comb(int(divisions) + k - 1, k - 1)
     if count > MAX_WEIGHTS:
         raise OptionError(
@@ -141,8 +142,8 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     """
     try:
         values = [float(w) for w in weights]
-    except (TypeError, ValueError):
-        raise OptionError(f"weights are lists of numbers, one a cost, got {weights!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
     if k is not None and len(values) != k:
         raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
     if not all(math.isfinite(w) and w >= 0 for w in values) or not any(values):

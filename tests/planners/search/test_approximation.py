@@ -109,7 +109,7 @@ def test_the_gap_by_hand():
 
 @pytest.mark.parametrize("eps", [-0.1, float("nan"), float("inf"), "0.1", True])
 def test_eps_that_is_no_precision_is_refused(eps):
-    with pytest.raises(OptionError, match="eps must be a number of at least 0"):
+    with pytest.raises(OptionError, match="eps must be a number, such as"):
         pareto_paths(random_graph(0, 2), 0, 39, eps=eps)
 
 

@@ -1,0 +1,132 @@
+"""No number of a scenario ends in a traceback or goes on for ever: each is bounded where a value is made."""
+
+import math
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop import DifferentialDrive, Problem, World
+from hpop.errors import HpopError, OptionError, QueryError
+from hpop.planners import Lattice
+from hpop.planners.search.approximation import ANYTHING, thinned
+from hpop.planners.search.covered import least_covered
+from hpop.registry import criteria, planners
+from hpop.scenario import load_scenario
+from hpop.status import Budget
+from hpop.sweep import processes
+from hpop.world.content import Landmark, Person, Zone
+
+EXTREME = [1e30, -1e30, 1e308, 1e-320, 5e-324, math.inf, math.nan, 2**63, 10**400, -(10**400), True, "1e-3", [1.0]]
+NAMES = [f"{value!r:.12}" for value in EXTREME]
+DIGITS = "1" * 390
+ROOM = World.from_cells(np.zeros((9, 9), bool), 1.0)
+SCENARIO = """
+world: {{polygons: {{obstacles: [], extent: [[0, 0], [4, 0], [4, 4], [0, 4]]}}}}
+start: {start}
+goal: {goal}
+criteria: {criteria}
+planner: {planner}
+"""
+
+
+def scenario(path, **changes):
+    parts = {"start": "[1, 1, 0]", "goal": "[3, 3, any]", "criteria": "[length]", "planner": "lattice", **changes}
+    path.write_text(SCENARIO.format(**parts))
+    return path
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"start": "[1.0e+30, 1, 0]"},
+        {"goal": "[1, -1.0e+308, 0]"},
+        {"goal": f"[1, 1, {DIGITS}]"},
+        {"start": f"[1, {DIGITS}, 0]"},
+        {"goal": f"[1, 1, {DIGITS} deg]"},
+        {"planner": "{lattice: {eps: 1.0e+30}}"},
+        {"planner": "{lattice: {tolerance: {length: 1.0e+30}}}"},
+        {"planner": f"{{lattice: {{step: {DIGITS}}}}}"},
+        {"planner": f"{{roadmap: {{samples: {2**63}}}}}"},
+        {"planner": f"{{roadmap: {{seed: {10**40}}}}}"},
+        {"planner": f"{{lattice: {{max_labels: {10**40}}}}}"},
+        {"criteria": "[{curvature_sign_changes: {spacing: 1.0e-320}}]"},
+        {"criteria": "[{smoothness: {ramp: 5.0e-324}}]"},
+        {"criteria": f"[{{obstruction: {{radius: {DIGITS}}}}}]"},
+    ],
+)
+def test_a_scenario_with_such_a_number_is_refused_with_its_line(tmp_path, changes):
+    with pytest.raises(HpopError, match=r"scenario\.yaml, line [3-6], \w+") as caught:
+        load_scenario(scenario(tmp_path / "scenario.yaml", **changes))
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("value", EXTREME, ids=NAMES)
+@pytest.mark.parametrize("registry", [criteria, planners], ids=["criteria", "planners"])
+def test_no_parameter_of_a_criterion_or_planner_ends_in_a_traceback(registry, value):
+    for cls in (cls for cls in registry.values() if cls.__module__.startswith("hpop.")):
+        for field in cls.__dataclass_fields__.values():
+            if field.init and type(field.default) in (int, float):
+                with suppress(HpopError):
+                    assert math.isfinite(getattr(cls(**{field.name: value}), field.name))
+
+
+@pytest.mark.parametrize("value", EXTREME, ids=NAMES)
+def test_no_number_of_a_world_or_robot_ends_in_a_traceback(value):
+    square = shapely.box(0, 0, 1, 1)
+    for make in (
+        lambda: DifferentialDrive(radius=value),
+        lambda: DifferentialDrive(camera_offset=(value, 0)),
+        lambda: DifferentialDrive(footprint=((0, 0), (value, 0), (0, 1))),
+        lambda: Person(value, 0),
+        lambda: Person(0, 0, velocity=(value, 0)),
+        lambda: Landmark(0, 0, weight=value),
+        lambda: Zone("speed", square, limit=value),
+        lambda: Problem(ROOM, DifferentialDrive(), (value, 0, 0), (1, 1, 0), ["length"]),
+        lambda: World.from_cells(np.zeros((9, 9), bool), resolution=value),
+        lambda: World.from_cells(np.zeros((9, 9), bool), 1.0, origin=(0, value, 0)),
+        lambda: World.from_polygons([(square, (0, value))]),
+        lambda: Budget(time_limit=value, max_labels=value),
+        lambda: processes(value),
+    ):
+        with suppress(HpopError):
+            make()
+
+
+def test_a_world_beyond_the_earth_is_refused():
+    with pytest.raises(HpopError, match=r"within 100,000,000 m of the origin"):
+        World.from_polygons([shapely.box(0, 0, 1e9, 1)])
+
+
+def test_as_many_processes_as_no_machine_has_are_refused():
+    with pytest.raises(OptionError, match="workers must be a whole number of processes from 1 to 1,024"):
+        processes(10**20)
+
+
+def test_numbers_of_numpy_are_as_good_as_those_of_python():
+    lattice = Lattice(step=np.float32(0.5), eps=np.float64(0.1), max_turns=np.int64(3), headings=np.int64(8))
+    assert lattice == Lattice(step=0.5, eps=0.1, max_turns=3)
+    assert type(lattice.max_turns) is int
+
+
+def test_an_array_as_an_end_is_refused_with_what_is_expected():
+    with pytest.raises(QueryError, match="x of the start must be a position in m"):
+        Problem(ROOM, DifferentialDrive(), (np.zeros(3), 0, 0), (1, 1, 0), ["length"])
+
+
+@pytest.mark.parametrize("eps", [0.0, 1e-300, 0.1, 1e6])
+@pytest.mark.parametrize("cost", [1, 10**6, 2**52 + 1, ANYTHING])
+@pytest.mark.parametrize("tolerance", [0, 7, ANYTHING])
+def test_the_least_that_a_cost_covers_is_found_up_to_the_largest_numbers(cost, eps, tolerance):
+    kernel = getattr(least_covered, "py_func", least_covered)
+    least = kernel(np.int64(cost), eps, np.int64(tolerance))
+    assert least + int(least * eps) + tolerance >= cost
+    assert least == 0 or (least - 1) + int((least - 1) * eps) + tolerance < cost
+
+
+def test_thinning_does_not_overflow():
+    costs = np.array([[1, ANYTHING], [ANYTHING, 1]], np.int64)
+    none = np.zeros((0, 2), np.int64)
+    assert thinned(costs, none, 1e6, np.array([ANYTHING, ANYTHING])).tolist() == [1]
+    assert thinned(costs, none, 0.0, np.zeros(2, np.int64)).tolist() == [0, 1]
