@@ -146,7 +146,7 @@ def first_answer(scenario: Path) -> dict[str, Any]:
         return {
             "first_front_s": round(seconds, 3),
             "cpu_s": cpu,
-            "trajectories": len(front["points"]),
+            "trajectories": front["points"]["count"],
             "status": front["status"],
         }
 

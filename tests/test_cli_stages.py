@@ -254,5 +254,5 @@ def test_saved_stages_are_valid_fronts(room: Path, monkeypatch: pytest.MonkeyPat
         PicturesBeside, "stage", lambda pictures: seen.append(json.loads((pictures.folder / "front.json").read_text()))
     )
     plan(room, monkeypatch, lambda exact: exact)
-    assert [len(document["points"]) for document in seen] == [2, 4]
+    assert [document["points"]["count"] for document in seen] == [2, 4]
     assert all(document["status"] == "unfinished" for document in seen)

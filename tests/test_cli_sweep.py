@@ -49,20 +49,22 @@ def plan(scenario: Path, out: str, *options: str) -> Result:
 
 
 def points(scenario: Path, out: str) -> Any:
-    return json.loads((scenario.parent / out / "front.json").read_text())["points"]
+    """What a saved front holds of its points, trajectories included."""
+    saved = json.loads((scenario.parent / out / "front.json").read_text())
+    return saved["points"] | saved["items"]
 
 
 def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_added(scenario: Path) -> None:
     alone, there = plan(scenario, "one"), plan(scenario, "two", "--workers", "2")
     assert (alone.exit_code, there.exit_code) == (0, 0), there.output
     assert points(scenario, "one") == points(scenario, "two")
-    assert len(points(scenario, "two")) > 1
+    assert points(scenario, "two")["count"] > 1
     assert "What each planner added" in there.stdout
     added = there.stdout.split("What each planner added")[1]
     assert "weighted-sum" in added
     assert "lattice" in added
     assert "epsilon-constraint" in added
-    planners = {planner for point in points(scenario, "two") for planner in [point["provenance"]["planner"]]}
+    planners = {origin["planner"] for origin in points(scenario, "two")["origins"]}
     assert "epsilon-constraint" in planners
 
 
@@ -101,8 +103,8 @@ def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
     saved = json.loads((scenario.parent / "out" / "front.json").read_text())
     assert saved["status"] == "interrupted"
     assert "interrupted" in result.stdout
-    assert len(saved["points"]) >= least
-    assert {point["provenance"]["planner"] for point in saved["points"]} == {planner}
+    assert saved["points"]["count"] >= least
+    assert {origin["planner"] for origin in saved["points"]["origins"]} == {planner}
 
 
 @pytest.mark.parametrize(

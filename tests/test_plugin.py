@@ -86,8 +86,8 @@ def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(fresh, plan):
     out = plan.parent / "out"
     done = hpop("plan", plan, "--out", out, fresh=fresh)
     assert done.returncode == 0, done.stdout + done.stderr
-    points = json.loads((out / "front.json").read_text())["points"]
-    oblique, _, length = np.array([point["costs"] for point in points]).T
+    costs = json.loads((out / "front.json").read_text())["points"]["costs"]
+    oblique, _, length = map(np.array, costs.values())
     # The pillar of 1 x 1 m stands between start and goal, 5.5 m apart. Along the walls it is passed 1 m further down,
     # which is 2 m longer than straight; obliquely it is shorter. The front has both.
     assert length[oblique < 1e-9].min() == pytest.approx(5.5 + 2 * 1.0)
