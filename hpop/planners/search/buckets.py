@@ -86,3 +86,32 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
         i = best
     keys[i] = key
     values[i] = value
+
+
+def waiting(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
+    """The entries (n, 2) that wait, and their buckets (n,): the lowest first, each as it was filled."""
+    parts, buckets = [entries[:0]], [np.zeros(0, np.int64)]
+    for bucket in np.flatnonzero(tops[:, 0] >= 0).tolist():
+        chunks = []
+        chunk, filled = tops[bucket].tolist()
+        while chunk >= 0:
+            chunks.append(entries[chunk * CHUNK : chunk * CHUNK + filled])
+            chunk, filled = int(below[chunk]), CHUNK
+        parts += chunks[::-1]
+        buckets.append(np.full(sum(map(len, chunks)), bucket))
+    return np.concatenate(parts), np.concatenate(buckets)
+
+
+def fill(
+    tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
+) -> None:
+    """Fill empty buckets with entries (n, 2), whose buckets (n,) are in order, from the first chunk on."""
+    which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
+    chunks = -(-counts // CHUNK)
+    begin = np.cumsum(chunks) - chunks
+    used = int(chunks.sum())
+    entries[np.repeat(begin * CHUNK - first, counts) + np.arange(len(waiting))] = waiting
+    below[:used] = np.arange(used) - 1
+    below[begin] = -1
+    tops[which, 0] = begin + chunks - 1
+    tops[which, 1] = counts - (chunks - 1) * CHUNK

@@ -21,7 +21,7 @@ from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
-    from hpop.planners.search.mean_kernel import CappedMean
+    from hpop.planners.search.mean_search import CappedMean
     from hpop.planners.search.slices import Clock
 
 METHOD = "capped mean"
@@ -142,7 +142,8 @@ class _Run:
     def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
         """Run the query; what it found is in the front of ``search``, or else in this one."""
         from hpop.planners.search.bounds import lower_bounds
-        from hpop.planners.search.mean_kernel import CappedMean, gather
+        from hpop.planners.search.mean_kernel import gather
+        from hpop.planners.search.mean_search import CappedMean
         from hpop.planners.search.slices import N_GENERATED
 
         self.size = int(clock.call(gather, self.walks, self.front, self.solutions))

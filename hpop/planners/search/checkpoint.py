@@ -1,14 +1,18 @@
-"""Checkpoints: the state of a search in a file, from which it goes on as if it had never stopped.
+"""Checkpoints: the labels of a search in a file, from which it goes on as if it had never stopped.
 
-Saved is every array and number that a search keeps. What follows from the question alone (groups of turns, the graph
-itself) is built again, and a fingerprint tells which question the file belongs to: the graph, its ends, the options.
-A search runs in slices of equal work, and is saved between two of them; so the one that goes on makes the same
-expansions in the same order, and ends with the same front, paths and counts of labels.
+What follows from the question and the labels (costs, keys, sets) is made again, see :mod:`.labels`; a fingerprint tells
+which question the file belongs to: the graph, its ends, the options. A search runs in slices of equal work, and is
+saved between two of them; so the one that goes on makes the same expansions in the same order, and ends with the same
+front, paths and counts of labels.
 
 The file: MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
 and shape of each array), the arrays one after the other, a checksum of all this. It is written as FILE.part beside it,
-flushed to the disk and moved into its place, so that whoever is killed leaves the last whole one. Nothing in it is
-run, and nothing larger than the file is allocated; the checksum tells accidents, it is no signature.
+flushed to the disk and moved into its place, so that whoever is killed leaves the last whole one.
+
+The checksum tells accidents, it is no signature. Whatever the numbers of a file are, nothing in it is run, no place
+outside a table is read, and what a search has found after it went on are paths of the graph with their true costs. But
+nobody can tell without searching again whether labels are missing: a file from a stranger proves nothing about what is
+*not* there, and a front that comes of it may lack points. Go on from files that you, or whom you trust, have written.
 """
 
 from __future__ import annotations
@@ -18,7 +22,6 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -30,7 +33,6 @@ from numpy.typing import NDArray
 
 from hpop import __version__
 from hpop.errors import HpopWarning, OptionError, OutputError
-from hpop.interrupts import interrupts_held
 from hpop.options import MOST, set_reals
 from hpop.status import Status
 from hpop.text import shown
@@ -40,11 +42,11 @@ if TYPE_CHECKING:
     from hpop.planners.search.slices import Clock, Search
 
 MAGIC = b"hpop checkpoint\n"
-FORMAT = 4  # raise it when the file, or what a search means by one of its arrays, changes
+FORMAT = 5  # raise it when the file, or what a search means by one of its arrays, changes
 LENGTH = 8  # bytes of the header's length
 CHECKSUM = 32  # bytes
 MAX_HEADER = 2**20  # bytes
-TYPES = {np.dtype(t).str for t in (np.bool_, np.uint8, np.int32, np.int64, np.float64)}
+TYPE = np.dtype(np.int64).str  # of all numbers
 SHARE = 30  # the pause between two checkpoints is so many times what writing the last one took: three in a hundred
 
 Arrays = dict[str, NDArray[Any]]
@@ -118,8 +120,7 @@ class Keeper:
         """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
         self.question, self.every = question, checkpoint.every
         self.path = checkpoint.place()
-        self.part = _part(self.path)
-        self.saved = _Saved.read(self.path) if self.path.exists() else None
+        self.saved = Saved.read(self.path) if self.path.exists() else None
         if self.saved is not None and self.saved.question != question:
             raise CheckpointError(
                 f"the checkpoint {self.path} is of another problem: its graph, start, goal or options differ from what "
@@ -139,8 +140,9 @@ class Keeper:
     def run(self, search: Search, method: str, clock: Clock) -> Status:
         """Let a new search go on from the file, if there is one, and save it now and then, and when it is stopped."""
         if self.saved is not None and self.saved.method == method:
-            with interrupts_held():
-                restore(search, self.saved.arrays, self.path)
+            began = clock.seconds()
+            restore(search, self.saved.arrays, clock, self.path)
+            clock.begin += clock.seconds() - began  # is no search
         self.saved = None  # a search by another method, which takes over, begins anew
         due = perf_counter() + self.every
 
@@ -148,61 +150,65 @@ class Keeper:
             nonlocal due
             began = perf_counter()
             if began >= due:
-                self.save(search, method)
+                self.save(search, method, clock)
                 due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
 
         try:
             status = search.run(clock, keep)
         except KeyboardInterrupt:
-            self.save(search, method)
+            self.save(search, method, clock)
             raise
         if not status.is_final:
-            self.save(search, method)
+            self.save(search, method, clock)
         return status
 
-    def save(self, search: Search, method: str) -> None:
-        """Write the state of a search; if that fails, warn: what was saved before stays, and the search goes on."""
-        arrays = state(search)
-        header = {
-            "format": FORMAT,
-            "hpop": __version__,
-            "method": method,
-            "question": self.question,
-            "arrays": [[name, array.dtype.str, array.shape] for name, array in arrays.items()],
-        }
-        text = json.dumps(header).encode()
-        begin = MAGIC + len(text).to_bytes(LENGTH, "little") + text
-        checksum = hashlib.blake2b(digest_size=CHECKSUM)
+    def save(self, search: Search, method: str, clock: Clock) -> None:
+        """Write the labels of a search; if that fails, warn: what was saved before stays, and the search goes on."""
         try:
-            with self.part.open("wb") as file:
-                for piece in (memoryview(begin), *map(_bytes, arrays.values())):
-                    file.write(piece)
-                    checksum.update(piece)
-                file.write(checksum.digest())
-                file.flush()
-                os.fsync(file.fileno())
-            self.part.replace(self.path)
+            Saved(method, self.question, vars(search.labels(clock))).write(self.path)
         except OSError as error:
-            self.part.unlink(missing_ok=True)
             reason = error.strerror or error
             warnings.warn(
                 f"cannot write the checkpoint {self.path} ({reason}); the last one stays", HpopWarning, stacklevel=2
             )
-        except BaseException:
-            self.part.unlink(missing_ok=True)
-            raise
 
 
 @dataclass(frozen=True)
-class _Saved:
+class Saved:
     """What a checkpoint holds."""
 
     method: str
     question: str
     arrays: Arrays
 
+    def write(self, path: Path) -> None:
+        """Write a checkpoint, whole or not at all."""
+        header = {
+            "format": FORMAT,
+            "hpop": __version__,
+            "method": self.method,
+            "question": self.question,
+            "arrays": [[name, array.dtype.str, array.shape] for name, array in self.arrays.items()],
+        }
+        text = json.dumps(header).encode()
+        begin = MAGIC + len(text).to_bytes(LENGTH, "little") + text
+        checksum = hashlib.blake2b(digest_size=CHECKSUM)
+        part = _part(path)
+        try:
+            with part.open("wb") as file:
+                for piece in (memoryview(begin), *map(_bytes, self.arrays.values())):
+                    file.write(piece)
+                    checksum.update(piece)
+                file.write(checksum.digest())
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+
     @classmethod
-    def read(cls, path: Path) -> _Saved:
+    def read(cls, path: Path) -> Saved:
         """Read a checkpoint; raises CheckpointError where it is a damaged one, or of another version."""
         try:
             with path.open("rb") as file:
@@ -215,7 +221,7 @@ class _Saved:
             ) from None
 
     @classmethod
-    def _of(cls, file: BufferedReader, path: Path) -> _Saved:
+    def _of(cls, file: BufferedReader, path: Path) -> Saved:
         size = os.fstat(file.fileno()).st_size
         damaged = CheckpointError(
             f"the checkpoint {path} is truncated or damaged; remove it, the search then begins anew"
@@ -256,7 +262,7 @@ class _Saved:
 
 def _table(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
     """Name, type and shape of an array as the header gives them; raises ValueError or TypeError for nonsense."""
-    if dtype not in TYPES or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
+    if dtype != TYPE or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
         raise ValueError
     return str(name), np.dtype(dtype), tuple(shape)
 
@@ -273,46 +279,17 @@ def fingerprint(graph: Graph, *question: Any) -> str:
     return checksum.hexdigest()
 
 
-def state(search: Search) -> Arrays:
-    """Everything that a search keeps, by name; values that cannot change, such as the graph, are left out."""
-    return {name: array for key, value in vars(search).items() for name, array in _flat(key, value)}
+def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
+    """Let a new search go on from labels; raises CheckpointError where they are not those of its question."""
+    from hpop.planners.search.labels import Labels, Unsound  # numba: on first use
 
-
-def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    if isinstance(value, np.ndarray):
-        yield name, value
-    elif isinstance(value, bool | int | float | np.generic):
-        yield name, np.asarray(value)
-    elif isinstance(value, tuple):
-        for i, one in enumerate(value):
-            yield from _flat(f"{name}.{i}", one)
-    elif isinstance(value, type):  # of the numbers in an array
-        yield name, np.zeros(0, value)
-    elif not getattr(getattr(value, "__dataclass_params__", None), "frozen", False):
-        raise AssertionError(f"a search keeps {name} as {type(value)}, which no checkpoint holds, please report")
-
-
-def restore(search: Search, arrays: Mapping[str, NDArray[Any]], path: Path) -> None:
-    """Set a new search to a state of its question; raises CheckpointError where they do not fit."""
-    new = state(search)
-    kinds, kept = ({name: (array.dtype.kind, array.ndim) for name, array in one.items()} for one in (new, arrays))
-    # A search takes costs in an order that ties may decide, and another version of hpop breaks them in another way.
-    if kinds != kept or any(name.startswith("order.") and new[name] != arrays[name] for name in new):
+    try:
+        search.resume(Labels.of(arrays), clock)
+    except Unsound as error:
         raise CheckpointError(
-            f"the checkpoint {path} does not hold what this search keeps; remove it, the search then begins anew"
-        )
-    for name, value in list(vars(search).items()):
-        setattr(search, name, _restored(name, value, arrays))
-
-
-def _restored(name: str, value: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    if isinstance(value, np.ndarray):
-        return arrays[name]
-    if isinstance(value, bool | int | float | np.generic):
-        return type(value)(arrays[name].item())
-    if isinstance(value, tuple):
-        return tuple(_restored(f"{name}.{i}", one, arrays) for i, one in enumerate(value))
-    return arrays[name].dtype.type if isinstance(value, type) else value
+            f"the checkpoint {path} does not hold what this search keeps ({error}); remove it, the search then begins "
+            "anew"
+        ) from None
 
 
 def _bytes(array: NDArray[Any]) -> memoryview:

@@ -36,7 +36,8 @@ from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
-from hpop.planners.search.kernels import drop_first, push
+from hpop.planners.search.kernels import WORD_BITS, drop_first, push
+from hpop.planners.search.labels import Nodes, Unsound, retrace
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,
@@ -57,8 +58,9 @@ from hpop.planners.search.slices import (
 from hpop.planners.search.tables import build, trace
 from hpop.planners.search.turns import SIZE as GROUP_SIZE
 from hpop.planners.search.turns import Groups
-from hpop.planners.search.vector_sets import SET_COLUMNS, SIZE, enter, is_covered, needs
+from hpop.planners.search.vector_sets import SET_COLUMNS, SIZE, enter, enter_all, is_covered, needs, weigh
 
+MAX_KEY = 2**WORD_BITS - 1
 WORD = 8  # members of a set that are compared in one elementary step
 
 
@@ -285,6 +287,45 @@ class General(HeapSearch):
             scratch,
         )
         return int(code)
+
+    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, k) of labels."""
+        at, n = np.zeros(len(values), np.int32), len(values)
+        while True:
+            narrow = self.dtype is np.int32
+            f = np.zeros((n, len(self.order)), self.dtype)
+            most = np.full(f.shape[1], INT32_LIMIT if narrow else MAX_KEY)
+            graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
+            reached = clock.call(retrace, values, closed, *graph, self.source, most, at, f)
+            if reached == n:
+                return at, f
+            if reached >= 0 or not narrow:
+                raise Unsound("a label is no path of this graph")
+            while self.dtype is np.int32:
+                self._widen_keys()
+
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the sets of the nodes and that of the targets."""
+        eps, tolerance = float(self.precision.eps), self.precision.of(self.order)
+        reach = np.zeros_like(solved)
+        for j in range(solved.shape[1]):
+            reach[:, j] = [least_covered(int(cost), eps, int(tolerance[j])) for cost in solved[:, j]]
+        if self.is_target[nodes].any() or not self.is_target[ends].all() or (solved[:, :1] > self.most).any():
+            raise Unsound("a solution is none")
+        goals = np.full(len(ends), len(self.sets) - 1, np.int32)
+        for where, vectors, asked in ((nodes, closed, closed[:0]), (goals, reach, solved)):
+            begin = 0
+            while begin < len(where):
+                new = (where, vectors, asked, begin)
+                begin = clock.call(enter_all, self.sets, self.pool, *new, self.counters, N_ROWS)
+                if begin < 0:
+                    raise Unsound("a solution is covered by one before it")
+                if begin < len(where):
+                    self._grow_pool()
+
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over the members of all sets."""
+        return int(clock.call(weigh, self.sets, self.pool, len(self.order) - 1))
 
     def arrays(self) -> list[NDArray[Any]]:
         """List the tables of the graph, the sets and the heap."""

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.planners.search.kernels import plan_keys, repack
-from hpop.planners.search.slices import HEAP, KEYS, N_OPEN, Search
+from hpop.planners.search.labels import Unsound, is_heap
+from hpop.planners.search.slices import HEAP, KEYS, N_OPEN, Clock, Search
 
 
 class HeapSearch(Search):
@@ -45,6 +47,27 @@ class HeapSearch(Search):
         word, shift, limit, words = self.plan
         keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
         return (keys[:, word] >> shift) & limit
+
+    def opened(self) -> tuple[IntArray, IntArray]:
+        """The labels still open, all in the heap."""
+        return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
+
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the heap with labels, and their estimates."""
+        if len(waiting):
+            raise Unsound("labels wait outside the heap")
+        n = len(heap)
+        while n and (costs.max(axis=0) > self.plan[2]).any():
+            self._widen_keys()
+        while len(self.values) < n:
+            self._grow_heap()
+        word, shift, _, words = self.plan
+        self.keys[: n * words] = 0
+        for j in range(costs.shape[1]):
+            self.keys[word[j] : n * words : words] |= costs[:, j].astype(np.int64) << shift[j]
+        self.values[:n] = heap
+        if not clock.call(is_heap, self.keys, n, words):
+            raise Unsound("its open labels are no heap")
 
     def _grow_heap(self) -> None:
         self.keys.resize(2 * len(self.keys), refcheck=False)

@@ -21,19 +21,14 @@ Bound. A completion of b has at least the mean f_S / T, T the longest that b may
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 from hpop.planners.search.bounds import UNREACHABLE
-from hpop.planners.search.graph import Graph
-from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import drop_first, push
-from hpop.planners.search.mean_limits import INTEGRAL, OTHERS, TIME, Limits
+from hpop.planners.search.mean_limits import INTEGRAL, OTHERS, TIME
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,
@@ -48,7 +43,6 @@ from hpop.planners.search.slices import (
     N_ROWS,
     ROWS,
     SLICE,
-    Clock,
 )
 
 START, SIZE, ROOM = range(3)  # columns of the table of blocks
@@ -280,84 +274,40 @@ def advance(
     return code
 
 
-class CappedMean(HeapSearch):
-    """The search on one graph for one query; ``columns`` has the duration, the integral, then the other costs.
+@kernel
+def enter_all(
+    nodes: NDArray[np.int32],
+    costs: IntArray,
+    begin: int,
+    is_target: NDArray[np.uint8],
+    blocks: IntArray,
+    vectors: IntArray,
+    front: IntArray,
+    solutions: IntArray,
+    counters: IntArray,
+) -> int:
+    """Enter closed labels (n,) with their costs (n, k), from `begin` on, as the search did when it closed them.
 
-    It begins with what is ``known``: a front, its solutions (negative; a label is 1 + its place among the closed ones)
-    and its size. Each walk within the limits must have one there that is nowhere larger in the other costs.
+    Returns n, or the place where the blocks or the front have too little room.
     """
+    for i in range(begin, len(nodes)):
+        v = np.int64(nodes[i])
+        full = counters[N_FRONT] == len(solutions)
+        if full or counters[N_ROWS] + 2 * blocks[v, ROOM] + 2 > len(vectors):
+            return i
+        counters[N_ROWS] = enter(blocks, vectors, v, costs[i], counters[N_ROWS])
+        if is_target[v]:
+            counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], costs[i], i + 1)
+    return len(nodes)
 
-    def __init__(
-        self,
-        graph: Graph,
-        source: int,
-        targets: IntArray,
-        h: IntArray,
-        columns: tuple[int, ...],
-        limits: Limits,
-        known: tuple[IntArray, IntArray, int],
-    ) -> None:
-        order = list(columns)
-        self.graph, self.source, self.limits = graph, source, limits
-        self.costs = np.ascontiguousarray(graph.costs[:, order])
-        self.h = np.ascontiguousarray(h[order].T)
-        self.is_max = np.array([graph.aggregates[j] == "max" for j in order])
-        self.is_target = np.zeros(graph.nodes, np.uint8)
-        self.is_target[targets] = 1
-        self.blocks = np.zeros((graph.nodes, 3), np.int64)
-        self.vectors = np.zeros((1024, len(order)), np.int64)
-        most = self.costs.max(axis=0, initial=0)
-        far = self.h.max(axis=0, where=self.h < UNREACHABLE, initial=0)
-        super().__init__(self.h[source].tolist(), (most + far).tolist(), int(np.diff(graph.indptr).max()))
-        self.front, self.solutions, self.counters[N_FRONT] = known
 
-    def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
-        code = clock.call(
-            advance,
-            self.counters,
-            work,
-            self.rise,
-            self.fan,
-            self.graph.indptr,
-            self.graph.heads,
-            self.costs,
-            self.h,
-            self.is_target,
-            self.is_max,
-            self.limits.most,
-            self.limits.rates,
-            self.blocks,
-            self.vectors,
-            self.source,
-            self.plan,
-            self.keys,
-            self.values,
-            self.closed,
-            self.front,
-            self.solutions,
-        )
-        return int(code)
-
-    def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph and the sets."""
-        return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
-
-    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the rows of the sets."""
-        return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
-
-    def _grow_rows(self) -> None:
-        self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
-
-    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Places of the arcs of solutions in the graph, from the source on."""
-        return [self._path(int(label)) for label in labels]
-
-    def _path(self, label: int) -> IntArray:
-        arcs = []
-        while label > 0:
-            value = int(self.closed[label - 1])
-            arcs.append((value & 0xFFFFFFFF) - 1)
-            label = value >> 32
-        return np.array(arcs[-2::-1], np.int64)  # the source came by no arc
+@kernel
+def weigh(blocks: IntArray, vectors: IntArray) -> int:
+    """A sum over the rows of all blocks, however they lie; it may overflow."""
+    total = np.int64(0)
+    for b in range(len(blocks)):
+        total += (b + 1) * blocks[b, SIZE]
+        for i in range(blocks[b, START], blocks[b, START] + blocks[b, SIZE]):
+            for j in range(vectors.shape[1]):
+                total += (b + 1) * (2 * j + 3) * vectors[i, j]
+    return int(total)

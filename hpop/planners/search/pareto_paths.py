@@ -119,6 +119,7 @@ def pareto_paths(
     same file goes on from there, after a limit, Ctrl-C or kill -9, and ends as if it had never stopped; a limit of time
     counts anew, one of labels does not. A search that is complete leaves the file as it is: remove it when the front
     is safe. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
+    Nobody can tell what a file from a stranger leaves out: :mod:`.checkpoint`.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)

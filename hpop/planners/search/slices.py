@@ -16,12 +16,14 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.compiled import is_kept
 from hpop.interrupts import interrupts_held
 from hpop.planners.search import beside
 from hpop.planners.search.kernels import is_ready, make_ready
+from hpop.planners.search.labels import Labels, Nodes, Unsound, check_order, weight
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
 # What a kernel returns: the first two, or the array that has no room left for the next expansion.
@@ -114,6 +116,7 @@ class Search(ABC):
     closed: IntArray
     front: IntArray  # (capacity, k)  costs in the order of the search
     solutions: IntArray  # (capacity,)   the labels that reached a target
+    order: tuple[int, ...]  # (k,)       columns of the costs
 
     def __init__(self, costs: int, fan: int) -> None:
         """Start with one label open; `fan` is how many more one expansion can make."""
@@ -197,7 +200,77 @@ class Search(ABC):
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Estimates (m, k) of the labels still open, costs in the order of the search."""
+        """Estimates (m, k) of the labels still open, costs in the order of the search; as in :meth:`opened`."""
+
+    @abstractmethod
+    def opened(self) -> tuple[IntArray, IntArray]:
+        """The labels still open: those in the heap, in its order, and those that wait for it."""
+
+    @abstractmethod
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over what the sets hold, however they lie."""
+
+    def solved(self) -> IntArray:
+        """The labels of the front, as far as these cannot be told from the closed ones."""
+        return self.solutions[: int(self.counters[N_FRONT])]
+
+    def labels(self, clock: Clock) -> Labels:
+        """All that a search must keep to go on."""
+        heap, waiting = self.opened()
+        counts = self.counters[[N_GENERATED, N_EXPANDED]]
+        closed = self.closed[: int(self.counters[N_CLOSED])]
+        return Labels(closed, heap, waiting, self.solved(), counts, np.array(self.order), self._evidence(clock))
+
+    def resume(self, labels: Labels, clock: Clock) -> None:
+        """Go on from labels that a search of the same question kept; raises Unsound where they are not such.
+
+        This search is a new one. Until all is known to be sound it says that it has found nothing.
+        """
+        if labels.order.tolist() != list(self.order):
+            raise Unsound("it takes the costs in another order")
+        values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
+        if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
+            raise Unsound("a label is there twice, or none begins")
+        nodes, costs = self.retraced(values, c, clock)
+        closed, opened, solved = costs[:c], costs[c : c + o], costs[c + o :]
+        check_order(closed, opened, solved)
+        self.enter(nodes[:c], closed, nodes[c + o :], solved, clock)
+        self.reopen(labels.heap, labels.waiting, opened, clock)
+        capacity = len(self.closed)
+        while capacity < c:
+            capacity *= 2
+        kept = np.zeros(capacity, np.int64)
+        kept[:c] = labels.closed
+        found = len(solved)
+        if len(labels.solutions):
+            while len(self.solutions) < found:
+                self._grow_front()
+            self.front[:found], self.solutions[:found] = solved, labels.solutions
+        with interrupts_held():
+            self.closed = kept
+            if len(labels.solutions):
+                self.counters[N_FRONT] = found
+            self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
+        if self._evidence(clock).tolist() != labels.evidence.tolist():
+            raise Unsound("its labels are not those whose costs it knew")
+
+    def _evidence(self, clock: Clock) -> IntArray:
+        n = int(self.counters[N_FRONT])
+        opened = weight(np.concatenate(self.opened()), self.estimates())
+        front = weight(self.solutions[:n], self.front[:n])
+        return np.array([opened, front, self.weight_of_sets(clock)], np.int64)
+
+    @abstractmethod
+    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, k) of labels (n,), the closed ones first; raises Unsound."""
+
+    @abstractmethod
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the sets: closed labels at nodes, with their estimates, and solutions; raises Unsound."""
+
+    @abstractmethod
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the queue with labels, and their estimates; raises Unsound."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:

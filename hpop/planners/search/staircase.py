@@ -34,10 +34,11 @@ from hpop.arrays import IntArray
 from hpop.frontier import is_nondominated
 from hpop.planners.search.approximation import ANYTHING, EXACT, Precision, thinned
 from hpop.planners.search.bounds import UNREACHABLE, lower_bounds
-from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, OPEN, QUEUE
+from hpop.planners.search.bucket_search import BucketSearch
 from hpop.planners.search.corners import Corners
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
+from hpop.planners.search.labels import Nodes, Unsound
 from hpop.planners.search.slices import (
     BUCKETS,
     CHUNKS,
@@ -50,9 +51,9 @@ from hpop.planners.search.slices import (
     N_ROWS,
     ROWS,
     Clock,
-    Search,
 )
 from hpop.planners.search.staircase_kernel import advance
+from hpop.planners.search.staircase_labels import enter_all, enter_goal, retrace, weigh
 from hpop.planners.search.staircase_tables import (
     ARC_COLUMNS,
     GROUP_COLUMNS,
@@ -80,8 +81,10 @@ class TooWide(Exception):
     """The costs of a label no longer fit a key: the general search has to take over."""
 
 
-class Staircase(Search):
+class Staircase(BucketSearch):
     """The search on one graph for one query, costs taken in the given order: first, index, rest (or -1)."""
+
+    order: tuple[int, int, int]
 
     def __init__(
         self,
@@ -155,22 +158,14 @@ class Staircase(Search):
 
     def _queue(self, f: list[int]) -> None:
         """The queue with one label of estimate f (3,)."""
+        self.root = np.array(f, np.int64)
         shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
         bits = KEY_BITS - INDEX_BITS - shift
         origin = f[0] >> shift
         limit = INT32_LIMIT if self.dtype is np.int32 else (1 << bits) - 1
         if max(f[1] + self.rise[1], 0) >> INDEX_BITS or f[2] + int(self.rise[2]) > limit:
             raise TooWide
-        self.packing = np.array([shift, bits, bits + INDEX_BITS, origin, limit], np.int64)
-        buckets = 2 * ((int(self.rise[0]) >> shift) + 2)
-        self.queue = np.zeros(QUEUE, np.int64)
-        self.queue[[IN_HEAP, FREE]] = 1, -1
-        self.tops = np.full((buckets, 2), -1, np.int32)
-        chunks = max(64, 2 * self.fan)
-        self.below = np.zeros(chunks, np.int32)
-        self.entries = np.zeros((chunks * CHUNK, 2), np.int64)
-        self.keys, self.values = (np.zeros(max(1024, 2 * self.fan), np.int64) for _ in range(2))
-        self.keys[0] = ((f[0] & ((1 << shift) - 1)) << (bits + INDEX_BITS)) | (f[1] << bits) | f[2]
+        self._make_queue(f, np.array([shift, bits, bits + INDEX_BITS, origin, limit], np.int64))
 
     def _empty(self, size: int) -> NDArray[Any]:
         return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
@@ -181,10 +176,6 @@ class Staircase(Search):
             self._look_ahead(clock)
         if self.hull and self.cornered < self.counters[N_FRONT]:
             self._take_corners(clock)
-        groups = self.groups
-        tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
-        columns = (self.order[0], self.order[2])
-        graph = (*tables, groups.rows, groups.dearest, groups.turns, self.source, *columns)
         code = clock.call(
             advance,
             self.counters,
@@ -192,7 +183,7 @@ class Staircase(Search):
             self.fan,
             self.rise,
             self.packing,
-            graph,
+            self._tables(),
             self.turn,
             self.stairs,
             self.share,
@@ -212,6 +203,12 @@ class Staircase(Search):
             self.most,
         )
         return int(code)
+
+    def _tables(self) -> tuple[Any, ...]:
+        """The graph, as kernels take it."""
+        groups = self.groups
+        tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
+        return (*tables, groups.rows, groups.dearest, groups.turns, self.source, self.order[0], self.order[2])
 
     def _look_ahead(self, clock: Clock) -> None:
         """Take bounds that know how many turns are left, where there are any and memory allows."""
@@ -339,16 +336,6 @@ class Staircase(Search):
             setattr(self, name, array)
         self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # 32 bits may have been too few for that
 
-    def _grow_heap(self) -> None:
-        self.keys, self.values = (np.resize(a, 2 * len(a)) for a in (self.keys, self.values))
-
-    def _grow_chunks(self) -> None:
-        self.below.resize(2 * len(self.below), refcheck=False)
-        self.entries.resize((2 * len(self.entries), 2), refcheck=False)
-
-    def _grow_buckets(self) -> None:
-        self.tops = np.concatenate([self.tops, np.full_like(self.tops, -1)])
-
     def _grow_rows(self) -> None:
         size = len(self.stairs)
         self.stairs.resize(2 * size, refcheck=False)
@@ -362,20 +349,42 @@ class Staircase(Search):
         self.width *= 2
         self._lengthen_goal()
 
-    def estimates(self) -> IntArray:
-        """Estimates (m, 3) of the labels still open."""
-        shift, bits, top, origin, _ = self.packing.tolist()
-        keys = [self.keys[: self.queue[IN_HEAP]]]
-        buckets = [np.full(len(keys[0]), self.queue[OPEN])]
-        for bucket in np.flatnonzero(self.tops[:, 0] >= 0).tolist():
-            chunk, filled = self.tops[bucket].tolist()
-            while chunk >= 0:
-                keys.append(self.entries[chunk * CHUNK : chunk * CHUNK + filled, 0])
-                buckets.append(np.full(filled, bucket))
-                chunk, filled = int(self.below[chunk]), CHUNK
-        key = np.concatenate(keys)
-        first = ((np.concatenate(buckets) + origin) << shift) | (key >> top)
-        return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over the steps of all staircases."""
+        empty = int(self._empty(1)[0])
+        return int(clock.call(weigh, self.stairs, self.group_table, self.width, empty))
+
+    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, 3) of labels."""
+        at, f = np.zeros(len(values), np.int32), np.zeros((len(values), 3), np.int64)
+        tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
+        while True:
+            most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
+            about = (self._tables(), self.turn, tails, most)
+            reached = clock.call(retrace, values, closed, self.root, *about, at, f)
+            if reached == len(values):
+                return at, f
+            if reached >= 0 or self.dtype is np.int64:
+                raise Unsound("a label is no path of this graph")
+            self._widen_costs()
+
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the staircases of the groups and that of the targets."""
+        if self.is_target[nodes].any() or not self.is_target[ends].all() or (solved[:, :1] > self.most).any():
+            raise Unsound("a solution is none")
+        while closed[:, 1].max(initial=0) >= self.width:
+            self._grow_width()
+        begin = 0
+        while begin < len(nodes):
+            tables = (self._tables(), self.turn, self.stairs, self.share, self.width)
+            begin = clock.call(enter_all, nodes, closed, begin, self.counters, *tables)
+            if 0 <= begin < len(nodes):
+                self._grow_rows()
+            elif begin < 0:
+                break
+        solutions = (solved, float(self.precision.eps), self.tolerance)
+        if begin < 0 or clock.call(enter_goal, self.goal, *solutions) < 0:
+            raise Unsound("a label is covered by one before it")
 
     def found(self) -> tuple[IntArray, IntArray, int, int, int]:
         """As of any search; a solution known before may be worse than one found later."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.compiled import kernel, lean
 
 START, SIZE, ROOM, SET_COLUMNS = range(4)  # columns of the table of sets
 PIECE = 64  # members that are compared at a time
@@ -86,6 +86,47 @@ def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> b
     if len(f) == 5:
         return bool(covers(pool, start, room, size, (f[1], f[2], f[3], f[4])))
     return bool(covers(pool, start, room, size, (f[1], f[2], f[3], f[4], f[5])))
+
+
+@kernel
+def enter_all(
+    sets: IntArray,
+    pool: NDArray[Any],
+    where: NDArray[np.int32],
+    vectors: NDArray[Any],
+    asked: NDArray[Any],
+    begin: int,
+    counters: IntArray,
+    used: int,
+) -> int:
+    """Add vectors (n, k) to the sets of their places (n,), from the one at `begin` on.
+
+    asked  (n, k) what must not be covered before; (0, k) for nothing
+    used   which counter says how much of the pool is in use
+
+    Returns n, the place where the pool has too little room, or minus one and the place of a vector that is covered.
+    """
+    for i in range(begin, len(where)):
+        s = np.int64(where[i])
+        if len(asked) > 0 and is_covered(sets, pool, s, asked[i]):
+            return -1 - i
+        if counters[used] + needs(sets, s, vectors.shape[1]) > len(pool):
+            return i
+        counters[used] = enter(sets, pool, s, vectors[i], counters[used])
+    return len(where)
+
+
+@kernel
+def weigh(sets: IntArray, pool: NDArray[Any], rest: int) -> int:
+    """A sum over the members of all sets, each without its first cost (rest,), however they lie; it may overflow."""
+    total = np.int64(0)
+    for s in range(len(sets)):
+        start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
+        total += (s + 1) * size
+        for j in range(rest):
+            for i in range(size):
+                total += (s + 1) * (2 * j + 3) * np.int64(pool[start + j * room + i])
+    return int(total)
 
 
 @lean

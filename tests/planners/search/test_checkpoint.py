@@ -119,7 +119,7 @@ def test_so_does_a_search_that_looks_ahead(tmp_path, lattice, monkeypatch):
         return pareto_paths(graph, 0, graph.nodes - 1, method="staircase", **options)
 
     piecewise(search, tmp_path / "search.ckpt", 5)
-    assert looked == [(graph.nodes, LAYERS)] * 2  # once in one go, once in all the pieces
+    assert set(looked) == {(graph.nodes, LAYERS)}  # in one go, and once in each of the pieces that come to it
 
 
 @pytest.mark.usefixtures("short_slices")
