@@ -14,6 +14,8 @@ KINDS = {
     stat.S_IFBLK: "a device",
 }
 """What else may be opened."""
+PIECE = 2**20
+"""Bytes that are read at once."""
 
 
 def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
@@ -42,11 +44,13 @@ def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
 
 def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
     """The bytes of a regular file, at most ``most``, also of one that grows; raises as :func:`open_regular`."""
+    data = bytearray()
     with open_regular(path, most) as file:
-        data = file.read(most + 1)
+        while len(data) <= most and (piece := file.read(PIECE)):  # read(most) would take that much memory
+            data += piece
     if len(data) > most:
         raise OSError(errno.EFBIG, f"expected at most {most:,} bytes, found more", path)
-    return data
+    return bytes(data)
 
 
 def _without_waiting(path: str, flags: int) -> int:

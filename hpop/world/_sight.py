@@ -7,38 +7,51 @@ import math
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 
+PAD = 2  # places of a field's spline are counted from so many nodes before the first
 TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
 
 
 @kernel
-def _line(turns: IntArray, ax: float, ay: float, bx: float, by: float) -> None:
+def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float, by: float) -> None:
     """Count one directed line of an outline: nodes to its right gain a turn if it goes down, lose one if it goes up.
 
-    Rows are half open and x is computed from the lower end, so two lines that run to and fro cancel exactly.
+    Rows are half open and x is computed from the lower end, so two lines that run to and fro cancel exactly. Row
+    ``low`` and column ``left`` are the first of turns.
     """
-    rows, columns = turns.shape[0], turns.shape[1] - 1
+    high, right = low + turns.shape[0], left + turns.shape[1] - 1
     sign = 1
     if ay < by:
         sign = -1
     else:
         ax, ay, bx, by = bx, by, ax, ay
-    first = math.ceil(min(max(ay, 0.0), float(rows)))
-    last = math.ceil(min(max(by, 0.0), float(rows)))
+    first = math.ceil(min(max(ay, float(low)), float(high)))
+    last = math.ceil(min(max(by, float(low)), float(high)))
     for row in range(first, last):
         x = ax + (row - ay) * (bx - ax) / (by - ay)
-        turns[row, math.ceil(min(max(x, 0.0), float(columns)))] += sign
+        turns[row - low, math.ceil(min(max(x, float(left)), float(right))) - left] += sign
 
 
 @kernel
-def shadows(edges: FloatArray, near: FloatArray, far: FloatArray, u: float, v: float, turns: IntArray) -> None:
+def shadows(
+    edges: FloatArray,
+    near: FloatArray,
+    far: FloatArray,
+    u: float,
+    v: float,
+    shape: tuple[int, int],
+    low: int,
+    left: int,
+    turns: IntArray,
+) -> None:
     """Add to turns (H, W + 1) the outlines of all shadows; their sums along a row count the shadows on each node.
 
     edges (E, 4) grid steps: x0, y0, x1, y1, the solid on the left; u, v grid steps: the light
     near, far (E,): an edge's shadow goes from ``near`` to ``far`` times its distance; inf is without end
+    shape: rows and columns of the grid; low, left: the first row and column of the part of it that turns are of
     """
     reach = 0.0
-    for x in (-u, turns.shape[1] - u):
-        for y in (-v, turns.shape[0] - v):
+    for x in (-u, shape[1] + 1 - u):
+        for y in (-v, shape[0] - v):
             reach = max(reach, 4.0 * math.hypot(x, y))
     for e in range(edges.shape[0]):
         ax, ay = edges[e, 0] - u, edges[e, 1] - v
@@ -47,21 +60,21 @@ def shadows(edges: FloatArray, near: FloatArray, far: FloatArray, u: float, v: f
         endless = math.isinf(far[e])
         if not enters:
             if not endless:  # where the light meets the top or bottom face of the prism
-                _line(turns, far[e] * ax + u, far[e] * ay + v, far[e] * bx + u, far[e] * by + v)
+                _line(turns, low, left, far[e] * ax + u, far[e] * ay + v, far[e] * bx + u, far[e] * by + v)
             continue
         if endless:
             fa, fb = reach / math.hypot(ax, ay), reach / math.hypot(bx, by)
         else:
             fa = fb = far[e]
         n = near[e]
-        _line(turns, n * ax + u, n * ay + v, n * bx + u, n * by + v)
-        _line(turns, n * bx + u, n * by + v, fb * bx + u, fb * by + v)
-        _line(turns, fa * ax + u, fa * ay + v, n * ax + u, n * ay + v)
+        _line(turns, low, left, n * ax + u, n * ay + v, n * bx + u, n * by + v)
+        _line(turns, low, left, n * bx + u, n * by + v, fb * bx + u, fb * by + v)
+        _line(turns, low, left, fa * ax + u, fa * ay + v, n * ax + u, n * ay + v)
         if endless:  # back beyond the grid, by way of the edge's normal
             length = math.hypot(bx - ax, by - ay)
             nx, ny = reach * (ay - by) / length, reach * (bx - ax) / length
-            _line(turns, fb * bx + u, fb * by + v, nx + u, ny + v)
-            _line(turns, nx + u, ny + v, fa * ax + u, fa * ay + v)
+            _line(turns, low, left, fb * bx + u, fb * by + v, nx + u, ny + v)
+            _line(turns, low, left, nx + u, ny + v, fa * ax + u, fa * ay + v)
 
 
 @kernel
@@ -135,7 +148,9 @@ def _share(s: float, place: int) -> float:
 
 @kernel
 def unseen(
-    coefficients: FloatArray,
+    values: FloatArray,
+    windows: IntArray,
+    shape: tuple[int, int],
     marks: FloatArray,
     cos_half: float,
     corner_x: float,
@@ -148,10 +163,13 @@ def unseen(
 ) -> None:
     """Write to out (M,) 1 - the sum, in [0, 1], of those fields whose landmark is within the angle of view.
 
-    coefficients (H, W, L): of cubic B-splines on one grid, m: where the first is and how far apart they are
+    values (N,): of all windows one after the other, row by row; a field is 0 beyond its window
+    windows (L, 5): where the values of a field begin, first row, rows, first column, columns on a grid of this shape,
+    of which corner, m, is the first node, spacing, m, apart; the border's values hold beyond the grid
     marks (L, 2) m; x, y, yaw (M,) m, rad: camera; cos_half: cosine of half the angle of view
     """
-    rows, columns, count = coefficients.shape
+    rows, columns = shape[0] + 2 * PAD, shape[1] + 2 * PAD
+    count = len(windows)
     weight = [0.0] * 16
     value = [math.nan] * count  # of each field at the point, once it was asked for
     px = py = math.nan
@@ -180,8 +198,13 @@ def unseen(
             if math.isnan(value[m]):
                 one = 0.0
                 for p in range(4):
+                    row = min(max(i - 1 + p - PAD, 0), shape[0] - 1) - windows[m, 1]
+                    if not 0 <= row < windows[m, 2]:
+                        continue
                     for q in range(4):
-                        one += weight[4 * p + q] * coefficients[i - 1 + p, j - 1 + q, m]
+                        column = min(max(j - 1 + q - PAD, 0), shape[1] - 1) - windows[m, 3]
+                        if 0 <= column < windows[m, 4]:
+                            one += weight[4 * p + q] * values[windows[m, 0] + row * windows[m, 4] + column]
                 value[m] = one
             total += value[m]
         out[k] = min(max(1.0 - total, 0.0), 1.0)

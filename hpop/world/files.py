@@ -1,30 +1,18 @@
-"""What the readers share: bytes of a file with their hash, and images as numbers."""
+"""What the readers share: bytes of a file with their hash."""
 
 from __future__ import annotations
 
 import hashlib
-import io
 import os
-import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hpop.arrays import FloatArray
 from hpop.errors import MapError
 from hpop.regular_file import read_regular
 from hpop.text import shown
-from hpop.world.shapes import MAX_CELLS, check_size
-
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
-FORMATS = ("PPM", "PNG", "BMP", "GIF", "JPEG")
-"""Pillow's names of the formats that are read; PPM includes PGM."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
 
@@ -97,54 +85,3 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
         "options": options,
         "sha256": [sha256(content) for content in contents],
     }
-
-
-def read_image(data: bytes, path: str | Path) -> tuple[Pixels, Pixels | None]:
-    """Decode an image to (H, W, channels) integers, row 0 at the top, and its alpha (H, W) or None.
-
-    Grey images have one channel, coloured ones three; white is the largest value of the type, 8 or 16 bits.
-    The size is checked before pixels are decoded.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            image = Image.open(io.BytesIO(data), formats=FORMATS)
-    except Image.DecompressionBombError:
-        raise MapError(
-            f"image {named(path)} is too large: at most {MAX_CELLS:,} cells are read. Crop it or lower its resolution."
-        ) from None
-    except UnidentifiedImageError:
-        raise MapError(
-            f"image {named(path)} is no image that can be read; expected PGM (P2, P5), PNG, BMP, GIF or JPEG."
-        ) from None
-    except Exception as error:  # each decoder fails in its own way
-        raise MapError(f"image {named(path)} cannot be read ({error}); is its header broken?") from None
-    width, height = image.size
-    check_size(height, width, f"image {named(path)}")
-    try:
-        if image.mode in ("I", "I;16", "I;16B", "F"):
-            deep = np.clip(np.asarray(image), 0, 65535).astype(np.uint16)
-            return deep[..., None], None
-        alpha = image.has_transparency_data
-        mode = ("L" if image.mode in ("1", "L", "LA") else "RGB") + ("A" if alpha else "")
-        pixels = np.asarray(image.convert(mode))
-    except Exception as error:  # each decoder fails in its own way
-        raise MapError(
-            f"image {named(path)} is {width} x {height} by its header, but its pixels cannot be read "
-            f"({error}). Is the file cut off?"
-        ) from None
-    pixels = pixels.reshape(height, width, -1)
-    return (pixels[..., :-1], pixels[..., -1]) if alpha else (pixels, None)
-
-
-def shades(pixels: Pixels) -> FloatArray:
-    """Pixels as brightness from 0 (black) to 1 (white)."""
-    return np.asarray(pixels / float(np.iinfo(pixels.dtype).max))
-
-
-def row_blocks(height: int, width: int) -> Iterator[slice]:
-    """Slices of rows of about a million pixels: brightness takes eight bytes a pixel and more."""
-    step = max(1, 1_000_000 // width)
-    return (slice(start, start + step) for start in range(0, height, step))

@@ -9,7 +9,8 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.text import shown
-from hpop.world.files import file_source, read_bytes, read_image, row_blocks, shades
+from hpop.world.files import file_source, read_bytes
+from hpop.world.picture import read_image
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.world import WHOLE, Heights, World
 
@@ -51,14 +52,13 @@ def read(
     origin = check_pose(origin)
     heights = WHOLE if height is None else check_heights(height)
     content = read_bytes(path, "image")
-    colours, alpha = read_image(content, path)
-    check_span(len(colours), colours.shape[1], resolution, path)
-    dark = np.empty(colours.shape[:2], dtype=bool)
-    for rows in row_blocks(len(dark), dark[0].size):
-        brightness = shades(colours[rows]).mean(axis=-1)
+    picture = read_image(content, path)
+    check_span(picture.height, picture.width, resolution, path)
+    dark = np.empty((picture.height, picture.width), dtype=bool)
+    for rows, colours, alpha in picture.blocks():
+        brightness = colours.mean(axis=-1)
         if alpha is not None:
-            opaque = shades(alpha[rows])
-            brightness = brightness * opaque + (1.0 - opaque)
+            brightness = brightness * alpha + (1.0 - alpha)
         dark[rows] = brightness < threshold
     options = {
         "resolution": resolution,

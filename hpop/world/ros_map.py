@@ -14,7 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
 from hpop.text import shown
-from hpop.world.files import file_source, read_bytes, read_image, read_text, read_yaml, row_blocks, shades
+from hpop.world.files import file_source, read_bytes, read_text, read_yaml
+from hpop.world.picture import read_image
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.world import WHOLE, Heights, World
 
@@ -109,14 +110,14 @@ def load(path: str | Path) -> OccupancyMap:
         raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}.")
     image_path = Path(path).parent / name
     image = read_bytes(image_path, "map image")
-    colours, alpha = read_image(image, image_path)
-    height, width = colours.shape[:2]
+    picture = read_image(image, image_path)
+    height, width = picture.height, picture.width
     check_span(height, width, resolution, path)
     occupied, free = np.empty((2, height, width), dtype=bool)
-    for rows in row_blocks(height, width):
+    for rows, colours, alpha in picture.blocks():
         occupied[rows], free[rows] = classify(
-            shades(colours[rows]),
-            None if alpha is None else shades(alpha[rows]),
+            colours,
+            alpha,
             mode,
             bool(negate),
             occupied_thresh,

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import Column, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
 from hpop.world.content import Landmark
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 MAX_NODES = 2_000_000
 """Samples of a field; a larger world is sampled more coarsely."""
+MARGIN = 4
+"""Samples more on every side of what is looked at: a spline takes its neighbours, and the outermost must be 0."""
 SPLIT = 3
 """A sample of the line of sight is the mean over SPLIT x SPLIT exact lines, spread over its cell."""
 RAYS = 360
@@ -49,23 +51,33 @@ ALL_ROUND = 2 * math.pi - 1e-3
 """Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
 
 
-def line_of_sight(world: World, landmark: Landmark, camera_z: float) -> Field:
+class Window(NamedTuple):
+    """Samples of a field round a landmark, and their rows and columns on the world's grid."""
+
+    rows: slice
+    columns: slice
+    values: FloatArray
+
+    def field(self, world: World) -> Field:
+        """The samples as a field; beyond them it has the value of their border."""
+        xs, ys, spacing = _grid(world)
+        return Field(self.values, spacing, (float(xs[self.columns.start]), float(ys[self.rows.start]), 0.0))
+
+
+def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float = math.inf) -> Field:
     """Whether a camera at height ``camera_z``, m, has a free line to a landmark: 1 yes, 0 no, as a `Field`.
 
-    Each sample is the share of nine exact lines spread over its cell, so values between are met within two and a half
-    cells of the border of a shadow, and nowhere else.
+    Nothing is said of cameras more than ``far`` m from it, in x or in y. Each sample is the share of nine exact lines
+    spread over its cell, so values between are met within two and a half cells of the border of a shadow, and nowhere
+    else.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 2, 5, 3)], extent=shapely.box(0, 0, 10, 5))
     >>> line_of_sight(room, Landmark(1.0, 2.5), 1.2)([3.0, 8.0, 8.0], [2.5, 2.5, 0.5]).round(9)
     array([1., 0., 1.])
     """
-
-    def make() -> Field:
-        xs, ys, spacing = _grid(world)
-        return Field(_lit(world, landmark, camera_z, xs, ys, spacing), spacing, (float(xs[0]), float(ys[0]), 0.0))
-
-    return world._cached(("line of sight", landmark, float(camera_z)), make)
+    key = ("line of sight", landmark, float(camera_z), float(far))
+    return world._cached(key, lambda: _lit(world, landmark, camera_z, far).field(world))
 
 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
@@ -76,20 +88,22 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
     camera.
     """
     landmark = world.content.landmarks[index]
+    key = ("landmark", landmark, float(camera_z), float(near), float(far))
+    return world._cached(key, lambda: _seen(world, landmark, camera_z, near, far).field(world))
 
-    def make() -> Field:
-        sight = line_of_sight(world, landmark, camera_z)
-        xs, ys, spacing = _grid(world)
-        dx, dy = (xs - landmark.x)[None, :], (ys - landmark.y)[:, None]
-        flat = np.hypot(dx, dy)
-        distance = np.hypot(flat, camera_z - landmark.z)
-        value = sight.values * np.clip((far - distance) / (far - near), 0.0, 1.0)
-        if landmark.facing is not None:
-            along = dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing)
-            value = value * np.where(flat > 0, np.clip(along / np.where(flat > 0, flat, 1.0), 0.0, 1.0), 1.0)
-        return Field(value, spacing, sight.origin)
 
-    return world._cached(("landmark", landmark, float(camera_z), float(near), float(far)), make)
+def _seen(world: World, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
+    """The samples of :func:`landmark_field`; it is 0 beyond them."""
+    sight = _lit(world, landmark, camera_z, far)
+    xs, ys, _ = _grid(world)
+    dx, dy = (xs[sight.columns] - landmark.x)[None, :], (ys[sight.rows] - landmark.y)[:, None]
+    flat = np.hypot(dx, dy)
+    distance = np.hypot(flat, camera_z - landmark.z)
+    value = sight.values * np.clip((far - distance) / (far - near), 0.0, 1.0)
+    if landmark.facing is not None:
+        along = dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing)
+        value = value * np.where(flat > 0, np.clip(along / np.where(flat > 0, flat, 1.0), 0.0, 1.0), 1.0)
+    return sight._replace(values=value)
 
 
 def landmarks_unseen(world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi) -> Column:
@@ -108,7 +122,7 @@ def landmarks_unseen(world: World, pose: Pose, *, near: float, far: float, fov: 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
     """Whether (M,) a camera in front of a landmark, at most ``far`` m from it, has a free line to it; numbers only."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
-    free = _by_height(pose, lambda z: line_of_sight(world, landmark, z)(pose.x, pose.y)) > 0.5
+    free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
     if landmark.facing is None:
         return free & close
@@ -172,9 +186,12 @@ def _fields(world: World, z: float, near: float, far: float) -> list[Field]:
 
 def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
     def make() -> Field:
-        fields = _fields(world, z, near, far)
-        seen = sum(share * field.values for share, field in zip(_shares(world), fields, strict=True))
-        return Field(np.clip(1.0 - seen, 0.0, 1.0), fields[0].spacing, fields[0].origin)
+        xs, ys, spacing = _grid(world)
+        seen = np.zeros((ys.size, xs.size))
+        for share, landmark in zip(_shares(world), world.content.landmarks, strict=True):
+            window = _seen(world, landmark, z, near, far)
+            seen[window.rows, window.columns] += share * window.values
+        return Field(np.clip(1.0 - seen, 0.0, 1.0), spacing, (float(xs[0]), float(ys[0]), 0.0))
 
     return world._cached(("landmarks", z, float(near), float(far)), make)
 
@@ -191,38 +208,64 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
     from hpop.world._sight import unseen
 
-    def make() -> FloatArray:
-        fields = zip(_shares(world), _fields(world, z, near, far), strict=True)
-        return np.stack([np.pad(share * field.values, PAD, mode="edge") for share, field in fields], axis=2)
+    def make() -> tuple[FloatArray, IntArray]:
+        seen = [_seen(world, landmark, z, near, far) for landmark in world.content.landmarks]
+        begin = np.cumsum([0, *(window.values.size for window in seen)])
+        boxes = [(w.rows.start, w.values.shape[0], w.columns.start, w.values.shape[1]) for w in seen]
+        parts = [(share * w.values).ravel() for share, w in zip(_shares(world), seen, strict=True)]
+        return np.concatenate(parts), np.column_stack([begin[:-1], boxes])
 
-    coefficients = world._cached(("landmarks in view", z, float(near), float(far)), make)
+    values, windows = world._cached(("landmarks in view", z, float(near), float(far)), make)
     marks = np.array([(mark.x, mark.y) for mark in world.content.landmarks])
     xs, ys, spacing = _grid(world)
     x, y, yaw = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (pose.x, pose.y, pose.yaw)))
     corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
     out = np.empty(x.size)
-    unseen(coefficients, marks, math.cos(0.5 * fov), *corner, spacing, x.ravel(), y.ravel(), yaw.ravel(), out)
+    unseen(
+        values,
+        windows,
+        (ys.size, xs.size),
+        marks,
+        math.cos(0.5 * fov),
+        *corner,
+        spacing,
+        x.ravel(),
+        y.ravel(),
+        yaw.ravel(),
+        out,
+    )
     return out.reshape(x.shape)
 
 
-def _lit(
-    world: World, landmark: Landmark, camera_z: float, xs: FloatArray, ys: FloatArray, spacing: float
-) -> FloatArray:
-    """Share (H, W) of free lines of sight round each sample."""
+def _lit(world: World, landmark: Landmark, camera_z: float, far: float) -> Window:
+    """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
     from hpop.world._sight import lit, shadows
 
+    xs, ys, spacing = _grid(world)
+    rows, columns = _within(ys, landmark.y, far), _within(xs, landmark.x, far)
     edges, bottom, top = _outlines(world)
-    near, far = _hiding(bottom, top, landmark.z, camera_z)
-    hides = near < far
+    near, beyond = _hiding(bottom, top, landmark.z, camera_z)
+    hides = near < beyond
     step = spacing / SPLIT
     first = (SPLIT - 1) / 2
     corner = np.array([xs[0] - first * step, ys[0] - first * step])
-    turns = np.zeros((ys.size * SPLIT, xs.size * SPLIT + 1), dtype=np.int64)
+    shape = rows.stop - rows.start, columns.stop - columns.start
+    turns = np.zeros((shape[0] * SPLIT, shape[1] * SPLIT + 1), dtype=np.int64)
     light = (np.array([landmark.x, landmark.y]) - corner) / step
-    shadows((edges[hides] - np.tile(corner, 2)) / step, near[hides], far[hides], light[0], light[1], turns)
-    out = np.zeros((ys.size, xs.size))
+    lines = (edges[hides] - np.tile(corner, 2)) / step
+    whole = ys.size * SPLIT, xs.size * SPLIT
+    part = rows.start * SPLIT, columns.start * SPLIT
+    shadows(lines, near[hides], beyond[hides], light[0], light[1], whole, *part, turns)
+    out = np.zeros(shape)
     lit(turns, SPLIT, out)
-    return np.clip(out, 0.0, 1.0)
+    return Window(rows, columns, np.clip(out, 0.0, 1.0))
+
+
+def _within(places: FloatArray, centre: float, far: float) -> slice:
+    """The samples of an axis that are no more than ``far`` m from a centre, some more, and never none."""
+    first, last = np.searchsorted(places, [centre - far, centre + far])
+    first, last = max(0, int(first) - MARGIN), min(places.size, int(last) + MARGIN)
+    return slice(min(first, places.size - 1), max(last, 1))
 
 
 def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:

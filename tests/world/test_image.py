@@ -1,5 +1,7 @@
 """Blueprint images: dark is obstacle."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -63,3 +65,17 @@ def test_a_truncated_png_and_a_huge_one_are_refused(tmp_path):
     Image.new("1", (12_000, 12_000)).save(path)
     with pytest.raises(MapError, match="at most"):
         World.from_image(path, 1.0)
+
+
+def test_memory_of_reading_is_that_of_a_block_and_the_cells(tmp_path):
+    """Beside the decoder's own four bytes a pixel, which are not counted here."""
+    pixels = np.full((2000, 2000, 3), 255, np.uint8)
+    pixels[::100] = 0
+    path = tmp_path / "large.png"
+    Image.fromarray(pixels).save(path)
+    tracemalloc.start()
+    world = World.from_image(path, 0.05)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert world.raster.cells.sum() == 20 * 2000
+    assert taken < 3 * pixels[..., 0].size + 60 * 1_000_000  # cells, read and kept, and a block of brightness
