@@ -106,14 +106,14 @@ def cost_to_go(
     tops = np.full(PILES, -1)
     above = np.empty(n, np.int32)
     below = np.empty(n, np.int32)
-    d = np.int64(0)
+    lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
     for v in range(n):
         out[v] = UNREACHABLE
         parent[v] = -1
     for v in targets:
         if out[v] > 0:
             out[v] = 0
-            enter(v, 0, tops, above, below)
+            enter(v, lowest, tops, above, below)
     while True:
         if tops[0] < 0:
             pile = 1
@@ -134,7 +134,7 @@ def cost_to_go(
                 enter(v, bits(out[v] ^ d), tops, above, below)
                 v = following
         v = tops[0]
-        leave(v, 0, tops, above, below)
+        leave(v, lowest, tops, above, below)
         g = group[v]
         offset, members = rows[g, OFFSET], rows[g, SIZE]
         entering = start[v + 1] - start[v]

@@ -44,7 +44,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
         chunk = below[chunk]
     if count > len(heap_keys):
         return int(-count)
-    size = 0
+    size = np.int64(0)
     chunk = tops[bucket, 0]
     filled = np.int64(tops[bucket, 1])
     while chunk >= 0:

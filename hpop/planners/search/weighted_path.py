@@ -158,8 +158,9 @@ def weighted_path(
     for w in range(words):
         best[source, w] = 0
     arc_in[source] = -1
-    push(keys, nodes, 0, words, here, source)
-    size = 1
+    size = np.int64(0)  # not 0: numba would compile the heap once for that number alone
+    push(keys, nodes, size, words, here, source)
+    size += 1
     reached = -1
     while size > 0:
         u = nodes[0]
@@ -177,7 +178,7 @@ def weighted_path(
             nodes = np.concatenate((nodes, np.empty_like(nodes)))
             capacity *= 2
         for a in range(indptr[u], indptr[u + 1]):
-            v = heads[a]
+            v = np.int64(heads[a])
             weigh(costs, a, weights, limbs, step)
             carry = np.int64(0)
             for w in range(words - 1, -1, -1):
