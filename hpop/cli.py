@@ -202,11 +202,12 @@ def plan(
 @_imports
 @_user_errors
 def show(folder: Path, imports: tuple[str, ...]) -> None:
-    """Print the front in a FOLDER that `hpop plan` wrote, re-evaluate its costs and check it for collisions."""
+    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop import own_code, report
     from hpop.front import Front
     from hpop.problem import Problem
-    from hpop.verify import verify
+    from hpop.status import Progress
+    from hpop.verify import lost_trajectories, verify
 
     own_code.register(imports)
     path = folder / SAVED if folder.is_dir() else folder
@@ -216,14 +217,23 @@ def show(folder: Path, imports: tuple[str, ...]) -> None:
         problem = Problem.from_description(front.problem or {})
     except UnknownName as error:
         raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
-    faults = verify(problem, front)
+    _refuse_faults(path, lost_trajectories(problem, front))
+    click.echo(f"as saved in {path}, not yet checked:")
+    report.print_front(problem, front, saved=path)
+    click.echo("checking costs, ends and collisions")
+    with report.progress_bar() as progress:
+        faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
+    _refuse_faults(path, faults)
+    click.echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+
+
+def _refuse_faults(path: Path, faults: list[str]) -> None:
+    """List what is wrong with a saved front, if anything is, and end with it."""
     for fault in faults[:MOST_FAULTS]:
         click.echo(f"fault: {fault}", err=True)
     if faults:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
         raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
-    report.print_front(problem, front, saved=path)
-    click.echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
 
 
 @main.command()

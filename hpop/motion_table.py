@@ -134,26 +134,28 @@ class MotionTable:
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
         """The distinct motions (M,) of each law in turn, in batches of bounded size; without time or neighbours."""
-        for index, law in self._by_law():
-            yield index, Motions(world, self.model, law, *self.ends(index))
+        for index, law, start, end in self.by_law():
+            yield index, Motions(world, self.model, law, start, end)
 
-    def ends(self, index: IntArray) -> tuple[States, States]:
-        """The states at which some motions of one law begin and end."""
-        names = (*self.model.state_names, *extras(self.model, (self.laws[i] for i in np.unique(self.law[index]))))
-        columns = {name: getattr(self.states, name) for name in names}
-        return (
-            States(**{name: column[self.start[index]] for name, column in columns.items()}),
-            States(**{name: column[self.end[index]] for name, column in columns.items()}),
-        )
+    def by_law(self) -> Iterator[tuple[IntArray, Law, States, States]]:
+        """The distinct motions of each law, in blocks, with the states in which they begin and end."""
+        for i, kind in enumerate(self.laws):
+            of_law, names = np.flatnonzero(self.law == i), (*self.model.state_names, *extras(self.model, (kind,)))
+            for block in (of_law[begin : begin + BLOCK] for begin in range(0, of_law.size, BLOCK)):
+                start, end = (
+                    States(**{name: getattr(self.states, name)[at[block]] for name in names})
+                    for at in (self.start, self.end)
+                )
+                yield block, self.model.laws[kind], start, end
 
     def trajectories(self) -> tuple[Trajectory, ...]:
         """The trajectories; columns of those without curves are views of common ones.
 
         Raises ModelError where a motion is none of its law.
         """
-        for index, law in self._by_law():
+        for index, law, start, end in self.by_law():
             if not isinstance(law, Curve):
-                refuse_impossible(self.model, law, *self.ends(index), index)
+                refuse_impossible(self.model, law, start, end, index)
         begins = self._begins
         place = np.empty(self.motions.size + self.counts.size, dtype=np.int64)
         place[begins] = self.first
@@ -228,13 +230,6 @@ class MotionTable:
         """Which of all motions (N,) go by a law."""
         of_law: BoolArray = self.law[self.motions] == i
         return of_law
-
-    def _by_law(self) -> Iterator[tuple[IntArray, Law]]:
-        """The distinct motions of each law, in blocks."""
-        for i, name in enumerate(self.laws):
-            of_law = np.flatnonzero(self.law == i)
-            for begin in range(0, of_law.size, BLOCK):
-                yield of_law[begin : begin + BLOCK], self.model.laws[name]
 
     def _check_meeting(self) -> None:
         """Each motion of a trajectory begins where the one before it ends."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.math import wrap
 from hpop.models.solid import SolidCollision
-from hpop.motions import Curve, States
+from hpop.motion_table import MotionTable
+from hpop.motions import Curve, Law, States
 from hpop.options import MOST
 from hpop.planners.base import edge_objectives
 from hpop.problem import Problem
@@ -23,23 +24,32 @@ SPACING = 0.05  # m or rad: distance between the states at which collisions are 
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same
 HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
+AXES = ("x", "y", "yaw")
+SAMPLES = 2**14  # states that are looked at between two reports
 STEPS = 100  # in which a curve is looked at
 FASTER = 1e-3  # share by which a wheel may exceed its limits
 MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
 
 
-def verify(problem: Problem, front: Front) -> list[str]:
+def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None = None) -> list[str]:
     """Faults of a front of this problem, in words; none if it holds what it claims.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
-    than 5 cm or 3 degrees, the ends from the problem. Fronts of earlier versions, whose lattice put the goal on its
-    nearest position, say so in the provenance ("goal_offset"): no more than half a diagonal of a "step" is believed.
+    than 5 cm or 3 degrees, the ends from the problem. What trajectories share is checked once. Fronts of earlier
+    versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"): no more than
+    half a diagonal of a "step" is believed.
+
+    Parameters
+    ----------
+    say : called now and then with what is being checked and how far that is
     """
-    lost = [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
-    if lost:
-        return lost
-    faults = [*_declared_faults(problem, front), *_cost_faults(problem, front)]
-    for i, trajectory in enumerate(front.trajectories):
+    lost = lost_trajectories(problem, front)
+    if lost or not len(front):
+        return lost or [*_declared_faults(problem, front)]
+    table = MotionTable.of(front.trajectories)
+    faults = [*_declared_faults(problem, front), *_cost_faults(problem, front, table, say)]
+    for i in np.flatnonzero(_suspects(problem, table)).tolist():
+        trajectory = front.trajectories[i]
         faults += [
             f"trajectory {i} {fault}"
             for fault in (
@@ -47,8 +57,12 @@ def verify(problem: Problem, front: Front) -> list[str]:
                 *_heading_faults(problem, trajectory),
             )
         ]
-    free = collision_free(problem, front.trajectories)
-    return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~free))]
+    return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say)))]
+
+
+def lost_trajectories(problem: Problem, front: Front) -> list[str]:
+    """The trajectories that leave the map, where nothing of them can be evaluated, or turn without end."""
+    return [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
 
 
 def _inside(problem: Problem, trajectory: Trajectory) -> bool:
@@ -86,15 +100,42 @@ def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
             )
 
 
-def _cost_faults(problem: Problem, front: Front) -> Iterator[str]:
+def _cost_faults(
+    problem: Problem, front: Front, table: MotionTable, say: Callable[[str], None] | None
+) -> Iterator[str]:
     every = _claimable(problem)
     names = [*front.names, *front.reported_names]
     known = [j for j, name in enumerate(names) if name in every]
-    again = trajectory_costs([every[names[j]] for j in known], front.trajectories, problem.world)
+    criteria = [every[names[j]] for j in known]
+    again = trajectory_costs(criteria, front.trajectories, problem.world, table=table, say=say)
     saved: FloatArray = np.hstack([front.costs, front.reported])[:, known]
     wrong = np.abs(again - saved) > SAME * np.maximum(1.0, np.abs(saved))
     for i, j in np.argwhere(wrong):
         yield f"trajectory {i}: {names[known[j]]} is saved as {saved[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
+
+
+def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
+    """Trajectories (n,) to look at one by one: ends that are not the problem's, motions astray, curves."""
+    first, last = table.states.take(table.first), table.states.take(table.last)
+    (x, y, yaw), goal = problem.start, problem.goal
+    suspects = np.maximum(np.abs(first.x - x), np.abs(first.y - y)) > CLOSE
+    suspects |= np.abs(wrap(first.yaw - yaw)) > HEADING_CLOSE
+    suspects |= np.hypot(last.x - goal[0], last.y - goal[1]) > CLOSE
+    if goal[2] is not None:
+        suspects |= np.abs(wrap(last.yaw - goal[2])) > HEADING_CLOSE
+    astray = table.curved.copy()
+    for index, law, start, end in table.by_law():
+        if {"x", "y"} <= law.varies:
+            astray[index] |= _astray(start, end)
+    found: BoolArray = suspects | table.having(astray)
+    return found
+
+
+def _astray(start: States, end: States) -> BoolArray:
+    """Straight motions (M,) that slide sideways or go back."""
+    dx, dy, ahead, left = end.x - start.x, end.y - start.y, np.cos(start.yaw), np.sin(start.yaw)
+    astray: BoolArray = (np.abs(dy * ahead - dx * left) > CLOSE) | (dx * ahead + dy * left < -CLOSE)
+    return astray
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
@@ -121,12 +162,9 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
 def _heading_faults(problem: Problem, trajectory: Trajectory) -> Iterator[str]:
     """Motions that slide sideways or go back: a differential drive only goes where it looks."""
     s, laws = trajectory.states, trajectory.model.laws
-    dx, dy = np.diff(s.x), np.diff(s.y)
-    side = dy * np.cos(s.yaw[:-1]) - dx * np.sin(s.yaw[:-1])
-    ahead = dx * np.cos(s.yaw[:-1]) + dy * np.sin(s.yaw[:-1])
     curved = _curved(trajectory)
     straight = np.array([{"x", "y"} <= laws[kind].varies for kind in trajectory.kinds], dtype=bool) & ~curved
-    wrong = np.flatnonzero(straight & ((np.abs(side) > CLOSE) | (ahead < -CLOSE)))
+    wrong = np.flatnonzero(straight & _astray(s.take(slice(None, -1)), s.take(slice(1, None))))
     if wrong.size:
         yield f"does not go ahead in motion {wrong[0]}, a {trajectory.kinds[wrong[0]]}"
     yield from _curve_faults(problem, trajectory, np.flatnonzero(curved))
@@ -165,40 +203,56 @@ def _curved(trajectory: Trajectory) -> BoolArray:
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
-    """Whether each trajectory (n,) is free at densely sampled states; states that many share are checked once."""
-    free = np.ones(len(trajectories), dtype=bool)
-    if not trajectories:
-        return free
-    samples, owners = [], []
-    for i, trajectory in enumerate(trajectories):
-        states = _dense(trajectory)
-        samples.append(states)
-        owners.append(np.full(len(states), i))
-    rows, inverse = np.unique(np.round(np.concatenate(samples), 9), axis=0, return_inverse=True)
+    """Whether each trajectory (n,) is free at densely sampled states; motions that many share are checked once."""
+    return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
+
+
+def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
+    """Whether each trajectory (n,) of a table is free."""
     checker = SolidCollision(problem.model, problem.world)
-    good = checker.free(States(x=rows[:, 0], y=rows[:, 1], yaw=rows[:, 2]))
-    np.logical_and.at(free, np.concatenate(owners), good[inverse.ravel()])
-    return free
+    colliding = np.zeros(len(table), dtype=bool)
+    done = 0
+    for block, law, start, end in table.by_law():
+        counts = _sample_counts(law, start, end)
+        together = np.cumsum(counts) // SAMPLES
+        for part in (np.flatnonzero(together == number) for number in np.unique(together)):
+            if say is not None:
+                say(f"collisions of {done:,} of {len(table):,} motions")
+            done += part.size
+            samples, owner = _dense(law, start.take(part), end.take(part), counts[part])
+            rows, inverse = np.unique(samples, axis=0, return_inverse=True)
+            free = checker.free(States(x=rows[:, 0], y=rows[:, 1], yaw=rows[:, 2]))
+            colliding[block[part]] = np.bincount(owner, ~free[inverse.ravel()], minlength=part.size) > 0
+    first = table.states.take(table.first)
+    begins, which = np.unique(np.stack([first.x, first.y, first.yaw], axis=1), axis=0, return_inverse=True)
+    free = checker.free(States(x=begins[:, 0], y=begins[:, 1], yaw=begins[:, 2]))  # of those that go nowhere as well
+    result: BoolArray = free[which.ravel()] & ~table.having(colliding)
+    return result
 
 
-def _dense(trajectory: Trajectory) -> FloatArray:
-    """States (N, 3) along the geometry of a trajectory, the yaw in [0, 2 pi)."""
-    if _curved(trajectory).any():
-        trajectory = _straightened(trajectory)
-    corners = np.stack([trajectory.states.x, trajectory.states.y, trajectory.states.yaw], axis=1)
-    steps = np.diff(corners, axis=0)
-    counts = np.maximum(1, np.ceil(np.abs(steps).max(axis=1, initial=0.0) / SPACING - 1e-9)).astype(int)
-    pieces = [a + step * np.arange(n)[:, None] / n for a, step, n in zip(corners, steps, counts, strict=False)]
-    states = np.concatenate([*pieces, corners[-1:]])
+def _sample_counts(law: Law, start: States, end: States) -> IntArray:
+    """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
+    if isinstance(law, Curve):
+        (phase,) = law.phases(start, end)
+        rates = ((start.speed, end.speed), (start.turn_rate, end.turn_rate))  # what is linear is largest at an end
+        longest = np.max([np.maximum(np.abs(rate), np.abs(to)) for rate, to in rates], axis=0) * phase.duration
+    else:
+        longest = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in AXES], axis=0)
+    pieces: IntArray = np.maximum(1, np.ceil(longest / SPACING - 1e-9)).astype(np.int64)
+    return pieces + 1
+
+
+def _dense(law: Law, start: States, end: States, counts: IntArray) -> tuple[FloatArray, IntArray]:
+    """So many states (N, 3) along each of some motions (M,), the yaw in [0, 2 pi); and their motions (N,)."""
+    owner = np.repeat(np.arange(counts.size), counts)
+    u = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
+    begin, stop = start.take(owner), end.take(owner)
+    if isinstance(law, Curve):
+        (phase,) = law.phases(begin, stop)
+        share = phase.share(u)
+        columns = [law.interpolate(name, begin, stop, share) for name in AXES]
+    else:
+        columns = [getattr(begin, n) + u * (getattr(stop, n) - getattr(begin, n)) for n in AXES]
+    states = np.stack(columns, axis=1)
     states[:, 2] %= 2 * np.pi
-    return states
-
-
-def _straightened(trajectory: Trajectory) -> Trajectory:
-    """The trajectory with its curves cut into pieces no longer than SPACING."""
-    s, pieces = trajectory.states, np.ones(len(trajectory), dtype=np.int64)
-    curved, lasts = _curved(trajectory), trajectory.durations
-    for rate in (s.speed, s.turn_rate):
-        most = np.maximum(np.abs(rate[:-1]), np.abs(rate[1:])) * lasts  # m or rad: what is linear is largest at an end
-        pieces = np.where(curved, np.maximum(pieces, np.ceil(most / SPACING)), pieces).astype(np.int64)
-    return trajectory.cut(pieces)
+    return np.round(states, 9), owner

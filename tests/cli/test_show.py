@@ -1,4 +1,4 @@
-"""`hpop show`: a front that is not what it claims to be is found out, and never shown as if it were."""
+"""`hpop show`: a front that is not what it claims to be is found out, and never said to be verified."""
 
 from __future__ import annotations
 
@@ -51,7 +51,14 @@ def test_a_front_edited_by_hand_is_found_out(
     assert result.exit_code == 12
     assert said in result.stderr
     assert "plan again" in result.stderr
-    assert "knee" not in result.stdout  # what is wrong is not shown as if it were right
+    assert "verified" not in result.stdout
+    if "knee" in result.stdout:  # what is wrong is not shown as if it were right
+        assert result.stdout.index("not yet checked") < result.stdout.index("knee")
+
+
+def test_the_table_comes_first_and_says_that_it_is_not_checked_yet(run: Callable[..., Result], saved: Path) -> None:
+    said = run("show", saved).stdout
+    assert said.index("not yet checked") < said.index("knee") < said.index("checking") < said.index("verified")
 
 
 @pytest.mark.parametrize(
