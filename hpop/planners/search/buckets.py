@@ -62,7 +62,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
     tops[bucket, 0] = -1
     for i in range((size - 2) // 4, -1, -1):
         sift_down(heap_keys, heap_values, i, size)
-    return size
+    return int(size)
 
 
 @kernel

@@ -178,20 +178,20 @@ def weighted_path(
             nodes = np.concatenate((nodes, np.empty_like(nodes)))
             capacity *= 2
         for a in range(indptr[u], indptr[u + 1]):
-            v = np.int64(heads[a])
+            head = np.int64(heads[a])
             weigh(costs, a, weights, limbs, step)
             carry = np.int64(0)
             for w in range(words - 1, -1, -1):
                 total = here[w] + step[w] + carry
                 carry = total >> WORD_BITS
                 there[w] = total & WORD_MASK
-            if compare(there, limit) > 0 or (arc_in[v] != UNSEEN and compare(there, best[v]) >= 0):
+            if compare(there, limit) > 0 or (arc_in[head] != UNSEEN and compare(there, best[head]) >= 0):
                 continue
             for w in range(words):
-                best[v, w] = there[w]
-            arc_in[v] = a
-            tail_in[v] = u
-            push(keys, nodes, size, words, there, v)
+                best[head, w] = there[w]
+            arc_in[head] = a
+            tail_in[head] = u
+            push(keys, nodes, size, words, there, head)
             size += 1
     if reached < 0:
         return np.full(1, -1, np.int64)
