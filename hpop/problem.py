@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
+from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.frontier.union import JOINT
@@ -38,6 +39,7 @@ class Problem:
     start     (x m, y m, yaw rad)
     goal      (x m, y m, yaw rad); a yaw of None leaves the heading at the goal free
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
+    quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
 
     ``read_seconds``, s, is the time that reading its files took, which a planner's time limit covers.
 
@@ -49,6 +51,7 @@ class Problem:
     start: tuple[float, float, float]
     goal: tuple[float, float, float | None]
     criteria: tuple[Criterion, ...]
+    quanta: Mapping[str, float]
     read_seconds: float = field(default=0.0, init=False)
 
     def __init__(
@@ -58,6 +61,8 @@ class Problem:
         start: Sequence[float],
         goal: Sequence[float | None],
         criteria: Sequence[CriterionSpec],
+        *,
+        quanta: Mapping[str, float] | None = None,
     ) -> None:
         if not isinstance(world, World):
             raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
@@ -78,11 +83,13 @@ class Problem:
                 )
             _check_describable(criterion)
         _check_stand_ins(made)
+        made = with_quanta(made, quanta)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", _checked_pose(start, "start"))
         object.__setattr__(self, "goal", _checked_pose(goal, "goal"))
         object.__setattr__(self, "criteria", made)
+        object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
         if self.start[2] is None:
             raise QueryError("the start needs a yaw in rad; only the goal's may be free (None)")
 
@@ -243,6 +250,7 @@ class Problem:
             "start": list(self.start),
             "goal": list(self.goal),
             "criteria": [describe_criterion(criterion) for criterion in self.criteria],
+            **({"quanta": dict(self.quanta)} if self.quanta else {}),
         }
 
     @classmethod
@@ -254,7 +262,14 @@ class Problem:
         except (KeyError, TypeError) as error:
             raise QueryError(f"not the description of a problem: {error!r} is missing") from None
         try:
-            return cls(World.from_description(world), make_model(model), start, goal, criteria)
+            return cls(
+                World.from_description(world),
+                make_model(model),
+                start,
+                goal,
+                criteria,
+                quanta=description.get("quanta"),
+            )
         except HpopError:
             raise
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:

@@ -11,7 +11,8 @@
     criteria: [obstruction, turns, length]  # a name, or {name: {parameter: value}}
     planner:
       lattice: {step: 0.25}
-    people:                                 # from here on all is optional
+    quanta: {length: 0.001}                 # from here on all is optional: steps in which costs are compared
+    people:
       - {x: 8.0, y: 5.0, yaw: 90 deg, name: Ada}
       - {x: 8.0, y: 6.2, yaw: -90 deg}
       - {x: 12.0, y: 4.0, velocity: [-0.8, 0]}
@@ -39,6 +40,7 @@ import shapely
 from pydantic import BaseModel
 
 from hpop.criteria.base import Criterion
+from hpop.criteria.quanta import with_quanta
 from hpop.models import DifferentialDrive
 from hpop.planners.base import Planner
 from hpop.problem import Problem
@@ -102,6 +104,9 @@ def load_scenario(path: str | Path) -> Scenario:
     zones = faults.made(given, "zones", ZoneEntry, _zone)
     groups = _groups(faults, given.get("groups"), people)
     faults.raise_all()
+    asked_quanta = given.get("quanta")
+    with faults.collected(("quanta",)):
+        with_quanta(cast(list[Criterion], wanted), asked_quanta)
     with faults.collected(("groups",)):
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
@@ -116,7 +121,8 @@ def load_scenario(path: str | Path) -> Scenario:
     read_seconds = perf_counter() - began
     faults.raise_all()
     with faults.collected(("criteria",)):
-        problem = Problem(world, cast(DifferentialDrive, model), start, goal, cast(list[Criterion], wanted))
+        listed = cast(list[Criterion], wanted)
+        problem = Problem(world, cast(DifferentialDrive, model), start, goal, listed, quanta=asked_quanta)
         object.__setattr__(problem, "read_seconds", read_seconds)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)

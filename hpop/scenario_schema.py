@@ -158,6 +158,7 @@ class ScenarioFile(_Strict):
     start: Annotated[Pose, _form("[x, y, yaw], numbers in m, m and rad (or a yaw such as 90 deg)")]
     goal: Annotated[Pose, _form("[x, y, yaw], numbers in m, m and rad (or a yaw such as 90 deg, or any)")]
     criteria: list[str | Named] = Field(min_length=1)
+    quanta: dict[str, float] = {}
     planner: str | Named | Annotated[list[str | Named], Field(min_length=1)] = DEFAULT_PLANNER
     people: list[Entry] = []
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []

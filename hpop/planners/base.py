@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, Group
+from hpop.criteria.quanta import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
 from hpop.registry import made, planners
@@ -197,7 +198,7 @@ class Integral:
 
 def integral_of(mean: Criterion) -> Criterion:
     """What adds up in the place of a time-mean: the criterion that it names, or its time integral."""
-    return getattr(mean, "integral", None) or cast(Criterion, Integral(mean))
+    return stand_in_of(mean) or cast(Criterion, Integral(mean))
 
 
 @dataclass(frozen=True)

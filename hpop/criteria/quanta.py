@@ -1,0 +1,78 @@
+"""Quanta of one problem: at what resolution its costs are compared, where that is not what the criteria declare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any, TypeVar
+
+from hpop.criteria.base import Criterion
+from hpop.errors import CriterionError, did_you_mean
+from hpop.options import MOST, real
+from hpop.text import shown
+
+FINEST = 1e-12  # in the unit; exact searches refuse what makes sums of it overflow
+C = TypeVar("C", bound=Criterion)
+
+
+def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tuple[C, ...]:
+    """Criteria that compare costs at other resolutions, by name; a mean's also by the name of what stands in for it.
+
+    Raises CriterionError for a name that is none of theirs, what is no positive number, and another one for a count.
+
+    >>> from hpop.criteria.comfort.length import Length
+    >>> with_quanta([Length()], {"length": 0.001})[0].quantum, Length().quantum
+    (0.001, 1e-06)
+    """
+    if not quanta:
+        return tuple(criteria)
+    if not isinstance(quanta, Mapping):
+        raise CriterionError(
+            f"quanta gives steps by the names of costs, such as {{'length': 0.01}}, got {shown(quanta)}"
+        )
+    stand_ins = [stand_in for criterion in criteria if (stand_in := _stand_in(criterion)) is not None]
+    by_name: dict[str, Criterion] = {**{c.name: c for c in criteria}, **{c.name: c for c in stand_ins}}
+    for name, quantum in quanta.items():
+        if name not in by_name:
+            raise CriterionError(
+                f"quanta has {shown(name)}, which is no cost here; these are {', '.join(by_name)}."
+                f"{did_you_mean(name, by_name)}"
+            )
+        unit = by_name[name].unit
+        real(f"the quantum of {name}", quantum, FINEST, MOST, f"a number, in {unit!r}", error=CriterionError)
+        if by_name[name].quantum == 1.0 != quantum and not by_name[name].smooth:
+            raise CriterionError(f"{name} is a count: its quantum is 1, got {shown(quantum)}; leave it out")
+    return tuple(_with_quantum(criterion, quanta) for criterion in criteria)
+
+
+def stand_in_of(mean: Criterion) -> Criterion | None:
+    """What adds up in the place of a time-mean, where that names it, at the resolution that was asked for."""
+    stand_in = _stand_in(mean)
+    quantum = getattr(mean, "stand_in_quantum", None)
+    if stand_in is None or quantum is None:
+        return stand_in
+    return _set(stand_in, "quantum", quantum)
+
+
+def _stand_in(mean: Criterion) -> Criterion | None:
+    return getattr(mean, "integral", None)
+
+
+def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
+    stand_in = _stand_in(criterion)
+    if stand_in is not None and stand_in.name in quanta:
+        criterion = _set(criterion, "stand_in_quantum", quanta[stand_in.name])
+    return _set(criterion, "quantum", quanta[criterion.name]) if criterion.name in quanta else criterion
+
+
+def _set(criterion: C, name: str, quantum: float) -> C:
+    """A copy with an attribute that hides what its class declares."""
+    made = copy(criterion)
+    try:
+        object.__setattr__(made, name, float(quantum))
+    except AttributeError:
+        raise CriterionError(
+            f"{criterion.name} takes no other quantum, for its class {type(criterion).__name__} has slots; declare it "
+            "without"
+        ) from None
+    return made
