@@ -5,7 +5,8 @@ part alone: a bounded number of positions, on the shortest ways. Its edges are e
 paths are paths there. On the part, then on the whole, it looks for supported points (:mod:`.search.weighted_sum`), the
 best path in each cost first, for a fraction of a second or of the time that building took. Where a cost takes the worst
 edge, weighted sums say nothing, and the first points of an exact search stand in. On a large lattice a front within a
-tenth of the exact one follows, if it takes no longer than building did.
+tenth of the exact one follows, if it takes no longer than building did. On a small one the exact search is first given
+as long as a first answer would take: where it ends, nothing else is needed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.planners.search.beside import compiling_beside, first_is_awaited
+from hpop.planners.search.beside import compiling_beside, first_is_awaited, is_compiling
 from hpop.planners.search.first_paths import first_paths
 from hpop.planners.state_graph import TURNS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
@@ -53,9 +54,14 @@ def _stages(
 ) -> Iterator[Candidates]:
     lattice = planner.lattice(problem, purse)
     part = None if lattice.costed(objectives.optimised) else _part(planner, lattice, problem)
+    large = lattice.cells[0].size > LARGE * MOST
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
         budget = _share(purse, max(QUICK, SHARE * query.build_seconds))
+        exact = None if large or is_compiling() else _at_once(planner, query, budget, progress)
+        if exact is not None:
+            yield exact
+            return
         if first_is_awaited() and space is (part or lattice):
             first = _quick_answer(query, budget, progress)
         else:
@@ -65,7 +71,7 @@ def _stages(
         if first.status is Status.INTERRUPTED:
             return
     covered = math.inf
-    if lattice.cells[0].size > LARGE * MOST and planner.eps < COARSE:
+    if large and planner.eps < COARSE:
         coarse = query.exact("lattice", _share(purse, query.build_seconds), progress, eps=COARSE, stage=True)
         covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
@@ -116,6 +122,14 @@ def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLat
     begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
     kept = nearby(lattice.number >= 0, begin, end, MOST, corner_cutting=lattice.corner_cutting)
     return None if kept is None else replace(lattice, kept=kept)
+
+
+def _at_once(
+    planner: Lattice, query: GraphQuery, budget: Budget, progress: ProgressCallback | None
+) -> Candidates | None:
+    """The last answer, where it takes no longer than a first one would; None where it does."""
+    exact = query.exact("lattice", budget, progress, eps=planner.eps, tolerance=planner.tolerance)
+    return exact if exact.status.is_final or exact.status is Status.INTERRUPTED else None
 
 
 def _first_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:

@@ -28,13 +28,16 @@ from hpop.problem import Problem
 from hpop.status import Budget, Progress, Status
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
-WORLD = hpop.World.from_polygons(WALLS, extent=shapely.box(0, 0, 7, 5))
+EXTENT = shapely.box(0, 0, 7, 5)
+WORLD = hpop.World.from_polygons(WALLS, extent=EXTENT)
 STEP = 0.25
 ROUND = hpop.DifferentialDrive(radius=0.25)
 LONG = hpop.DifferentialDrive(footprint=((-0.3, -0.15), (0.3, -0.15), (0.3, 0.15), (-0.3, 0.15)))
 
 
-def problem(criteria: tuple[Any, ...] = ("obstruction", "turns", "length"), world: hpop.World = WORLD) -> Problem:
+def problem(criteria: tuple[Any, ...] = ("obstruction", "turns", "length"), world: hpop.World | None = None) -> Problem:
+    """By default in a world of its own, which keeps no graph of another test: then the part is left out."""
+    world = world or hpop.World.from_polygons(WALLS, extent=EXTENT)
     return Problem(world, ROUND, (1.0, 1.0, 0.0), (6.0, 4.0, None), list(criteria))
 
 
@@ -42,10 +45,14 @@ def found(asked: Problem, **options: Any) -> list[Candidates]:
     return list(Lattice(step=STEP, **options).stages(asked))
 
 
+at_once = lattice_stages._at_once
+
+
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stages before the last end by themselves, however busy the machine is."""
+    """Stages before the last end by themselves, however busy the machine is, and no small lattice goes without."""
     monkeypatch.setattr(lattice_stages, "QUICK", 60.0)
+    monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
 
 
 @pytest.fixture
@@ -141,6 +148,12 @@ def test_the_last_stage_is_the_plain_answer_and_those_before_are_unfinished() ->
     assert "within" in stages[2].certificate
 
 
+def test_a_small_lattice_whose_search_ends_at_once_has_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lattice_stages, "_at_once", at_once)
+    (only,) = found(problem())
+    assert same(only, Lattice(step=STEP).solve(problem()))
+
+
 def test_a_small_lattice_has_two_stages_and_the_first_is_part_of_the_front() -> None:
     """On the whole lattice supported points are efficient, so they are among those of the exact front."""
     first, last = found(problem())
@@ -196,8 +209,7 @@ def test_what_is_asked_for_decides_the_stages(options: dict[str, Any], count: in
 def test_without_a_path_the_last_stage_says_what_blocks_the_way() -> None:
     wall = hpop.World.from_polygons([*WALLS, shapely.box(3.7, 0, 3.9, 5)], extent=shapely.box(0, 0, 7, 5))
     *before, last = found(problem(world=wall))
-    assert [len(stage.trajectories) for stage in before] == [0]
-    assert before[0].status is Status.UNFINISHED
+    assert {(len(stage.trajectories), stage.status) for stage in before} == {(0, Status.UNFINISHED)}
     assert last.status is Status.NO_PATH
     assert any(note.startswith("no path") for note in last.notes)
     assert len(problem(world=wall).solve(Lattice(step=STEP))) == 0

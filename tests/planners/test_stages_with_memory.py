@@ -23,6 +23,7 @@ def fronts() -> tuple[Problem, list[Front]]:
     """The front after each stage, the last one at the end."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lattice_stages, "QUICK", 60.0)
+        patch.setattr(lattice_stages, "_at_once", lambda *asked: None)
         asked = Problem(
             WORLD,
             hpop.DifferentialDrive(radius=0.25),

@@ -112,6 +112,11 @@ def main_kernel(aggregates: Sequence[str], turns: int) -> Any:
     return advance
 
 
+def is_compiling() -> bool:
+    """Whether something that the search takes was not compiled when this began."""
+    return bool(_processes)
+
+
 def first_is_awaited() -> bool:
     """Whether what a first answer takes is compiled beside: then one is sought without."""
     if not _first:
