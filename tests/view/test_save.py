@@ -31,6 +31,18 @@ def test_four_pictures_of_the_size_of_their_figures(problem, make_front, tmp_pat
         assert len(np.unique(colours, axis=0)) > 50
 
 
+def test_what_is_drawn_once_is_what_savefig_makes_in_two_drawings(problem, make_front, tmp_path):
+    front = make_front(problem)
+    save_pictures(problem, front, tmp_path, dpi=60)
+    for name, figure in {
+        "front": draw_front(front),
+        "where": draw_where(problem, front.knee().item, name="the knee"),
+    }.items():
+        figure.savefig(tmp_path / "two.png", dpi=60)
+        once, twice = (Image.open(tmp_path / f"{file}.png").convert("RGB") for file in (name, "two"))
+        assert (np.asarray(once) == np.asarray(twice)).all()
+
+
 def test_the_resolution_is_good_enough_for_print(problem, make_front, tmp_path):
     with Image.open(save_pictures(problem, make_front(problem), tmp_path)[0]) as image:
         assert image.info["dpi"] == pytest.approx((200, 200), abs=0.1)
