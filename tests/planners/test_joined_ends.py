@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from hpop.math import wrap
 from hpop.models import DifferentialDrive
 from hpop.models.solid import SolidCollision
 from hpop.motions import States
+from hpop.planners import lattice_stages
 from hpop.planners.base import edge_objectives
 from hpop.planners.grid import Headings
 from hpop.planners.joined_ends import with_ends
@@ -314,3 +316,46 @@ def test_where_no_path_leads_to_a_joined_goal_the_wall_between_is_named():
     found = Lattice(step=0.4).solve(problem)
     assert found.status is Status.NO_PATH
     assert any("a wall closes off the start" in note for note in found.notes)
+
+
+OFF = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), CRITERIA)
+FINE = 0.2
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """All that is optimal on a fine lattice."""
+    return Lattice(step=FINE).solve(OFF)
+
+
+def test_a_bound_on_the_turns_counts_those_of_joins(exact):
+    most = int(np.median(exact.planned[:, 1]))
+    found = Lattice(step=FINE, max_turns=most).solve(OFF)
+    assert found.planned.tolist() == exact.planned[exact.planned[:, 1] <= most].tolist()
+    none = Lattice(step=FINE, max_turns=int(exact.planned[:, 1].min()) - 1).solve(OFF)
+    assert none.status is Status.NO_PATH
+
+
+def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(exact, tmp_path):
+    kept = tmp_path / "kept"
+    stopped = Lattice(step=FINE, checkpoint=kept, max_labels=200).solve(OFF)
+    assert stopped.status is Status.LABEL_LIMIT
+    assert Lattice(step=FINE, checkpoint=kept).solve(OFF).planned.tolist() == exact.planned.tolist()
+
+
+def test_stages_on_a_part_of_the_lattice_end_at_the_goal_too(exact, monkeypatch):
+    monkeypatch.setattr(lattice_stages, "MOST", 40)
+    fresh = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))  # nothing kept
+    *stages, last = Lattice(step=FINE).stages(replace(OFF, world=fresh))
+    assert "positions on the shortest ways" in stages[0].certificate
+    for found in (*stages, last):
+        assert len(found.planned)
+        check(OFF, found)
+    assert last.planned.tolist() == exact.planned.tolist()
+
+
+def test_a_mean_itself_is_optimised_up_to_the_goal():
+    problem = Problem(WORLD, ROUND, OFF.start, OFF.goal, ["obstruction", "length"])
+    found = Lattice(step=0.4, max_detour=1.2).solve(problem)
+    assert len(found.planned) > 1
+    check(problem, found)
