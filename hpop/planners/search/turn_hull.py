@@ -88,7 +88,7 @@ def turn_hull(
     chains = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
     if chains is None:
         return None
-    order, places = chains
+    order, places, _ = chains
     onward = arcs[places, HEAD].astype(np.int64)
     move = _priced(arcs[places, FIRST], arcs[places, REST], weights, clock)
     turn = _priced(turns[columns[0]], turns[columns[1]], weights, clock)
@@ -97,7 +97,8 @@ def turn_hull(
     scratch = np.empty(LANES, np.int32)
     before = np.where(is_target[:, None], np.int32(0), np.int32(FAR)).repeat(LANES, axis=1)
     now = before.copy()
-    clock.call(sweep_moves, now, order, onward, move, moved[0])
+    first = chains.begin(0)
+    clock.call(sweep_moves, now, order[first:], onward[first:], move[first:], moved[0, first:])
     least = np.empty_like(now)
     clock.call(price_least, nodes, weights, least)
     clock.prepare(keep, now, least, layers[0])
@@ -108,7 +109,8 @@ def turn_hull(
         while last < most - 1 and (now[source, :2] > near).any():
             before, now = now, before
             clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
-            sweep_moves(now, order, onward, move, moved[last])
+            first = chains.begin(last)
+            sweep_moves(now, order[first:], onward[first:], move[first:], moved[last, first:])
             kept.result()
             kept = beside.submit(keep, now, least, layers[last])
             last += 1

@@ -12,35 +12,6 @@ from hpop.planners.search.turns import SIZE, Groups
 from hpop.status import Budget
 
 
-def with_ends(inner: Graph, seed: int) -> tuple[Graph, int, int]:
-    """The lattice with a start joined to two cells and a goal to four, heading by heading, by up to two turns."""
-    rng = np.random.default_rng(seed)
-    start, goal, cells = inner.nodes, inner.nodes + 1, inner.nodes // 4
-    near = rng.choice(cells, 6, replace=False)
-    heads, tails = (np.add.outer(4 * part, np.arange(4)).ravel() for part in (near[:2], near[2:]))
-    ends = np.concatenate([np.full(heads.size, start), tails, [start]]), np.append(heads, np.full(tails.size + 1, goal))
-    joins = rng.integers((0, 0, 1), (60, 3, 40), (ends[0].size, 3))
-    joins[-1] = 4000, 0, 4000  # straight from start to goal, dear
-    arcs = (
-        np.append(np.repeat(np.arange(inner.nodes), np.diff(inner.indptr)), ends[0]),
-        np.append(inner.heads, ends[1]),
-        np.concatenate([inner.costs, joins]),
-    )
-    made = Graph.from_arcs(inner.nodes + 2, *arcs)
-    return Graph.from_csr(made.indptr, made.heads, made.costs), start, goal
-
-
-@pytest.fixture
-def beside(lattice):
-    def made(seed: int, width: int) -> tuple[Graph, int, int]:
-        graph = lattice(seed, width)
-        costs = graph.costs.copy()
-        costs[costs[:, 1] > 0, 0] = 7
-        return with_ends(Graph.from_csr(graph.indptr, graph.heads, costs), seed)
-
-    return made
-
-
 def test_the_groups_are_those_of_the_lattice_alone(beside):
     graph, _, _ = beside(0, 4)
     groups = Groups.of(graph, Clock(Budget(), None))

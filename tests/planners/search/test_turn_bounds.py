@@ -54,6 +54,23 @@ def test_bounds_by_turns_are_exact(lattice, seed, uneven):
     np.testing.assert_array_equal(told[reached, -1], h[0, reached])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_by_turns_are_exact_at_all_nodes_but_the_start_where_ends_are_beside_the_lattice(beside, seed):
+    graph, start, goal = beside(seed, 5)
+    clock, target = Clock(Budget(), None), np.array([goal])
+    groups = Groups.of_column(graph, 1, clock)
+    assert groups is not None
+    h, _, _ = lower_bounds(graph, start, target, clock, groups)
+    search = Staircase(graph, start, target, h, (2, 1, 0), groups, clock)
+    search._look_ahead(clock)
+    told = search.layers[groups.place].astype(float)
+    told[told == np.iinfo(search.dtype).max] = np.inf
+    expected = least_rest(graph, goal, LAYERS - 2)
+    inner = h[0, :start] < 2**62
+    np.testing.assert_array_equal(told[:start][inner, :-1], expected[:start][inner])
+    assert (told[start, :-1] <= expected[start]).all()
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_search_that_looks_ahead_finds_the_same_front(lattice, seed, monkeypatch):
     """On small graphs no search is long: let it look ahead at once, and return to Python often."""
