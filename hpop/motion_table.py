@@ -164,10 +164,10 @@ class MotionTable:
         for column in columns.values():
             column.setflags(write=False)
         kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
-        curved, several = self.having(self.curved).tolist(), []
+        plain, curved, several = self.model.state_names, self.having(self.curved).tolist(), []
         for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
             own = kinds[begin - i : begin - i + number]
-            names = (*self.model.state_names, *extras(self.model, own))
+            names = (*plain, *extras(self.model, own)) if curved[i] else plain
             states = States(**{name: columns[name][begin : begin + number + 1] for name in names})
             several.append((Trajectory if curved[i] else Trajectory.of_checked)(self.model, states, own))
         return tuple(several)

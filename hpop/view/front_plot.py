@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.front import Front
 from hpop.view.style import (
@@ -23,6 +23,8 @@ from hpop.view.style import (
     SMALL,
     Mark,
     Quantity,
+    drawn_rows,
+    how_many_drawn,
     marks,
     new_figure,
     quantities,
@@ -38,6 +40,8 @@ ROOM = 0.06  # share of an axis left free at both ends
 
 def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figure:
     """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
+
+    Of more than 2,000 parallel lines so many are drawn, evenly over the front, which the title says.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figu
     named = marks(front, chosen)
     if 2 <= len(columns) <= MOST_IN_MATRIX:
         return _scatter_matrix(columns, named)
-    return _parallel(columns, named)
+    return _parallel(columns, named, drawn_rows(front), how_many_drawn(front))
 
 
 def limits(values: FloatArray) -> tuple[float, float]:
@@ -152,9 +156,9 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
     axes.text(0.98, 0.97, "dominated", transform=axes.transAxes, ha="right", va="top", fontsize=SMALL, color=QUIET)
 
 
-def _parallel(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
-    """One vertical axis a criterion, its least value at the bottom; one line a trajectory."""
-    count = columns[0].values.size
+def _parallel(columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str) -> Figure:
+    """One vertical axis a criterion, its least value at the bottom; one line a trajectory of some rows."""
+    count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)
     scaled = (table - bounds[:, 0]) / (bounds[:, 1] - bounds[:, 0])
@@ -162,7 +166,7 @@ def _parallel(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
     axes = figure.add_subplot(label="parallel")
     at = np.arange(len(columns))
     alpha = float(np.clip(60.0 / count, 0.03, 0.7))  # lines cover far more than points
-    lines = [np.stack([at, row], axis=1) for row in scaled]
+    lines = [np.stack([at, row], axis=1) for row in scaled[rows]]
     axes.add_collection(
         LineCollection(
             lines,
@@ -199,14 +203,14 @@ def _parallel(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
         scale.tick_params(labelsize=SMALL, color=QUIET)
         for text in scale.get_yticklabels():
             text.set_path_effects(list(HALO))
-    figure.suptitle(_title(columns, "less is better on every axis: best is at the bottom"), fontsize=LARGE)
+    figure.suptitle(_title(columns, "less is better on every axis: best is at the bottom", drawn), fontsize=LARGE)
     _legend(figure, columns, named)
     return figure
 
 
-def _title(columns: Sequence[Quantity], reading: str) -> str:
+def _title(columns: Sequence[Quantity], reading: str, drawn: str = "") -> str:
     count = columns[0].values.size
-    return f"{count} non-dominated {'trajectory' if count == 1 else 'trajectories'}\n{reading}"
+    return f"{count} non-dominated {'trajectory' if count == 1 else 'trajectories'}{drawn}\n{reading}"
 
 
 def _legend(figure: Figure, columns: Sequence[Quantity], named: Sequence[Mark]) -> None:

@@ -21,7 +21,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.front import Front
 from hpop.frontier.choosing import column_index
 from hpop.frontier.union import JOINT
@@ -41,6 +41,8 @@ from hpop.view.style import (
     START,
     Mark,
     Quantity,
+    drawn_rows,
+    how_many_drawn,
     marks,
     new_figure,
     quantities,
@@ -84,7 +86,8 @@ def draw_map(
     problem : Problem
         World, model, start and goal; the ball of its obstruction criterion (2 m without one) gives the field.
     front : Front
-        Its trajectories, coloured by a criterion, the least on top. Without any, the title says that and why.
+        Its trajectories, coloured by a criterion, the least on top: of more than 2,000 so many, evenly over the front,
+        which the title says. Without any, the title says that and why.
     chosen : mapping from label to row, optional
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
@@ -102,9 +105,11 @@ def draw_map(
     OptionError
         If a chosen row is not one of the front's.
     """
-    view = view_of(problem, [path_points(trajectory) for trajectory in front.trajectories]) if view is None else view
     ball = ball_of(problem)
-    named = marks(front, chosen)
+    named, rows = marks(front, chosen), drawn_rows(front)
+    if view is None:
+        lead = {*rows.tolist(), *(mark.row for mark in named)}
+        view = view_of(problem, [path_points(front.trajectories[row]) for row in sorted(lead)])
     scale = _scale(front, colour) if len(front) else None
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
@@ -112,7 +117,7 @@ def draw_map(
     symbols: list[Handle] = [*draw_obstacles(axes, problem.world, ball.z), *draw_content(axes, problem.world, view)]
     bars: list[Bar] = []
     if scale is not None:
-        bars += _draw_all(axes, front, scale)
+        bars += _draw_all(axes, front, scale, rows)
     field = draw_field(axes, problem.world, view, ball)
     bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
     symbols += _planners(front)
@@ -172,11 +177,11 @@ def _scale(front: Front, colour: str | None) -> Quantity:
     return columns[column_index(colour, names)]
 
 
-def _draw_all(axes: Axes, front: Front, scale: Quantity) -> list[Bar]:
-    """Draw every trajectory, the least on top; returns the colour bar, or none where all are alike."""
-    order = np.argsort(-scale.values, kind="stable")
+def _draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray) -> list[Bar]:
+    """Draw the trajectories of some rows, the least on top; returns the colour bar, or none where all are alike."""
+    order = rows[np.argsort(-scale.values[rows], kind="stable")]
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
-    alpha = float(np.clip(7.0 / np.sqrt(len(front)), 0.15, 0.9))
+    alpha = float(np.clip(7.0 / np.sqrt(rows.size), 0.15, 0.9))
     styles = dict(zip(_counts(front), cycle(DASHES), strict=False))
     axes.add_collection(
         LineCollection(
@@ -346,7 +351,7 @@ def _title(front: Front, scale: Quantity | None) -> str:
     ended = "" if front.status == Status.COMPLETE else f" (search ended: {front.status})"
     if Status.UNFINISHED in front.status:
         ended = " (the search goes on)"
-    count = f"{len(front)} trajectories{ended}, none better than another in all of"
+    count = f"{len(front)} trajectories{ended}{how_many_drawn(front)}, none better than another in all of"
     if len(front) == 1:
         count = f"1 trajectory{ended}, none found is better in any of"
     criteria = ", ".join(column.label for column in quantities(front)[: len(front.names)])

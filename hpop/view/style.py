@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
@@ -41,6 +41,7 @@ QUIET = "#555555"
 START, GOAL = "#FFFFFF", "#F0E442"
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
+MOST_LINES = 2_000  # beyond, one line more is not seen among the others
 NAME_WIDTH = 15  # characters a line of a stacked name
 
 
@@ -122,6 +123,21 @@ def written(value: float, unit: str, counts: bool) -> str:
     """
     number = f"{value:.0f}" if counts or value == 0.0 or abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
     return number if unit == "1" else f"{number} {unit}"
+
+
+def drawn_rows(front: Front) -> IntArray:
+    """Rows (m,) whose lines are drawn: all of them, or of a large front so many, evenly over its order.
+
+    Each point stays where points are drawn; and those that are marked are drawn besides.
+    """
+    if len(front) <= MOST_LINES:
+        return np.arange(len(front))
+    return np.linspace(0, len(front) - 1, MOST_LINES).round().astype(np.int64)
+
+
+def how_many_drawn(front: Front) -> str:
+    """What a title says where not all lines are drawn: ", 2,000 of them drawn"."""
+    return f", {MOST_LINES:,} of them drawn" if len(front) > MOST_LINES else ""
 
 
 def quantities(front: Front) -> tuple[Quantity, ...]:
