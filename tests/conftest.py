@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+
+from tests.warm import Warm
 
 # `make test` draws the same examples each time, `make proof` more of them, others each time (--hypothesis-profile).
-settings.register_profile("test", deadline=None, derandomize=True, max_examples=25)
-settings.register_profile("proof", deadline=None, max_examples=500)
+# Neither asks how long anything takes by the clock: machines are busy.
+UNHURRIED = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+}
+settings.register_profile("test", derandomize=True, max_examples=40, **UNHURRIED)
+settings.register_profile("proof", max_examples=500, **UNHURRIED)
 settings.load_profile("test")
 
 
@@ -20,6 +27,14 @@ def pytest_configure() -> None:
     """Let Ctrl-C interrupt also where a script runs the tests as a job: shells let jobs ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session")
+def warm() -> Iterator[Warm]:
+    """Real processes without seconds of imports for each (tests/warm.py)."""
+    server = Warm()
+    yield server
+    server.close()
 
 
 @pytest.fixture(scope="session")
@@ -38,6 +53,7 @@ def shared_data() -> Callable[[str], Path]:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Give `seed` as `@pytest.mark.seeds(few, of=many)` says: all in `make proof`, the first few in `make test`."""
     if mark := metafunc.definition.get_closest_marker("seeds"):
-        few, many = mark.args[0], mark.kwargs["of"]
-        seeds = [*range(few), *(pytest.param(seed, marks=pytest.mark.proof) for seed in range(few, many))]
-        metafunc.parametrize("seed", seeds)
+        few, of = mark.args[0], mark.kwargs["of"]
+        seeds = list(range(of) if isinstance(of, int) else of)
+        more = [pytest.param(seed, marks=pytest.mark.proof) for seed in seeds[few:]]
+        metafunc.parametrize("seed", [*seeds[:few], *more])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,6 +15,7 @@ import hpop.view
 from hpop.cli import main
 from hpop.front import Front
 from hpop.pictures import PicturesBeside
+from tests.warm import COMMAND
 
 EXTENT = [[0, 0], [9, 0], [9, 7], [0, 7]]
 BOXES = [(2, 1, 2.4, 4), (4, 3, 5.5, 3.4), (6.5, 2, 7, 5), (3, 5.2, 5, 5.5)]
@@ -79,14 +78,16 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
     assert not any("search.ckpt" in path.read_text() for path in tmp_path.rglob("*.json"))  # no path in results
 
 
-def test_it_survives_kill_9(tmp_path):
+def test_it_survives_kill_9(tmp_path, warm):
     scenario, file = write(tmp_path, {"lattice": {"step": 0.125}}), tmp_path / "search.ckpt"
     often = "from hpop.planners.search.checkpoint import Checkpoint; Checkpoint.__init__.__defaults__ = (0.0,)"
-    command = [sys.executable, "-c", f"{often}; from hpop.cli import main; main()"]
-    command += ["plan", str(scenario), "--out", str(tmp_path / "killed"), "--checkpoint", str(file)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    arguments = ["plan", scenario, "--out", tmp_path / "killed", "--checkpoint", file]
+    with open(os.devnull, "w") as nothing:
+        process = warm.start(
+            *arguments, cwd=tmp_path, stdout=nothing.fileno(), stderr=nothing.fileno(), code=f"{often}; {COMMAND}"
+        )
     while not file.exists():
-        assert process.poll() is None, "it was complete before it could be killed"
+        assert process.is_running, "it was complete before it could be killed"
         time.sleep(0.005)
     process.kill()
     assert process.wait() == -signal.SIGKILL

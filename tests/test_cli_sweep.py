@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 import hpop.report
 import hpop.view
 from hpop.cli import main
+from hpop.pictures import PicturesBeside
 from hpop.status import Progress
 
 SCENARIO = """\
@@ -30,7 +31,7 @@ criteria: [exposure, turns, length]
 planner:
   - weighted-sum: {step: 0.5}
   - lattice: {step: 0.5}
-  - epsilon-constraint: {step: 0.5, max_points: 8}
+  - epsilon-constraint: {step: 0.5, max_points: 4}
 """
 
 
@@ -38,6 +39,7 @@ planner:
 def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A room and two planners; pictures are tested elsewhere."""
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     (tmp_path / "room.yaml").write_text(SCENARIO)
     return tmp_path / "room.yaml"
 
@@ -54,11 +56,26 @@ def points(scenario: Path, out: str) -> Any:
     return saved["points"] | saved["items"]
 
 
-def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_added(scenario: Path) -> None:
-    alone, there = plan(scenario, "one"), plan(scenario, "two", "--workers", "2")
-    assert (alone.exit_code, there.exit_code) == (0, 0), there.output
-    assert points(scenario, "one") == points(scenario, "two")
-    assert points(scenario, "two")["count"] > 1
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Points of the front that one core finds."""
+    scenario = tmp_path_factory.mktemp("alone") / "room.yaml"
+    scenario.write_text(SCENARIO)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+        patch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
+        assert plan(scenario, "out").exit_code == 0
+    return points(scenario, "out")
+
+
+def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_added(
+    scenario: Path, alone: Any
+) -> None:
+    there = plan(scenario, "two", "--workers", "2")
+    assert there.exit_code == 0, there.output
+    assert "no planner here sweeps" not in there.output
+    assert points(scenario, "two") == alone
+    assert alone["count"] > 1
     assert "What each planner added" in there.stdout
     added = there.stdout.split("What each planner added")[1]
     assert "weighted-sum" in added
@@ -68,19 +85,17 @@ def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_a
     assert "epsilon-constraint" in planners
 
 
-def test_a_dask_scheduler_may_be_named(scenario: Path) -> None:
+def test_a_dask_scheduler_may_be_named(scenario: Path, alone: Any) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=None, protocol="tcp"
     ) as cluster:
         there = plan(scenario, "dask", "--dask", cluster.scheduler_address)
     assert there.exit_code == 0, there.output
-    plan(scenario, "one")
-    assert points(scenario, "one") == points(scenario, "dask")
+    assert points(scenario, "dask") == alone
 
 
 def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None:
-    assert "no planner here sweeps" not in plan(scenario, "out", "--workers", "2").output
     scenario.write_text(SCENARIO.replace("weighted-sum: {step: 0.5}", "any-angle: {step: 0.5}").split("  - epsilon")[0])
     assert "no planner here sweeps (any-angle, lattice)" in plan(scenario, "out", "--workers", "2").output
 
@@ -110,7 +125,7 @@ def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
-        (("--workers", "0"), 2, "x>=1"),
+        (("--workers", "0"), 2, "1<=x"),
         (("--workers", "two"), 2, "integer"),
         (("--workers", "2", "--dask", "tcp://127.0.0.1:9"), 2, "not both"),
         (("--dask", "nonsense://"), 10, "no Dask scheduler answers at 'nonsense://'"),

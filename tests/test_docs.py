@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
+
+from hpop.view import save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -16,6 +19,7 @@ def blocks(file: str, language: str = "python") -> list[str]:
 
 
 def test_the_first_block_of_the_readme_plans_and_draws(tmp_path, monkeypatch):
+    monkeypatch.setattr("hpop.view.save_pictures", partial(save_pictures, dpi=40))  # of fewer pixels
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     exec(compile(blocks("README.md")[0], "README.md", "exec"), {})

@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.math import SMOOTHING, hinge, hypot, is_symbolic, smooth_abs, smooth_step, wrap
@@ -21,7 +21,6 @@ def on_symbols(function, *point):
 
 
 @given(finite)
-@settings(deadline=None)
 def test_wrapped_angles_lie_in_the_half_open_interval_and_point_the_same_way(angle):
     wrapped = wrap(angle)
     assert -np.pi < wrapped <= np.pi
@@ -40,7 +39,6 @@ def test_a_half_turn_is_counter_clockwise():
 
 
 @given(finite, finite)
-@settings(deadline=None)
 def test_hypot_and_abs_are_exact_on_numbers(x, y):
     assert hypot(x, y) == np.hypot(x, y)
     assert smooth_abs(x) == abs(x)
@@ -56,7 +54,6 @@ def test_hypot_on_symbols_has_the_unit_vector_as_gradient_and_zero_at_the_origin
 
 
 @given(st.floats(-3.0, 3.0).filter(lambda s: abs(s) > 1.0))
-@settings(deadline=None)
 def test_smooth_abs_is_the_absolute_value_outside_its_width(s):
     value, gradient = on_symbols(smooth_abs, s * SMOOTHING)
     assert value == abs(s * SMOOTHING)
@@ -64,7 +61,6 @@ def test_smooth_abs_is_the_absolute_value_outside_its_width(s):
 
 
 @given(st.floats(-1.0, 1.0))
-@settings(deadline=None)
 def test_smooth_abs_is_even_and_within_its_width_of_the_absolute_value(s):
     x = s * SMOOTHING
     value, gradient = on_symbols(smooth_abs, x)
@@ -111,7 +107,6 @@ def test_symbols_are_told_from_numbers():
 
 
 @given(finite)
-@settings(deadline=None)
 def test_a_hinge_is_exact_on_numbers(x):
     assert hinge(x) == max(x, 0.0)
 

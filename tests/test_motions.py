@@ -82,7 +82,7 @@ def camera_at(model, state):
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(x=place, y=place, yaw=angle, amount=st.floats(0.05, 3.0), sign=st.sampled_from([-1.0, 1.0]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 def test_the_integral_of_a_rate_of_the_camera_equals_scipy_quad(kind, x, y, yaw, amount, sign):
     amount = amount * (sign if kind in ("turn", "spin") else 1.0)
     _, whole = state_at(OFF_AXIS, kind, x, y, yaw, amount, 0.0)
@@ -156,7 +156,6 @@ def test_a_rate_that_reads_the_camera_off_the_axis_is_not_constant_during_a_turn
 
 
 @given(yaw=angle, amount=st.floats(-3.1, 3.1).filter(lambda a: abs(a) > 0.05))
-@settings(max_examples=30, deadline=None)
 def test_the_worst_moment_of_a_turn_is_within_its_promise_of_the_true_maximum(yaw, amount):
     motions = one(OFF_AXIS, "turn", 5.0, 5.0, yaw, amount)
     yaws = yaw + amount * np.linspace(0, 1, 20001)
@@ -168,7 +167,6 @@ def test_the_worst_moment_of_a_turn_is_within_its_promise_of_the_true_maximum(ya
 
 @pytest.mark.parametrize("kind", ["move", "run"])
 @given(peak=st.floats(0.0, 4.0))
-@settings(max_examples=30, deadline=None)
 def test_the_worst_moment_misses_at_most_a_quarter_of_a_cell_times_the_slope(kind, peak):
     motions = one(OFF_AXIS, kind, 2.0, 5.0, 0.0, 4.0)
     found = motions.worst(lambda s: 10.0 - np.abs(s.base.x - 2.0 - peak))[0]

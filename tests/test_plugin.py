@@ -7,10 +7,11 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import sysconfig
 import venv
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -20,15 +21,16 @@ from hpop.errors import MapError, UnknownName
 from hpop.registry import readers
 from hpop.world import World
 from hpop.world.readers import read_world
+from tests.warm import Warm
 
 INSTALLED = importlib.util.find_spec("hpop_example_plugin") is not None
 PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
-RUN = "from hpop.cli import main; main()"
+Hpop = Callable[..., CompletedProcess[str]]
 
 
 @pytest.fixture(scope="module")
-def fresh(tmp_path_factory) -> Path:
-    """The Python of a new environment that sees what hpop needs, into which the plugin is installed by pip, offline."""
+def fresh(tmp_path_factory) -> Iterator[Warm]:
+    """Processes of a new environment that sees what hpop needs, into which the plugin is installed by pip, offline."""
     source, home = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("environment")
     shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
     venv.create(home, with_pip=True)
@@ -42,16 +44,19 @@ def fresh(tmp_path_factory) -> Path:
         [python, "-m", "pip", "install", *options, source], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    return python
+    server = Warm(python)
+    yield server
+    server.close()
 
 
-def hpop(
-    *arguments: str | Path, fresh: Path | None = None, cwd: Path | None = None
-) -> subprocess.CompletedProcess[str]:
+@pytest.fixture
+def hpop(warm: Warm) -> Hpop:
     """Run the command line in a process of its own: of the new environment, or of this one without the plugin."""
-    environment = {**os.environ, "COLUMNS": "200"}
-    command = [str(fresh or sys.executable), "-c", RUN, *map(str, arguments)]
-    return subprocess.run(command, env=environment, cwd=cwd, capture_output=True, text=True, check=False)
+
+    def hpop(*arguments: str | Path, fresh: Warm | None = None, cwd: Path) -> CompletedProcess[str]:
+        return (fresh or warm).run(*arguments, cwd=cwd, environment={"COLUMNS": "200"})
+
+    return hpop
 
 
 @pytest.fixture
@@ -69,22 +74,22 @@ def changed(scenario: Path, world: dict) -> Path:
 
 
 @pytest.mark.skipif(INSTALLED, reason="the example plugin is installed here for good")
-def test_its_criterion_is_listed_where_it_is_installed_only(fresh, tmp_path):
+def test_its_criterion_is_listed_where_it_is_installed_only(hpop, fresh, tmp_path):
     assert "oblique  m, sum, axis=0.0" in hpop("criteria", fresh=fresh, cwd=tmp_path).stdout
     without = hpop("criteria", cwd=tmp_path)
     assert without.returncode == 0
     assert "oblique" not in without.stdout
 
 
-def test_its_criterion_passes_the_conformance_checks(fresh, tmp_path):
+def test_its_criterion_passes_the_conformance_checks(hpop, fresh, tmp_path):
     done = hpop("check", "oblique", fresh=fresh, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
 
 
-def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(fresh, plan):
+def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(hpop, fresh, plan):
     out = plan.parent / "out"
-    done = hpop("plan", plan, "--out", out, fresh=fresh)
+    done = hpop("plan", plan, "--out", out, fresh=fresh, cwd=plan.parent)
     assert done.returncode == 0, done.stdout + done.stderr
     costs = json.loads((out / "front.json").read_text())["points"]["costs"]
     oblique, _, length = map(np.array, costs.values())
@@ -93,14 +98,14 @@ def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(fresh, plan):
     assert length[oblique < 1e-9].min() == pytest.approx(5.5 + 2 * 1.0)
     assert length.min() < 7.5
     (plan.parent / "plan.txt").unlink()
-    shown = hpop("show", out, fresh=fresh)
+    shown = hpop("show", out, fresh=fresh, cwd=plan.parent)
     assert shown.returncode == 0, shown.stderr
     assert "verified" in shown.stdout
 
 
 @pytest.mark.skipif(INSTALLED, reason="the example plugin is installed here for good")
-def test_without_the_plugin_its_names_are_unknown(plan):
-    done = hpop("plan", plan, "--out", plan.parent / "out")
+def test_without_the_plugin_its_names_are_unknown(hpop, plan):
+    done = hpop("plan", plan, "--out", plan.parent / "out", cwd=plan.parent)
     assert done.returncode == 4
     assert "text_plan" in done.stderr
     assert "no such key" in done.stderr
@@ -118,8 +123,8 @@ def test_without_the_plugin_its_names_are_unknown(plan):
         ({"text_plan": {"path": "plan.txt"}, "movingai": {"path": "a.map"}}, 4, "no such key"),
     ],
 )
-def test_what_its_reader_cannot_take_is_said_with_the_key(fresh, plan, world, code, message):
-    done = hpop("plan", changed(plan, world), "--out", plan.parent / "out", fresh=fresh)
+def test_what_its_reader_cannot_take_is_said_with_the_key(hpop, fresh, plan, world, code, message):
+    done = hpop("plan", changed(plan, world), "--out", plan.parent / "out", fresh=fresh, cwd=plan.parent)
     assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
     assert message in done.stderr
     assert "world" in done.stderr

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -91,7 +91,6 @@ def test_the_choice_is_spread_over_the_front() -> None:
     assert apart.max() <= 2 * (math.pi / 2) / (MOST_ROWS - 1)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(*[st.integers(0, 9)] * 3), min_size=1, max_size=60), st.integers(1, 12))
 def test_marked_rows_are_always_shown_and_rows_are_in_order(points: list[tuple[int, ...]], most: int) -> None:
     front = front_of([list(map(float, p)) for p in points], names=("a", "b", "c"))
@@ -212,7 +211,6 @@ def test_the_hypervolume_before_and_after_each_planner_by_hand() -> None:
     assert (first.before, first.after, second.before, second.after) == pytest.approx((0, 0.21, 0.21, 0.46))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(st.lists(st.tuples(*[st.integers(0, 9)] * 3), min_size=1, max_size=6), min_size=1, max_size=4))
 def test_the_front_never_gets_worse_and_every_point_comes_from_somewhere(found: list[list[tuple[int, ...]]]) -> None:
     names = [f"p{i}" for i in range(len(found))]

@@ -265,30 +265,14 @@ WRONG = [
 
 @pytest.mark.parametrize(("criterion", "claim", "text"), WRONG, ids=lambda value: type(value).__name__)
 def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
-    faults = {check.claim: check.fault for check in conformance(criterion)}
-    assert faults[claim]
     with pytest.raises(CriterionError, match=text) as raised:
         check_criterion(criterion)
-    assert f"criterion 'wrong' fails {sum(map(bool, faults.values()))} checks" in str(raised.value)
-    assert f"{claim}: {faults[claim]}" in str(raised.value) or claim == AGAIN
-
-
-@pytest.mark.parametrize(
-    ("criterion", "claim"),
-    [
-        (Relative(), ALONE),
-        (Flat(), HALVES),
-        (TurningMotions(), CUT),
-        (Square(), HALVES),
-        (OtherOnSymbols(), SYMBOLS),
-        (Kinked(), GRADIENT),
-    ],
-    ids=lambda value: type(value).__name__,
-)
-def test_one_mistake_fails_one_check_where_it_can(criterion, claim):
-    failed = {check.claim for check in conformance(criterion) if check.fault}
+    first, *faults = str(raised.value).split("\n  ")
+    assert first == f"criterion 'wrong' fails {len(faults)} checks:"
+    failed = {fault.partition(": ")[0] for fault in faults}
     assert claim in failed
-    assert failed <= {claim, HALVES, CUT, GRADIENT}
+    if isinstance(criterion, (Relative, Flat, TurningMotions, Square, OtherOnSymbols, Kinked)):
+        assert failed <= {claim, HALVES, CUT, GRADIENT}  # one mistake fails one check where it can
 
 
 @pytest.mark.parametrize("criterion", [wrong for wrong, claim, _ in WRONG if claim == FINITE], ids=repr)

@@ -92,7 +92,6 @@ def test_start_is_goal():
 
 
 @given(poses)
-@settings(deadline=None)
 def test_from_poses_visits_every_pose_and_yaw_is_continuous(where):
     trajectory = Trajectory.from_poses(ROBOT, where)
     s = trajectory.states
@@ -110,7 +109,6 @@ def test_from_poses_visits_every_pose_and_yaw_is_continuous(where):
 
 @pytest.mark.parametrize("execute", [False, True])
 @given(where=poses.filter(lambda p: len(p) > 1), data=st.data())
-@settings(max_examples=40, deadline=None)
 def test_rates_are_the_derivatives_of_the_states(execute, where, data):
     trajectory = Trajectory.from_poses(ROBOT, where)
     trajectory = trajectory.execution() if execute else trajectory
@@ -131,7 +129,6 @@ def test_rates_are_the_derivatives_of_the_states(execute, where, data):
 
 
 @given(where=poses, fraction=st.floats(-0.5, 1.5))
-@settings(deadline=None)
 def test_samples_are_continuous_and_stand_before_the_start_and_after_the_goal(where, fraction):
     for trajectory in (Trajectory.from_poses(ROBOT, where), Trajectory.from_poses(ROBOT, where).execution()):
         t = fraction * trajectory.duration
@@ -156,7 +153,6 @@ def test_a_turn_stands_half_the_loss_before_and_half_after():
 
 
 @given(st.lists(st.tuples(st.floats(0.6, 5.0), st.floats(0.05, 3.1), st.booleans()), min_size=1, max_size=6))
-@settings(deadline=None)
 def test_an_execution_lasts_the_plan_and_one_ramp_if_runs_are_long_and_the_ends_are_straight(legs):
     x = y = yaw = 0.0
     where = [(x, y, yaw)]
@@ -170,7 +166,6 @@ def test_an_execution_lasts_the_plan_and_one_ramp_if_runs_are_long_and_the_ends_
 
 
 @given(poses)
-@settings(deadline=None)
 def test_an_execution_is_never_longer_than_the_plan_and_one_ramp(where):
     planned = Trajectory.from_poses(ROBOT, where)
     executed = planned.execution()
@@ -196,7 +191,6 @@ def test_moves_in_one_line_become_one_run_and_others_do_not():
 
 
 @given(poses.filter(lambda p: Trajectory.from_poses(ROBOT, p).duration > 0))
-@settings(max_examples=30, deadline=None)
 def test_wheels_stay_within_limits_and_integrate_back_to_the_path(where):
     executed = Trajectory.from_poses(ROBOT, where).execution()
     edges = np.linspace(0.0, executed.duration, 20001)
@@ -225,7 +219,7 @@ def test_wheels_stay_within_limits_and_integrate_back_to_the_path(where):
 
 
 @given(st.lists(poses, min_size=1, max_size=4))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 def test_batches_over_many_trajectories_add_up_to_the_values_of_each(many):
     trajectories = [Trajectory.from_poses(ROBOT, where) for where in many]
     criteria = [make_criterion(n) for n in ("length", "turns", "duration", "obstruction", "clearance")]
@@ -252,7 +246,6 @@ def test_batches_know_the_time_at_which_each_motion_starts():
 
 
 @given(poses)
-@settings(deadline=None)
 def test_a_description_survives_json_exactly(where):
     trajectory = Trajectory.from_poses(ROBOT, where)
     again = Trajectory.from_description(ROBOT, json.loads(json.dumps(trajectory.describe())))

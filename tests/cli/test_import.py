@@ -1,17 +1,17 @@
-"""`--import`: the user's own Python on the command line, in real processes as a user starts them."""
+"""`--import`: the user's own Python on the command line, in processes of their own as a user starts them."""
 
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
 from hpop.front import Front
 from hpop.pictures import PicturesBeside
+from tests.warm import Warm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 WAY = """\
@@ -41,14 +41,20 @@ readers.add("my_map", lambda path: hpop.World.from_ros_map(path))
 OWN = [("turns, length", "my_way, length"), ("lattice: {step: 0.5}", "weighted-sum: {step: 0.5}")]
 
 
-def hpop(*arguments: object, cwd: Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:
+Hpop = Callable[..., CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def hpop(warm: Warm) -> Hpop:
     """Run a command; like the installed one it does not look for modules in the current folder by itself."""
-    command = [sys.executable, "-P", "-c", "from hpop.cli import main; main()", *map(str, arguments)]
-    looked_in = os.pathsep.join(filter(None, [str(path or ""), os.environ.get("PYTHONPATH", "")]))
-    environment = {**os.environ, "COLUMNS": "200", "PYTHONPATH": looked_in}
-    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
-    assert "Traceback" not in done.stderr
-    return done
+
+    def hpop(*arguments: object, cwd: Path, path: Path | None = None) -> CompletedProcess[str]:
+        looked_in = os.pathsep.join(filter(None, [str(path or ""), os.environ.get("PYTHONPATH", "")]))
+        done = warm.run(*arguments, cwd=cwd, environment={"COLUMNS": "200", "PYTHONPATH": looked_in})
+        assert "Traceback" not in done.stderr
+        return done
+
+    return hpop
 
 
 @pytest.fixture
@@ -60,7 +66,7 @@ def mine(tmp_path: Path) -> Path:
 
 
 def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
-    room: Path, write: Callable[..., None], mine: Path
+    hpop: Hpop, room: Path, write: Callable[..., None], mine: Path
 ) -> None:
     write(room, *OWN)
     planned = hpop("plan", "room.yaml", "--out", "out", "--workers", "2", "--import", "mine/ways.py", cwd=room)
@@ -88,7 +94,7 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     assert "--import FILE_OR_MODULE" in without.stderr
 
 
-def test_what_a_scenario_names_is_not_imported_for_it(room: Path, write: Callable[..., None]) -> None:
+def test_what_a_scenario_names_is_not_imported_for_it(hpop: Hpop, room: Path, write: Callable[..., None]) -> None:
     write(room, ("turns, length", "ways, length"))
     (room / "ways.py").write_text("open('ran', 'w')\n" + WAY.replace("my_way", "ways"))
     refused = hpop("plan", "room.yaml", "--out", "out", cwd=room)
@@ -100,7 +106,9 @@ def test_what_a_scenario_names_is_not_imported_for_it(room: Path, write: Callabl
     assert (room / "ran").exists()  # by the command line alone
 
 
-def test_planners_and_readers_of_several_modules_come_along(room: Path, write: Callable[..., None], mine: Path) -> None:
+def test_planners_and_readers_of_several_modules_come_along(
+    hpop: Hpop, room: Path, write: Callable[..., None], mine: Path
+) -> None:
     write(room, ("turns, length", "my_way, length"), ("ros_map:", "my_map:"), ("lattice:", "my_lattice:"))
     (mine / "more.py").write_text(MORE)  # seen from the folder of the room, the modules are in the package `mine`
     both = ("--import", "mine.more", "--import", "mine/ways.py")
@@ -112,14 +120,14 @@ def test_planners_and_readers_of_several_modules_come_along(room: Path, write: C
     assert "my_way  m, sum" in hpop("criteria", *both, cwd=room).stdout
 
 
-def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(mine: Path) -> None:
+def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(hpop: Hpop, mine: Path) -> None:
     for named in (["ways.py:Way"], ["ways:Way"], ["my_way", "--import", "ways.py"]):
         done = hpop("check", *named, cwd=mine)
         assert done.returncode == 0, done.stdout + done.stderr
         assert done.stdout.count("ok") > 5
 
 
-def test_the_example_is_planned_as_it_says(tmp_path: Path) -> None:
+def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
     lines = (EXAMPLES / "own_criterion.yaml").read_text().splitlines()
     (command,) = (line.removeprefix("#").split() for line in lines if "--import" in line)
     said = [str(tmp_path) if word.startswith("out/") else word for word in command[1:]]
@@ -150,7 +158,7 @@ def test_the_example_is_planned_as_it_says(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_imported_is_told_in_one_message(
-    tmp_path: Path, content: str | None, named: str, status: int, said: str
+    hpop: Hpop, tmp_path: Path, content: str | None, named: str, status: int, said: str
 ) -> None:
     if content is not None:
         file = named.partition(":")[0].removesuffix(".py")
@@ -162,7 +170,9 @@ def test_what_cannot_be_imported_is_told_in_one_message(
     assert done.stderr.count("\n") == 1
 
 
-def test_an_error_in_cost_is_told_with_file_and_line(room: Path, write: Callable[..., None], mine: Path) -> None:
+def test_an_error_in_cost_is_told_with_file_and_line(
+    hpop: Hpop, room: Path, write: Callable[..., None], mine: Path
+) -> None:
     write(room, *OWN)
     own = ("--import", "mine/ways.py")
     assert hpop("plan", "room.yaml", "--out", "out", *own, cwd=room).returncode == 0
@@ -175,7 +185,7 @@ def test_an_error_in_cost_is_told_with_file_and_line(room: Path, write: Callable
         assert "mine/ways.py:Way` tests it\n" in done.stderr
 
 
-def test_a_planner_that_fails_is_told_with_file_and_line(room: Path, write: Callable[..., None]) -> None:
+def test_a_planner_that_fails_is_told_with_file_and_line(hpop: Hpop, room: Path, write: Callable[..., None]) -> None:
     write(room, ("lattice:", "my_lattice:"))
     fails = "    def stages(self, problem, progress=None):\n        raise ValueError('too far')\n"
     (room / "more.py").write_text(MORE.partition("readers.add")[0] + fails)
@@ -186,7 +196,7 @@ def test_a_planner_that_fails_is_told_with_file_and_line(room: Path, write: Call
 
 
 def test_an_unknown_reader_and_a_check_without_a_name_say_the_way_out(
-    room: Path, write: Callable[..., None], mine: Path
+    hpop: Hpop, room: Path, write: Callable[..., None], mine: Path
 ) -> None:
     write(room, ("ros_map:", "my_map:"))
     unknown = hpop("plan", "room.yaml", "--out", "out", cwd=room)
@@ -198,7 +208,7 @@ def test_an_unknown_reader_and_a_check_without_a_name_say_the_way_out(
     assert "give ways.py:NAME" in nameless.stderr
 
 
-def test_two_files_of_one_name_and_one_criterion_in_two_files_are_refused(mine: Path) -> None:
+def test_two_files_of_one_name_and_one_criterion_in_two_files_are_refused(hpop: Hpop, mine: Path) -> None:
     (mine / "again").mkdir()
     for copy, status, said in [
         ("again/ways.py", 14, "its name is taken by the module 'ways'"),
@@ -209,7 +219,7 @@ def test_two_files_of_one_name_and_one_criterion_in_two_files_are_refused(mine: 
         assert (done.returncode, said in done.stderr) == (status, True), done.stderr
 
 
-def test_a_name_that_an_installed_package_has_is_refused_at_once(mine: Path, tmp_path: Path) -> None:
+def test_a_name_that_an_installed_package_has_is_refused_at_once(hpop: Hpop, mine: Path, tmp_path: Path) -> None:
     info = tmp_path / "installed" / "paths-1.0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: paths\nVersion: 1.0\n")

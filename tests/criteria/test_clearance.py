@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Clearance, motion_costs, trajectory_cost
@@ -23,7 +23,6 @@ inside = st.floats(0.1, 9.9)
 
 
 @given(inside, inside, inside, inside, st.floats(0.1, 3.0))
-@settings(deadline=None, max_examples=60)
 def test_the_cost_of_a_move_is_the_shortfall_at_its_nearest_point(x0, y0, x1, y1, enough):
     start, end = (
         States(x=np.array([x]), y=np.array([y]), yaw=np.array([math.atan2(y1 - y0, x1 - x0)]))
@@ -36,7 +35,6 @@ def test_the_cost_of_a_move_is_the_shortfall_at_its_nearest_point(x0, y0, x1, y1
 
 
 @given(inside, inside, st.floats(-3, 3))
-@settings(deadline=None, max_examples=30)
 def test_turning_costs_the_shortfall_of_the_axis_exactly(x, y, turn):
     start, end = (States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw])) for yaw in (0.0, turn))
     found = motion_costs(Clearance(), Motions(WORLD, ROBOT, ROBOT.laws["turn"], start, end))[0]

@@ -6,7 +6,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import CuttingBetween, motion_costs, trajectory_cost
@@ -51,7 +51,6 @@ def test_three_who_talk_have_three_segments():
 
 
 @given(st.lists(st.tuples(small, small), min_size=2, max_size=6, unique=True), st.integers(2, 5))
-@settings(deadline=None, max_examples=100)
 def test_however_a_path_is_split_it_counts_the_same_also_on_the_segment(points, parts):
     fine = [points[0]]
     for (x0, y0), (x1, y1) in pairwise(points):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Duration, trajectory_cost
@@ -15,7 +15,6 @@ WORLD = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
 
 
 @given(st.floats(0.2, 2.0), st.floats(0.2, 3.0), st.floats(0.3, 2.0), st.floats(0.5, 4.0), st.floats(0.05, 3.1))
-@settings(deadline=None)
 def test_an_l_shaped_path_lasts_what_pencil_and_paper_give(v, a, w, alpha, angle):
     robot = DifferentialDrive(speed=v, acceleration=a, turn_rate=w, turn_acceleration=alpha)
     trajectory = Trajectory.from_poses(robot, [(0, 0, 0), (3, 0, 0), (3 + 2 * np.cos(angle), 2 * np.sin(angle), angle)])

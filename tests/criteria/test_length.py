@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Length, trajectory_cost
@@ -17,7 +17,6 @@ points = st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max
 
 
 @given(points)
-@settings(deadline=None)
 def test_length_is_that_of_the_polyline_through_the_positions(where):
     trajectory = Trajectory.from_poses(ROBOT, [(x, y, 0.3) for x, y in where])
     expected = shapely.LineString(where).length if len(where) > 1 else 0.0

@@ -27,7 +27,7 @@ def half_space(d, r):
 
 
 @given(st.floats(0.1, 3.0), st.floats(1.0, 2.0))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=settings.default.max_examples // 2)
 def test_a_straight_run_along_a_wall_is_obstructed_as_the_half_space_formula_says(d, r):
     r = round(r, 1)  # a field is built for each radius
     path = Trajectory.from_poses(ROBOT, [(0, d, 0), (5, d, 0)])
@@ -88,7 +88,6 @@ def test_a_low_wall_obstructs_only_the_part_of_the_ball_below_its_top():
 
 
 @given(st.lists(st.tuples(st.floats(0, 6), st.floats(0.5, 4), st.floats(-3, 3)), min_size=2, max_size=5))
-@settings(deadline=None, max_examples=25)
 def test_exposure_is_obstruction_times_duration(where):
     path = Trajectory.from_poses(ROBOT, where)
     v, s, t = (trajectory_cost(c, path, WORLD) for c in (Obstruction(), Exposure(), Duration()))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Clearance, PassingDistance, motion_costs, trajectory_cost
@@ -28,7 +28,6 @@ inside = st.floats(0.1, 9.9)
 
 
 @given(inside, inside, inside, inside, st.floats(0.1, 4.0))
-@settings(deadline=None, max_examples=60)
 def test_a_move_costs_the_shortfall_where_the_camera_is_nearest_to_something_at_eye_level(x0, y0, x1, y1, enough):
     robot = DifferentialDrive(camera_offset=(0.2, 0.1))
     yaw = math.atan2(y1 - y0, x1 - x0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Rotation, trajectory_cost
@@ -16,7 +16,6 @@ ROBOT = DifferentialDrive()
 
 
 @given(st.lists(st.floats(0.01, 3.1).flatmap(lambda a: st.sampled_from([a, -a])), max_size=6))
-@settings(deadline=None)
 def test_rotation_adds_the_absolute_angles(angles):
     yaw = np.cumsum([0.5, *angles])
     trajectory = Trajectory.from_poses(ROBOT, [(0, 0, a) for a in yaw])

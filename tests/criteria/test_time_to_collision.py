@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import TimeToCollision, motion_costs, trajectory_cost
@@ -29,7 +29,6 @@ def ttc(px, py, vx, vy, reach):
 
 
 @given(coordinate, coordinate, coordinate, coordinate, st.floats(0.2, 1.0))
-@settings(deadline=None, max_examples=200)
 def test_it_is_the_first_time_at_which_two_discs_touch(px, py, vx, vy, reach):
     found = ttc(px, py, vx, vy, reach)
     t = np.linspace(0, 20, 20_001)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -11,7 +11,6 @@ from hpop.frontier.choosing import achievement, lexicographic, nearest, weighted
 from hpop.frontier.knee import knee
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
-quick = settings(deadline=None, max_examples=80)
 
 
 def front_of(costs, quantum=1e-6, **changes):
@@ -42,7 +41,6 @@ def test_ideal_and_nadir_are_the_best_and_worst_of_the_non_dominated():
 
 
 @given(fronts, st.data())
-@quick
 def test_choices_do_not_depend_on_units(Y, data):
     k = Y.shape[1]
     scale = np.array(data.draw(st.lists(st.sampled_from([0.25, 1.0, 8.0, 1024.0]), min_size=k, max_size=k)))
@@ -55,7 +53,6 @@ def test_choices_do_not_depend_on_units(Y, data):
 
 
 @given(fronts)
-@quick
 def test_a_point_on_the_front_is_nearest_to_itself_and_best_against_itself(Y):
     for row, costs in enumerate(Y):
         assert nearest(Y, costs, Y[:, :0]) == row
@@ -63,7 +60,6 @@ def test_a_point_on_the_front_is_nearest_to_itself_and_best_against_itself(Y):
 
 
 @given(fronts, st.permutations(range(6)))
-@quick
 def test_lexicographic_is_the_least_tuple(Y, order):
     order = [column for column in order if column < Y.shape[1]]
     assert lexicographic(Y, order) == min(range(len(Y)), key=lambda i: tuple(Y[i, order]))

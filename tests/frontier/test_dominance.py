@@ -2,13 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hpop.frontier import dominates, is_nondominated, quantised
-
-quick = settings(deadline=None, max_examples=100)
 
 
 def matrices(low=0, high=4, max_rows=25):
@@ -27,13 +25,11 @@ def by_definition(Y):
 
 
 @given(matrices())
-@quick
 def test_mask_is_the_definition(Y):
     assert is_nondominated(Y).tolist() == by_definition(Y).tolist()
 
 
 @given(matrices())
-@quick
 def test_every_dropped_point_is_covered_by_a_kept_one(Y):
     mask = is_nondominated(Y)
     for row in Y[~mask]:
@@ -41,7 +37,6 @@ def test_every_dropped_point_is_covered_by_a_kept_one(Y):
 
 
 @given(matrices())
-@quick
 def test_kept_points_do_not_dominate_each_other(Y):
     kept = Y[is_nondominated(Y)]
     assert not any(dominates(a, b) for a in kept for b in kept)
@@ -49,13 +44,11 @@ def test_kept_points_do_not_dominate_each_other(Y):
 
 
 @given(matrices())
-@quick
 def test_filtering_a_front_keeps_all_of_it(Y):
     assert is_nondominated(Y[is_nondominated(Y)]).all()
 
 
 @given(matrices(max_rows=12), st.data())
-@quick
 def test_infinite_costs_are_ordered_like_any_other(Y, data):
     special = data.draw(hnp.arrays(np.int64, Y.shape, elements=st.integers(0, 5)))
     floats = np.where(special == 4, np.inf, np.where(special == 5, -np.inf, Y))
@@ -63,7 +56,6 @@ def test_infinite_costs_are_ordered_like_any_other(Y, data):
 
 
 @given(matrices(max_rows=12))
-@quick
 def test_increasing_maps_of_a_cost_do_not_change_the_front(Y):
     assert is_nondominated(np.exp(3.0 * Y) - 7).tolist() == is_nondominated(Y).tolist()
 
@@ -113,7 +105,6 @@ def test_halves_are_rounded_to_even():
 
 
 @given(hnp.arrays(np.int64, (5, 3), elements=st.integers(-(2**40), 2**40)), st.integers(-10, 10))
-@quick
 def test_whole_quanta_are_recovered(Z, exponent):
     quanta = np.array([1.0, 0.001, 3.0]) * 2.0**exponent
     assert (quantised(Z * quanta, quanta) == Z).all()

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -34,7 +34,6 @@ def candidates(k, rows=12):
 
 
 three = st.integers(1, 4).flatmap(lambda k: st.tuples(*[candidates(k)] * 3))
-quick = settings(deadline=None, max_examples=60)
 
 
 def same_costs(a, b):
@@ -42,7 +41,6 @@ def same_costs(a, b):
 
 
 @given(three)
-@quick
 def test_union_is_commutative_associative_and_idempotent(triple):
     a, b, c = (
         front_of(costs, status=status, certificate=certificate)
@@ -57,14 +55,12 @@ def test_union_is_commutative_associative_and_idempotent(triple):
 
 
 @given(three)
-@quick
 def test_union_of_fronts_is_the_front_of_all_candidates(triple):
     a, b, c = map(front_of, triple)
     assert (a | b | c).costs.tolist() == front_of(np.vstack(triple)).costs.tolist()
 
 
 @given(candidates(3), st.randoms(use_true_random=False))
-@quick
 def test_the_order_of_the_candidates_does_not_matter(costs, random):
     order = list(range(len(costs)))
     random.shuffle(order)
@@ -76,7 +72,6 @@ def test_the_order_of_the_candidates_does_not_matter(costs, random):
 
 
 @given(candidates(3))
-@quick
 def test_every_candidate_is_covered_within_half_a_quantum(costs):
     front = front_of(costs)
     for row in costs:
@@ -85,7 +80,6 @@ def test_every_candidate_is_covered_within_half_a_quantum(costs):
 
 
 @given(candidates(2))
-@quick
 def test_each_point_keeps_the_item_that_has_its_costs(costs):
     for point in front_of(costs):
         assert costs[point.item].tolist() == list(point.costs.values())

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -23,7 +23,6 @@ def unit_cells_covered(Y, corner):
 
 
 @given(points)
-@settings(deadline=None, max_examples=50)
 def test_hypervolume_of_integer_points_counts_unit_cells(pair):
     Y, _ = pair
     assert hypervolume(Y, [5] * Y.shape[1]) == pytest.approx(unit_cells_covered(Y, 5), abs=1e-9)
@@ -44,7 +43,6 @@ def test_points_not_below_the_reference_add_nothing():
 
 
 @given(points)
-@settings(deadline=None, max_examples=50)
 def test_epsilon_is_the_least_shift_that_covers(pair):
     Y, reference = pair
     shift = additive_epsilon(Y, reference)

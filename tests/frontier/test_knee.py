@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.optimize import linprog
@@ -12,8 +12,6 @@ from scipy.optimize import linprog
 from hpop.frontier import Front, is_nondominated
 from hpop.frontier.choosing import normalised
 from hpop.frontier.knee import _depth, knee
-
-quick = settings(deadline=None, max_examples=60)
 
 
 def test_knee_of_a_cubic_where_its_slope_is_minus_one():
@@ -100,7 +98,6 @@ small = st.integers(3, 14).flatmap(lambda n: hnp.arrays(np.int64, (n, 3), elemen
 
 
 @given(small.map(lambda Y: Y[is_nondominated(Y)].astype(float)))
-@quick
 def test_no_row_between_the_extremes_is_deeper_than_the_knee(Y):
     """Any mixture proves a least depth, any weights prove a greatest one."""
     z = normalised(Y, Y.min(axis=0), Y.max(axis=0))

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.frontier import Front, FrontFileError, storage
@@ -96,7 +96,6 @@ def test_an_empty_front_comes_back(tmp_path):
     json_values,
     st.dictionaries(st.text(max_size=3), json_values, max_size=3),
 )
-@settings(deadline=None, max_examples=60)
 def test_numbers_items_and_provenance_come_back_exactly(tmp_path_factory, costs, value, item, origin):
     path = tmp_path_factory.mktemp("fronts") / "front.json"
     n = len(costs)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.models import DifferentialDrive
@@ -196,7 +196,6 @@ def test_the_border_of_the_extent_and_keep_out_zones_stop_every_part():
 
 
 @given(st.floats(0.05, 1.0), st.floats(-3.0, 3.0))
-@settings(deadline=None, max_examples=30)
 def test_discs_may_touch(radius, y):
     wall = shapely.box(5, -10, 6, 10)
     world = World.from_polygons([wall], extent=shapely.box(-10, -10, 10, 10))

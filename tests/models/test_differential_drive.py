@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import ModelError
@@ -110,7 +110,6 @@ def test_a_convex_footprint_is_one_part_and_another_is_its_triangles():
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1.0), st.booleans()), min_size=4, max_size=9))
-@settings(deadline=None)
 def test_parts_cover_the_footprint_exactly_and_are_convex(spokes):
     angles = np.linspace(0, 2 * np.pi, len(spokes), endpoint=False)
     outline = tuple((r * np.cos(a), r * np.sin(a)) for (r, _), a in zip(spokes, angles, strict=True))

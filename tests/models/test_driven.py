@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
@@ -52,7 +52,6 @@ def solved(controls, pose=(1.0, 2.0, 0.4), samples=2001):
 
 
 @given(st.lists(control, min_size=1, max_size=4))
-@settings(max_examples=25, deadline=None)
 def test_the_robot_is_where_the_differential_equation_says(controls):
     trajectory = driven(ROBOT, (1.0, 2.0, 0.4), controls)
     times, rows = solved(controls, samples=50)

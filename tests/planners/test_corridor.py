@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria.base import make_criterion, trajectory_costs
@@ -94,7 +94,6 @@ def test_a_robot_that_fits_only_one_way_keeps_the_distance_of_its_path():
 boxes = st.lists(st.tuples(*[st.floats(0.5, 7.0)] * 2, *[st.floats(0.1, 1.5)] * 2), min_size=1, max_size=8)
 
 
-@settings(max_examples=60, deadline=None)
 @given(boxes, st.tuples(*[st.floats(0.5, 7.5)] * 4), st.integers(0, 2**31))
 def test_half_planes_bound_the_distance_from_below_everywhere(sizes, ends, seed):
     world = World.from_polygons(
@@ -117,7 +116,6 @@ def test_half_planes_bound_the_distance_from_below_everywhere(sizes, ends, seed)
     assert (clear.offsets - (segment @ clear.normals.T).max(axis=0)).min() == pytest.approx(min(reach, 3.0), abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 6.2), st.floats(0.2, 2.0)), max_size=6), st.tuples(*[st.floats(-5, 5)] * 2))
 def test_cutting_is_the_intersection_of_half_planes(lines, point):
     box = HalfPlanes.box(np.zeros((1, 2)), 3.0)

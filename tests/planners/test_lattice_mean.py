@@ -130,7 +130,7 @@ QUESTIONS = [
 
 
 @pytest.mark.parametrize(("criteria", "headings", "detour", "turns"), QUESTIONS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(1, of=4)
 def test_the_front_equals_brute_force_over_all_walks_under_the_cap(seed, criteria, headings, detour, turns):
     problem = random_problem(seed, criteria)
     planner = Lattice(step=STEP, headings=headings, max_detour=detour, max_turns=turns)

@@ -83,7 +83,7 @@ def nondominated(costs, slack):
 
 @pytest.mark.parametrize("goal_yaw", [-1.1, None])
 @pytest.mark.parametrize("neighbours", [None, 3])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(2, of=4)
 def test_the_front_equals_that_of_all_simple_paths(seed, neighbours, goal_yaw):
     asked = problem(goal=(*GOAL[:2], goal_yaw))
     planner = Roadmap(samples=6, seed=seed, neighbours=neighbours)

@@ -17,16 +17,22 @@ def problem(make_problem):
     return make_problem(["exposure", "turns", "length"])
 
 
+@pytest.fixture
+def empty(problem, make_front):
+    """A front whose only picture is the map."""
+    return make_front(problem, costs=np.zeros((0, 3)), status="no path")
+
+
 def test_four_pictures_of_the_size_of_their_figures(problem, make_front, tmp_path):
     front = make_front(problem)
-    paths = save_pictures(problem, front, tmp_path / "new" / "folder", dpi=100)
+    paths = save_pictures(problem, front, tmp_path / "new" / "folder", dpi=40)
     assert [path.name for path in paths] == ["map.png", "front.png", "trace.png", "where.png"]
     assert sorted(os.listdir(tmp_path / "new" / "folder")) == ["front.png", "map.png", "trace.png", "where.png"]
     knee = front.knee().item
     figures = draw_map(problem, front), draw_front(front), draw_trace(problem, knee), draw_where(problem, knee)
     for path, figure in zip(paths, figures, strict=True):
         with Image.open(path) as image:
-            assert image.size == pytest.approx(figure.get_size_inches() * 100, abs=1)
+            assert image.size == pytest.approx(figure.get_size_inches() * 40, abs=1)
             colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
         assert len(np.unique(colours, axis=0)) > 50
 
@@ -43,8 +49,8 @@ def test_what_is_drawn_once_is_what_savefig_makes_in_two_drawings(problem, make_
         assert (np.asarray(once) == np.asarray(twice)).all()
 
 
-def test_the_resolution_is_good_enough_for_print(problem, make_front, tmp_path):
-    with Image.open(save_pictures(problem, make_front(problem), tmp_path)[0]) as image:
+def test_the_resolution_is_good_enough_for_print(problem, empty, tmp_path):
+    with Image.open(save_pictures(problem, empty, tmp_path)[0]) as image:
         assert image.info["dpi"] == pytest.approx((200, 200), abs=0.1)
         assert min(image.size) > 1200
 
@@ -55,28 +61,27 @@ def test_who_stays_where_he_is_has_no_trace(make_problem, tmp_path):
     assert [path.name for path in save_pictures(problem, front, tmp_path, dpi=50)] == ["map.png", "front.png"]
 
 
-def test_an_empty_front_gives_the_map_alone(problem, make_front, tmp_path):
-    front = make_front(problem, costs=np.zeros((0, 3)), status="no path")
+def test_an_empty_front_gives_the_map_alone(problem, empty, tmp_path):
     (tmp_path / "trace.png").write_text("of an earlier front")
-    assert [path.name for path in save_pictures(problem, front, tmp_path)] == ["map.png"]
+    assert [path.name for path in save_pictures(problem, empty, tmp_path, dpi=50)] == ["map.png"]
     assert os.listdir(tmp_path) == ["map.png"]
 
 
-def test_pictures_that_are_there_are_replaced(problem, make_front, tmp_path):
+def test_pictures_that_are_there_are_replaced(problem, empty, tmp_path):
     (tmp_path / "map.png").write_text("old")
-    save_pictures(problem, make_front(problem), tmp_path, dpi=50)
+    save_pictures(problem, empty, tmp_path, dpi=50)
     with Image.open(tmp_path / "map.png") as image:
         image.verify()
 
 
-def test_a_folder_that_is_a_file_is_an_output_error(problem, make_front, tmp_path):
+def test_a_folder_that_is_a_file_is_an_output_error(problem, empty, tmp_path):
     (tmp_path / "taken").write_text("text")
     with pytest.raises(OutputError, match="taken"):
-        save_pictures(problem, make_front(problem), tmp_path / "taken", dpi=50)
+        save_pictures(problem, empty, tmp_path / "taken", dpi=50)
     assert (tmp_path / "taken").read_text() == "text"
 
 
-def test_a_failed_write_leaves_the_old_picture_and_nothing_else(problem, make_front, tmp_path, monkeypatch):
+def test_a_failed_write_leaves_the_old_picture_and_nothing_else(problem, empty, tmp_path, monkeypatch):
     (tmp_path / "map.png").write_text("old")
 
     def full(*_: object) -> None:
@@ -84,7 +89,7 @@ def test_a_failed_write_leaves_the_old_picture_and_nothing_else(problem, make_fr
 
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OutputError, match="No space left"):
-        save_pictures(problem, make_front(problem), tmp_path, dpi=50)
+        save_pictures(problem, empty, tmp_path, dpi=50)
     assert os.listdir(tmp_path) == ["map.png"]
     assert (tmp_path / "map.png").read_text() == "old"
 

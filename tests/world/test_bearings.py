@@ -54,7 +54,7 @@ def test_in_a_corridor_the_mean_flow_is_a_quarter_of_both_inverse_distances():
 
 
 @given(seed=st.integers(0, 10_000))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=settings.default.max_examples // 3)
 def test_at_the_nodes_of_its_grid_it_is_what_shapely_finds_along_the_ray(seed):
     rng = np.random.default_rng(seed)
     corners = rng.uniform(0, 8, size=(6, 1, 2))

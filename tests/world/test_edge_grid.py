@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.world.edge_grid import EdgeGrid
@@ -18,7 +18,6 @@ def brute(edges, x, y):
 
 
 @given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 2, 7, 60]), scale=st.sampled_from([0.01, 1, 30]))
-@settings(max_examples=60, deadline=None)
 def test_distances_are_those_of_the_nearest_edge(seed, count, scale):
     rng = np.random.default_rng(seed)
     starts = rng.uniform(-5, 5, (count, 2))

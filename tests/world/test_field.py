@@ -7,7 +7,7 @@ import sys
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -57,7 +57,6 @@ def test_gradients_are_those_of_finite_differences(field):
     x=st.floats(-3, 9),
     y=st.floats(-3, 9),
 )
-@settings(deadline=None)
 def test_a_field_stays_within_the_range_of_its_samples(values, x, y):
     value = Field(values, 1.0)(np.array([x]), np.array([y]))[0]
     assert values.min() <= value <= values.max()

@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -267,7 +267,6 @@ def read_again(world):
     ),
     tail=st.binary(max_size=60),
 )
-@settings(deadline=None, max_examples=150)
 def test_any_bytes_are_an_image_or_a_map_error(tmp_path_factory, head, tail):
     path = write(tmp_path_factory.mktemp("map"), head + tail)
     with suppress(MapError):
@@ -275,7 +274,6 @@ def test_any_bytes_are_an_image_or_a_map_error(tmp_path_factory, head, tail):
 
 
 @given(key=st.sampled_from(sorted(YAML)), value=st.text(max_size=20))
-@settings(deadline=None, max_examples=150)
 def test_any_text_for_a_value_is_a_map_or_a_map_error(tmp_path_factory, key, value):
     folder = tmp_path_factory.mktemp("map")
     path = write(folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError
@@ -91,7 +91,6 @@ def test_what_a_stopped_search_misses_is_within_its_gap(lattice, method):
     assert any(0 < gap < 1 for gap in gaps)
 
 
-@settings(deadline=None, derandomize=True)
 @given(st.integers(0, 2**45), st.sampled_from([0.0, 1e-6, 0.01, 0.1, 1.0, 3.0]), st.integers(0, 1000))
 def test_the_least_covered_estimate_is_covered_and_the_one_below_is_not(cost, eps, tolerance):
     f = least_covered(cost, eps, tolerance)

@@ -6,19 +6,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
 from hpop.planners.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
 from hpop.status import Budget, Progress, Status
 
-FAST = settings(
-    max_examples=150,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-    derandomize=True,
-)
 S, T = 0, 1  # columns of the integral and the duration in all graphs here
 Vector = tuple[Fraction | int, ...]
 
@@ -76,7 +70,6 @@ def queries(draw, instant=False):
     return graph, draw(node), draw(st.sets(node, min_size=1, max_size=2)), draw(st.integers(0, 9))
 
 
-@FAST
 @given(queries())
 def test_the_front_equals_brute_force_over_all_walks_under_the_cap(walks_within, query):
     graph, source, targets, cap = query
@@ -87,7 +80,6 @@ def test_the_front_equals_brute_force_over_all_walks_under_the_cap(walks_within,
     check(graph, paths, source, targets, cap)
 
 
-@FAST
 @given(queries(instant=True))
 def test_arcs_that_take_no_time_are_taken(walks_within, query):
     graph, source, targets, cap = query
@@ -107,9 +99,10 @@ def dense(seed: int, others: int) -> tuple[Graph, int]:
     return graph, int(least + rng.integers(2, 8))
 
 
+@pytest.mark.parametrize("seeds", [range(40), pytest.param(range(40, 150), marks=pytest.mark.proof)])
 @pytest.mark.parametrize("others", [0, 1, 2])
-def test_dense_graphs_equal_brute_force(walks_within, others):
-    for seed in range(150):
+def test_dense_graphs_equal_brute_force(walks_within, others, seeds):
+    for seed in seeds:
         graph, cap = dense(seed, others)
         paths = search(graph, 0, {4}, cap)
         assert sorted(vectors(paths)) == sorted(nondominated(means(walks_within, graph, 0, {4}, cap)))
@@ -126,7 +119,7 @@ def with_times(full: Graph, step: int = 2) -> Graph:
 
 
 @pytest.mark.parametrize("columns", [(0, 1), (0, 1, 2), (0, 1, 3), (0, 1, 2, 3)])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(2, of=4)
 def test_lattices_equal_brute_force(walks_within, lattice, seed, columns):
     full = with_times(lattice(seed, 3))
     graph = Graph.from_csr(full.indptr, full.heads, full.costs[:, columns])

@@ -49,7 +49,7 @@ def check_paths(graph: Graph, paths: ParetoPaths, source: int, targets: set[int]
 
 
 @pytest.mark.parametrize("free", [True, False])
-@pytest.mark.parametrize("seed", range(1, 20))
+@pytest.mark.seeds(6, of=range(1, 20))
 def test_fronts_of_lattices_with_four_to_six_costs_are_those_of_the_closure(closure, lattice, seed, free):
     graph = dearer(lattice(seed, 6, seed % 3), seed, free)
     source, targets = seed % 4, [graph.nodes - 1 - seed % 4, graph.nodes - 29]

@@ -9,7 +9,7 @@ import sys
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.compiled import kernel, lean
@@ -40,7 +40,6 @@ def pack(vector: list[int], plan) -> list[int]:
     return key
 
 
-@settings(deadline=None, derandomize=True)
 @given(st.lists(st.integers(0, 2**61), min_size=1, max_size=6), st.randoms(use_true_random=False))
 def test_packing_keeps_the_lexicographic_order(largest, random):
     plan = plan_keys(largest)

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
@@ -16,7 +16,6 @@ from hpop.status import Status
 S, T = 0, 1  # columns of the integral and the duration in all graphs here
 Bounds = list[int | None]
 Vector = tuple[Fraction | int, ...]
-FAST = settings(max_examples=200, deadline=None, derandomize=True)
 
 
 def front(walks: set[tuple[int, tuple[int, ...]]], targets: set[int]) -> list[Vector]:
@@ -54,7 +53,6 @@ def queries(draw):
     return graph, draw(node), draw(st.sets(node, min_size=1, max_size=2)), at_most
 
 
-@FAST
 @given(queries())
 def test_the_front_equals_brute_force_over_all_walks_within_the_bounds(walks_within, query):
     graph, source, targets, at_most = query
@@ -68,7 +66,6 @@ def test_the_front_equals_brute_force_over_all_walks_within_the_bounds(walks_wit
     assert (paths.costs <= bounds).all()
 
 
-@FAST
 @given(queries(), st.integers(0, 9))
 def test_a_cap_and_bounds_hold_together(walks_within, query, cap):
     graph, source, targets, at_most = query

@@ -6,20 +6,13 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError, QueryError
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.moa_star import namoa_star
 from hpop.status import Budget, Progress, Status
-
-FAST = settings(
-    max_examples=200,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-    derandomize=True,
-)
 
 
 @st.composite
@@ -62,7 +55,6 @@ def front(paths: ParetoPaths) -> list[tuple[int, ...]]:
     return [tuple(row) for row in paths.costs.tolist()]
 
 
-@FAST
 @given(queries())
 def test_general_finds_the_front_of_the_closure(closure, query):
     graph, source, targets = query
@@ -73,14 +65,12 @@ def test_general_finds_the_front_of_the_closure(closure, query):
     check_paths(graph, paths, source, targets)
 
 
-@FAST
 @given(queries())
 def test_namoa_star_finds_the_front_of_the_closure(closure, query):
     graph, source, targets = query
     assert [g for g, _ in namoa_star(graph, source, targets)] == closure(graph, source, targets)
 
 
-@FAST
 @given(queries(criteria=(2, 3)))
 def test_staircase_finds_the_front_of_the_closure(closure, query):
     graph, source, targets = query
@@ -251,11 +241,10 @@ def test_a_label_limit_leaves_a_subset_of_the_front(small_hard, method):
 
 @pytest.mark.parametrize("method", ["staircase", "general"])
 def test_a_time_limit_is_kept(method):
-    graph = hard()
-    pareto_paths(hard(3), 0, 3, method=method)
-    paths = pareto_paths(graph, 0, 400, method=method, budget=Budget(time_limit=0.3))
+    """Counted in work: when time is up, no more than a slice of the search is done."""
+    paths = pareto_paths(hard(), 0, 400, method=method, budget=Budget(time_limit=1e-9))
     assert paths.status is Status.TIME_LIMIT
-    assert paths.stats.seconds_search < 2
+    assert paths.stats.labels_generated < 100_000
 
 
 @pytest.mark.parametrize("method", ["staircase", "general"])

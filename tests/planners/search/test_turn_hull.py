@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, slices, staircase
@@ -89,7 +89,6 @@ def test_joint_bounds_are_below_the_truth_by_rounding_only(lattice, seed, uneven
 Vectors = st.lists(st.tuples(st.integers(1, 60), st.integers(0, 3), st.integers(1, 60)), max_size=8)
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
 @given(Vectors, st.integers(0, 2))
 def test_a_label_is_followed_exactly_where_no_solution_covers_it(solutions, fewest):
     """Nothing but turns is left to come, more of them than there are layers; small costs are weighed to the unit."""
@@ -105,7 +104,6 @@ def test_a_label_is_followed_exactly_where_no_solution_covers_it(solutions, fewe
         assert followed == (not covered)
 
 
-@settings(deadline=None, derandomize=True)
 @given(Vectors, Vectors, st.sampled_from([0.0, 0.1, 0.5]), st.integers(0, 3))
 def test_a_thinned_set_covers_all_with_what_is_kept(vectors, kept, eps, slack):
     costs = np.array(sorted(vectors), np.int64).reshape(-1, 3)

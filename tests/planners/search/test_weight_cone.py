@@ -7,7 +7,7 @@ from math import gcd
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.planners.search.weight_cone import WeightCone
@@ -36,7 +36,6 @@ def test_every_facet_is_valid_and_touches_a_point(points: Points) -> None:
         assert min(dot(w, y) for y in points) == b
 
 
-@settings(max_examples=40)
 @given(clouds, st.data())
 def test_the_facets_bound_the_hull_and_nothing_more(hull: Any, points: Points, data: st.DataObject) -> None:
     facets = cone_of(points).facets()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
@@ -110,7 +110,6 @@ def test_sums_far_beyond_64_bits_are_exact(hull: Any, k: int) -> None:
     assert all(hull.supported(y, front) for y in vectors(found))
 
 
-@settings(max_examples=60)
 @given(st.data())
 def test_the_path_kernel_minimises_sums_of_any_size(data: st.DataObject) -> None:
     """Against Python's integers, over parallel arcs."""
