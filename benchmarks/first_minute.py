@@ -3,10 +3,12 @@
     python benchmarks/first_minute.py [--old CHECKOUT] [--scenario FILE] [--runs N] [--cold] [--out FILE]
 
 Seconds of the processor (user and system, of all processes that the command started) and of the clock, least of the
-runs: `import hpop`; `hpop --help`; `hpop plan` until a first front is told, until the table is on the screen, until the
-pictures are written; inside one process, what reading the scenario, building the graph and the searches take.
+runs: `import hpop`; `hpop --help`; `hpop plan` until a first front is told, until there is a map, until the table is on
+the screen, until the pictures are written; inside one process, what reading the scenario, building the graph and the
+searches take.
 With the path of another checkout both take turns, and the ratios of new to old are printed. A run that may have to
-compile comes first and is left out; `--cold` compiles everything instead, in a cache of its own, once.
+compile comes first and is left out; `--cold` compiles everything instead, in a cache of its own, once; the part that
+is "but compiling" leaves out the processes that compile beside the first answer.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 HPOP = "from hpop.cli import main; main()"
+LOOK = 0.05  # s between two looks whether there is a map
 TICK = os.sysconf("SC_CLK_TCK")
 # Lines of `hpop plan` that end a part.
 FIRST, TABLE, PICTURES = " trajectories, ", "certificate: ", "written to "
@@ -81,7 +84,7 @@ def parts_of(checkout: Path, scenario: Path, out: Path, cache: Path | None) -> S
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     environment = {**kept, "PYTHONPATH": str(checkout), "PYTHONUNBUFFERED": "1"}
     if cache is not None:
-        environment["NUMBA_CACHE_DIR"] = str(cache)
+        environment |= {"NUMBA_CACHE_DIR": str(cache), "MPLCONFIGDIR": str(cache.with_name("matplotlib"))}
     seconds = {"import": _whole("import hpop", environment), "help": _whole(HPOP, environment, "--help")}
     seconds |= _plan(environment, scenario, out)
     if cache is None:
@@ -113,16 +116,28 @@ def _plan(environment: dict[str, str], scenario: Path, out: Path) -> Seconds:
     before = os.times()
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, cwd=out.parent) as process:
         assert process.stdout is not None
-        said = ""
+        said, family = "", _Family(process.pid)
+
+        def note(part: str) -> None:
+            clock = time.perf_counter() - began
+            taken, planning = family.taken()
+            seconds[part] = (taken, clock)
+            if planning < taken:
+                seconds[f"  {part}, but compiling"] = (planning, clock)
+
         with selectors.DefaultSelector() as selector:
             selector.register(process.stdout, selectors.EVENT_READ)
             while True:
-                selector.select()
+                said_more = selector.select(LOOK)
+                if "map" not in seconds and (out / "map.png").exists():
+                    note("map")
+                if not said_more:
+                    continue
                 piece = os.read(process.stdout.fileno(), 65536)
                 said += piece.decode()
                 for part, words in (("first answer", FIRST), ("table", TABLE)):
                     if part not in seconds and words in said:
-                        seconds[part] = (_taken(process.pid), time.perf_counter() - began)
+                        note(part)
                 if not piece:
                     break
     if process.returncode or PICTURES not in said:
@@ -132,18 +147,28 @@ def _plan(environment: dict[str, str], scenario: Path, out: Path) -> Seconds:
     return {**seconds, "pictures": (taken, time.perf_counter() - began)}
 
 
-def _taken(process: int) -> float:
-    """Processor seconds of a running process, of those it started, and of those that have ended."""
-    fields: dict[int, list[str]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields[int(stat.parent.name)] = stat.read_text().rpartition(")")[2].split()
-        except OSError:  # it has just ended
-            continue
-    family = [process]
-    for parent in family:
-        family += [child for child, of in fields.items() if int(of[1]) == parent]
-    return sum(int(tick) for member in family if member in fields for tick in fields[member][11:15]) / TICK
+class _Family:
+    """A running process and those that it started, of which some compile beside."""
+
+    def __init__(self, process: int) -> None:
+        self.process = process
+        self._compiling: set[int] = set()
+
+    def taken(self) -> tuple[float, float]:
+        """Processor seconds of all, those that have ended too, and of all but those that compile."""
+        fields: dict[int, list[str]] = {}
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                fields[int(folder.name)] = (folder / "stat").read_text().rpartition(")")[2].split()
+                if b"rehearsal" in (folder / "cmdline").read_bytes():
+                    self._compiling.add(int(folder.name))
+            except OSError:  # it has just ended
+                continue
+        family = [self.process]
+        for parent in family:
+            family += [child for child, of in fields.items() if int(of[1]) == parent]
+        ticks = {member: sum(map(int, fields[member][11:15])) / TICK for member in family if member in fields}
+        return sum(ticks.values()), sum(took for member, took in ticks.items() if member not in self._compiling)
 
 
 def _least(runs: list[Seconds]) -> Seconds:

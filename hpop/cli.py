@@ -181,7 +181,7 @@ def plan(
     ):
         if compiling:
             click.echo(COMPILING, err=True)
-        fronts, first = _solved(loaded, out, executor, imports)
+        fronts, first = _solved(loaded, out, executor, imports, waits=compiling)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
     report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
@@ -317,7 +317,7 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
 
 
 def _solved(
-    scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str]
+    scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str], *, waits: bool
 ) -> tuple[list[Front], Front | None]:
     """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
 
@@ -327,7 +327,7 @@ def _solved(
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with report.progress_bar() as progress, PicturesBeside(out, imports) as pictures:
+    with report.progress_bar() as progress, PicturesBeside(out, imports, waits=waits) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()
