@@ -188,9 +188,17 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
-        owner, u, weight = self._nodes(phase, GAUSS_NODES)
-        values = rate(self._instants(phase, u, owner))
-        return np.bincount(owner, weight * values, minlength=len(self))
+        owner, weight, instants = self._quadrature(phase)
+        return np.bincount(owner, weight * rate(instants), minlength=len(self))
+
+    def _quadrature(self, phase: Phase) -> tuple[IntArray, FloatArray, Instants]:
+        """Motion and weight of each node of a phase, and these moments: one for all criteria, with what they read."""
+        kept: dict[int, tuple[IntArray, FloatArray, Instants]] = self.__dict__.setdefault("_quadratures", {})
+        number = next(i for i, other in enumerate(self.phases) if other is phase)
+        if number not in kept:
+            owner, u, weight = self._nodes(phase, GAUSS_NODES)
+            kept[number] = owner, weight, self._instants(phase, u, owner)
+        return kept[number]
 
     def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])

@@ -230,6 +230,7 @@ class StateLattice(StateGraph):
         """The state (n,) that one step from each state reaches, -1 where none is free."""
         count = self.headings.count
         steps = np.full(self.size, -1, np.int32)
+        mirrored = not self.collision.yaw_matters  # a round robot is free on a move where it is on the move back
         for heading, step in enumerate(self.headings.steps):
             rows, columns, to_rows, to_columns = steps_from(
                 self.free[:, :, heading], step, corner_cutting=self.corner_cutting
@@ -238,9 +239,14 @@ class StateLattice(StateGraph):
 
         def blocked(part: slice) -> IntArray:
             tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
+            if mirrored:
+                tails = tails[tails % count < count // 2]
             return tails[~self.collision.motions_free(self.motions("move", tails, steps[tails].astype(np.int64)))]
 
         for tails in self.purse.each(blocked, blocks(self.size), self._laid):
+            if mirrored:
+                back = steps[tails] // count * count + (steps[tails] + count // 2) % count
+                steps[back] = -1
             steps[tails] = -1
         return steps
 
