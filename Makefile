@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test proof fuzz bench reference lint clean
+.PHONY: demo test proof mutants fuzz bench reference lint clean
 
 demo: $(READY)
 	$(BIN)/hpop plan examples/museum.yaml --out out/museum
@@ -15,6 +15,10 @@ test: $(READY)
 # The same tests, larger: all seeds, all instances. `make proof PART=search` runs one part of it.
 proof: $(READY)
 	$(BIN)/python tests/proof.py $(PART)
+
+# Deliberate faults, the same ones each time: which of them the tests notice.
+mutants: $(READY)
+	$(BIN)/python -m tests.mutants
 
 # Mutated inputs against every door, with fixed seeds. `make fuzz SECONDS=3600 SEED=1` throws more, and others.
 SECONDS ?= 240

@@ -25,6 +25,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from tests.mutants.faults import Fault, Site, applied, draw, sites
@@ -35,6 +36,7 @@ FAULTS = Path(__file__).with_name("faults.json")
 OUT = ROOT / "out" / "mutants"
 RESULTS = OUT / "results.json"
 GONE = {"tests": 0, "result": "code gone", "by": "", "processor seconds": 0.0}
+MISSED = ("survived", "not reached")
 IMPORT = 2  # exit code of pytest where tests cannot be collected
 SEED, COUNT = 12, 60
 OTHERS = 15.0  # s, of tests that only stand beside those that reach a fault
@@ -194,6 +196,11 @@ def drawn(root: Path) -> list[dict[str, Any]]:
     return [{"fault": fault._asdict()} for fault in draw(files, read, COUNT, SEED)]
 
 
+def noticed(record: dict[str, Any], when: str) -> bool:
+    """Whether tests noticed a fault, now or when the baseline was recorded."""
+    return record.get(when, GONE)["result"] == "caught"
+
+
 def line(n: int, record: dict[str, Any]) -> str:
     """One row of the table."""
     fault, now = Fault(**record["fault"]), record["now"]
@@ -224,22 +231,31 @@ def main() -> int:
     suite = Suite(options.tree, *((options.coverage, options.durations) if given else measured(options.tree)))
     OUT.mkdir(parents=True, exist_ok=True)
     kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    writing = Lock()
     places = {n: find(options.tree, Fault(**record["fault"])) for n, record in enumerate(records)}
     reaching = {n: suite.reaching(site) for n, site in places.items() if site is not None}
 
     def work(n: int) -> None:
         key = f"{n} {fingerprint}"
-        if key not in kept:
-            kept[key] = result(suite, places[n], *reaching[n]) if n in reaching else GONE
+        found = kept.get(key) or (result(suite, places[n], *reaching[n]) if n in reaching else GONE)
+        with writing:
+            records[n]["now"] = kept[key] = found
             RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
-        records[n]["now"] = kept[key]
-        print(line(n, records[n]), flush=True)
+            print(line(n, records[n]), flush=True)
 
     chosen = sorted(options.only or range(len(records)), key=lambda n: suite.cost(reaching.get(n, ([], []))[0]))
     with ThreadPoolExecutor(options.jobs) as pool:
         list(pool.map(work, chosen))
-    print(false_alarms(suite, [record["now"] for record in records if "now" in record]))
-    return 0
+    ran = [record for record in records if "now" in record]
+    print(false_alarms(suite, [record["now"] for record in ran]))
+    lost = [record for record in ran if noticed(record, "baseline") and record["now"]["result"] in MISSED]
+    print(f"{sum(noticed(record, 'now') for record in ran)} of {len(ran)} noticed; lost: {len(lost)}")
+    if options.record:
+        kept_records = [{key: value for key, value in record.items() if key != "now"} for record in records]
+        for record, kept_record in zip(records, kept_records, strict=True):
+            kept_record |= {"baseline": record["now"]} if "now" in record else {}
+        FAULTS.write_text(json.dumps(kept_records, indent=1) + "\n")
+    return int(bool(lost))
 
 
 if __name__ == "__main__":
