@@ -7,6 +7,7 @@ chain of turns at one place: nothing leads back from the goal, nor to the start.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -69,9 +70,11 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     beside = {what: end for what, end in poses.items() if not states[what]}
     if not beside:
         return Ends(graph, states[START][0], states[GOAL])
+    if START in beside and problem.goal[2] is None and math.dist(problem.start[:2], problem.goal[:2]) <= reach:
+        beside[GOAL] = problem.goal  # a way straight to it need not end with a heading of the graph
     joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, purse=graph.purse)
     joined.check()
-    start, goals = (states[what] or [joined.node(what)] for what in poses)
+    start, goals = ([joined.node(what)] if what in beside else states[what] for what in poses)
     return Ends(joined, start[0], goals)
 
 

@@ -285,6 +285,12 @@ def test_a_start_that_is_the_goal_is_so_off_the_lattice_too(goal):
     assert len(found.trajectories[0]) == 0
 
 
+@pytest.mark.parametrize(("goal", "kinds"), [((1.0, 1.0, None), ()), ((1.8, 1.0, None), ("turn", "move"))])
+def test_a_free_heading_at_a_position_of_the_lattice_takes_no_turn_to_one_of_its_headings(goal, kinds):
+    problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), goal, ["length", "turns"])
+    assert [t.kinds for t in Lattice(step=STEP).solve(problem).trajectories] == [kinds]
+
+
 def test_the_worst_edge_of_a_join_is_its_worst_motion():
     problem = Problem(WORLD, ROUND, *random_ends(0), ["clearance", "length"])
     check(problem, solved(problem, lattice_of(problem, 8)))
