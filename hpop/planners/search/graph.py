@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hpop.arrays import IntArray
 from hpop.errors import GraphError
+from hpop.options import whole
+from hpop.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -77,7 +79,7 @@ class Graph:
         aggregates = tuple(self.aggregates)
         if len(aggregates) != costs.shape[1] or not set(aggregates) <= set(AGGREGATES):
             raise GraphError(
-                f"aggregates must name 'sum' or 'max' for each of {costs.shape[1]} costs, got {aggregates!r}"
+                f"aggregates must name 'sum' or 'max' for each of {costs.shape[1]} costs, got {shown(aggregates)}"
             )
         if self.labels is not None and len(self.labels) != n:
             raise GraphError(f"labels must name each of the {n} nodes, got {len(self.labels)}")
@@ -122,8 +124,7 @@ class Graph:
         >>> Graph.from_arcs(2, [1, 0], [0, 1], [[3], [4]]).costs.tolist()
         [[4], [3]]
         """
-        if not 1 <= n <= MAX_INDEX:
-            raise GraphError(f"a graph has 1 to {MAX_INDEX} nodes, got {n}")
+        n = whole("the number of nodes of a graph", n, 1, MAX_INDEX, error=GraphError)
         tails_ = _integers(tails, "tails", np.int64)
         heads_ = _integers(heads, "heads", np.int64)
         costs_ = _integers(costs, "costs", np.int64)
@@ -212,9 +213,12 @@ class Graph:
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
     """Return a contiguous array of integers, an own copy unless it is read-only; refuse what is not a whole number."""
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # rows of different lengths
+        raise GraphError(f"{name} must be an array of integers: {error}") from None
     if array.size == 0:
-        return np.array(array, dtype, order="C")
+        return np.zeros(array.shape, dtype)
     if array.dtype.kind == "f":
         raise GraphError(
             f"{name} must be integers, got {array.dtype}: choose a quantum and quantise first, "

@@ -11,9 +11,11 @@ import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.errors import OptionError, QueryError
+from hpop.options import whole
 from hpop.planners.search.approximation import ANYTHING, Precision, proven_gap
 from hpop.planners.search.graph import Graph
 from hpop.status import Budget, ProgressCallback, Status
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
@@ -126,8 +128,8 @@ def pareto_paths(
     >>> paths.costs.tolist(), paths.nodes(0).tolist(), paths.arcs(1).tolist()
     ([[2, 10], [9, 1]], [0, 1, 2], [2])
     """
-    if method not in METHODS:
-        raise OptionError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if not isinstance(method, str) or method not in METHODS:
+        raise OptionError(f"method must be one of {', '.join(METHODS)}; got {shown(method)}")
     source = _node(graph, source, "source")
     targets = _targets(graph, target)
     from hpop.planners.search.checkpoint import Keeper
@@ -280,19 +282,25 @@ class _Run:
 
 def _bounds(graph: Graph, at_most: Sequence[int | None]) -> tuple[int, ...]:
     """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
-    wrong = [
-        b for b in at_most if b is not None and (isinstance(b, bool) or not isinstance(b, int | np.integer) or b < 0)
-    ]
-    if wrong or len(at_most) not in (0, graph.criteria):
-        raise OptionError(f"at_most is a whole number or None for each of {graph.criteria} costs, got {at_most!r}")
-    bounds = tuple(ANYTHING if b is None else min(int(b), ANYTHING) for b in at_most)
+    given = _one_a_cost(graph, at_most, "at_most", "a whole number or None")
+    name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
+    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1), ANYTHING) for b in given)
     return bounds if any(b < ANYTHING for b in bounds) else ()
 
 
 def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
-    if len(tolerance) not in (0, graph.criteria):
-        raise OptionError(f"a tolerance is one count for each of {graph.criteria} costs, got {tolerance!r}")
-    return Precision(eps, tuple(tolerance))
+    return Precision(eps, tuple(_one_a_cost(graph, tolerance, "tolerance", "a whole number")))
+
+
+def _one_a_cost(graph: Graph, values: Any, name: str, kind: str) -> Sequence[Any]:
+    """What is given for each cost, or for none of them."""
+    if (
+        not isinstance(values, Sequence | np.ndarray)
+        or isinstance(values, str)
+        or len(values) not in (0, graph.criteria)
+    ):
+        raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
+    return values
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
@@ -320,7 +328,7 @@ def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int
 
 def _node(graph: Graph, node: Any, name: str) -> int:
     if isinstance(node, bool | np.bool_) or not isinstance(node, int | np.integer):
-        raise QueryError(f"{name} must be the number of a node, got {node!r}; graph.node(label) gives it")
+        raise QueryError(f"{name} must be the number of a node, got {shown(node)}; graph.node(label) gives it")
     if not 0 <= node < graph.nodes:
         raise QueryError(f"{name} must be a node from 0 to {graph.nodes - 1}, got {node}")
     return int(node)
@@ -332,7 +340,7 @@ def _targets(graph: Graph, target: Any) -> IntArray:
     try:
         several = {_node(graph, t, "target") for t in target}
     except TypeError:
-        raise QueryError(f"target must be a node or several nodes, got {target!r}") from None
+        raise QueryError(f"target must be a node or several nodes, got {shown(target)}") from None
     if not several:
         raise QueryError("target must name at least one node, got none")
     return np.array(sorted(several), np.int64)
