@@ -18,7 +18,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
 from hpop.frontier.columns import numbers, parts, places
-from hpop.motions import Curve, Law, Model, Motions, States
+from hpop.motions import Law, Model, Motions, States, is_curve
 from hpop.trajectory import Trajectory, extras, refuse_impossible
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class MotionTable:
     @cached_property
     def curved(self) -> BoolArray:
         """Which motions (M,) go along curves, so that what they are depends on their neighbours."""
-        return np.array([isinstance(self.model.laws[name], Curve) for name in self.laws], dtype=bool)[self.law]
+        return np.array([is_curve(self.model.laws[name]) for name in self.laws], dtype=bool)[self.law]
 
     def having(self, motions: BoolArray) -> BoolArray:
         """Which trajectories (n,) have one of some motions (M,)."""
@@ -154,7 +154,7 @@ class MotionTable:
         Raises ModelError where a motion is none of its law.
         """
         for index, law, start, end in self.by_law():
-            if not isinstance(law, Curve):
+            if not is_curve(law):
                 refuse_impossible(self.model, law, start, end, index)
         begins = self._begins
         place = np.empty(self.motions.size + self.counts.size, dtype=np.int64)

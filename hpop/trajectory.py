@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
-from hpop.motions import Curve, Law, Model, Motions, States, slopes
+from hpop.motions import Curve, Law, Model, Motions, States, is_curve, slopes
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -136,6 +136,8 @@ class Trajectory:
         the next begins to turn the other way or does not turn at all, and within a motion where the yaw rate changes
         its sign; so two can end in one motion. Wherever curves are cut, their turns stay the same.
         """
+        if not any(is_curve(self.model.laws[kind]) for kind in set(self.kinds)):
+            return np.zeros(len(self)), np.zeros(len(self))
         first, second = np.zeros(len(self)), np.zeros(len(self))
         for index, law in self._curves():
             first[index], second[index] = law.bends(self.states.take(index), self.states.take(index + 1))
@@ -221,7 +223,7 @@ class Trajectory:
     def _curves(self) -> Iterator[tuple[IntArray, Curve]]:
         for kind, index in self._by_kind():
             law = self.model.laws[kind]
-            if isinstance(law, Curve):
+            if is_curve(law):
                 yield index, law
 
     def _phases(self, kind: str, index: IntArray) -> Any:
@@ -292,7 +294,7 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
         if jump.max() > STILL:
             i = int(np.argmax(jump))
             raise ModelError(f"a {law.kind} does not change {name}, but motion {numbers[i]} does, by {jump[i]:.3g}")
-    if not isinstance(law, Curve):
+    if not is_curve(law):
         return
     strays = law.strays(start, end)
     if strays.max() > LED:
@@ -305,7 +307,7 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
     """States that the laws of some kinds need beside the model's own, in order."""
     laws = [model.laws[kind] for kind in dict.fromkeys(kinds)]
-    return tuple(dict.fromkeys(name for law in laws if isinstance(law, Curve) for name in law.extra))
+    return tuple(dict.fromkeys(name for law in laws if is_curve(law) for name in law.extra))
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
@@ -340,5 +342,5 @@ def _motions(
     """Motions under one law: their places among all motions, and the states at which they begin."""
     law, names = model.laws[kind], (*model.state_names, *extras(model, (kind,)))
     start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
-    ended = (turns[0][index], turns[1][index]) if isinstance(law, Curve) else None
+    ended = (turns[0][index], turns[1][index]) if is_curve(law) else None
     return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

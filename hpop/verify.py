@@ -14,7 +14,7 @@ from hpop.front import Front
 from hpop.math import wrap
 from hpop.models.solid import SolidCollision
 from hpop.motion_table import MotionTable
-from hpop.motions import Curve, Law, States
+from hpop.motions import Law, States, is_curve
 from hpop.options import MOST
 from hpop.planners.base import edge_objectives
 from hpop.problem import Problem
@@ -199,7 +199,7 @@ def _curve_faults(problem: Problem, trajectory: Trajectory, curved: IntArray) ->
 
 def _curved(trajectory: Trajectory) -> BoolArray:
     """Which motions (n,) go along curves."""
-    return np.array([isinstance(trajectory.model.laws[kind], Curve) for kind in trajectory.kinds], dtype=bool)
+    return np.array([is_curve(trajectory.model.laws[kind]) for kind in trajectory.kinds], dtype=bool)
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
@@ -232,7 +232,7 @@ def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | Non
 
 def _sample_counts(law: Law, start: States, end: States) -> IntArray:
     """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
-    if isinstance(law, Curve):
+    if is_curve(law):
         (phase,) = law.phases(start, end)
         rates = ((start.speed, end.speed), (start.turn_rate, end.turn_rate))  # what is linear is largest at an end
         longest = np.max([np.maximum(np.abs(rate), np.abs(to)) for rate, to in rates], axis=0) * phase.duration
@@ -247,7 +247,7 @@ def _dense(law: Law, start: States, end: States, counts: IntArray) -> tuple[Floa
     owner = np.repeat(np.arange(counts.size), counts)
     u = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
-    if isinstance(law, Curve):
+    if is_curve(law):
         (phase,) = law.phases(begin, stop)
         share = phase.share(u)
         columns = [law.interpolate(name, begin, stop, share) for name in AXES]

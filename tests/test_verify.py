@@ -13,6 +13,7 @@ import hpop
 from hpop import registry
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.models.driven import driven
+from hpop.models.solid import SolidCollision
 from hpop.motions import Motions
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -222,3 +223,30 @@ def test_a_curve_through_a_wall_is_found():
     goes = driven(ROBOT, START, [RAMP, (0.0, 2.0, 0.4), (0.0, -2.0, 0.4), (0.0, 0.0, 1.0), BRAKE])
     assert not collision_free(problem(), [goes])[0]
     assert collision_free(problem(), [swerving()])[0]
+
+
+# Large fronts
+
+
+def test_what_trajectories_share_is_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many go there: the effort is that of the distinct motions, and it is told how far it is."""
+    looked: list[int] = []
+    free = SolidCollision.free
+    monkeypatch.setattr(SolidCollision, "free", lambda self, s: looked.append(s.size) or free(self, s))
+    asked, detour = problem(criteria=["length"]), path(*DETOUR)
+    assert collision_free(asked, [detour]).all()
+    once, told = sum(looked), list[str]()
+    looked.clear()
+    fault = path(START, (2.5, 2.5, 0.0), (2.5, 1.0, 0.0))
+    assert collision_free(asked, [detour] * 500).all()
+    assert sum(looked) == once
+    costs = [[float(i)] for i in range(3)]
+    front = hpop.Front.of(
+        [[*c, -c[0]] for c in costs], [detour, fault, detour], names=["length", "x"], units=["m", "1"],
+        quanta=[1e-6, 1.0], status="complete", certificate="as given",
+    )  # fmt: skip
+    found = verify(asked, front, say=told.append)
+    assert "trajectory 1 collides" in found
+    assert not {"trajectory 0 collides", "trajectory 2 collides"} & set(found)
+    assert any("length of 0 of" in one for one in told)
+    assert any("collisions of 0 of" in one for one in told)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from hpop.motions.batch import Body, Motions, missing
 from hpop.motions.instants import Instants, Rate
-from hpop.motions.laws import Curve, Law, Model, Phase, slopes
+from hpop.motions.laws import Curve, Law, Model, Phase, is_curve, slopes
 from hpop.motions.states import Pose, States
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Pose",
     "Rate",
     "States",
+    "is_curve",
     "missing",
     "slopes",
 ]

@@ -12,7 +12,7 @@ import numpy as np
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import hypot, is_symbolic, smooth_abs
 from hpop.motions.instants import Instants, Rate
-from hpop.motions.laws import Curve, Law, Model, Phase, slopes
+from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
 from hpop.motions.states import Pose, States, picked_states
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Motions:
         law, rotation = self.law, self.law.turned(self.start, self.end)
         turned: Column = smooth_abs(rotation)
         turns: tuple[Column, ...] = (rotation,)
-        if isinstance(law, Curve):
+        if is_curve(law):
             turned, turns = law.swept(self.start, self.end), self.turns or law.bends(self.start, self.end)
         return Body(
             start=self.model.pose(name, self.start),
@@ -114,7 +114,7 @@ class Motions:
     def _length(self, name: str) -> Column:
         """Path length (M,) of a body, m; on curves one off the axis goes now a longer, now a shorter way than it."""
         lever = self.model.lever(name)
-        if lever and isinstance(self.law, Curve):
+        if lever and is_curve(self.law):
             return self.integrate(lambda s: hypot(*s.velocity(self.model.pose(name, s.state))))
         return self.law.travel(self.start, self.end, lever)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -94,9 +94,20 @@ class Curve(Law, Protocol):
         """How far (M,), m or rad, the end is from where the law leads from the start."""
 
 
+def is_curve(law: Law) -> TypeGuard[Curve]:
+    """Whether a law is one of curves; each class is looked at once, which takes as long as a short trajectory."""
+    found = _CURVES.get(type(law))
+    if found is None:
+        found = _CURVES[type(law)] = isinstance(law, Curve)
+    return found
+
+
+_CURVES: dict[type, bool] = {}
+
+
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
     """First and second derivative of a state by the share of the motion done."""
-    if isinstance(law, Curve):
+    if is_curve(law):
         return law.slopes(name, start, end, share)
     return getattr(end, name) - getattr(start, name), 0.0
 

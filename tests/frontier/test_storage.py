@@ -296,3 +296,20 @@ def test_an_item_that_does_not_decode_names_its_point(tmp_path):
 def test_a_missing_file_is_not_a_bad_front(tmp_path):
     with pytest.raises(FileNotFoundError):
         Front.load(tmp_path / "absent.json")
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    for path, found in ((tmp_path / "fifo", "a FIFO"), ("/dev/zero", "a device"), (tmp_path, "a folder")):
+        with pytest.raises(OSError, match=f"expected a regular file, found {found}"):
+            Front.load(path)
+
+
+def test_what_points_share_is_written_once(tmp_path):
+    n = 100
+    front = front_of(np.stack([np.arange(n), -np.arange(n)], axis=1), provenance=[{"planner": "a" * 500}] * n)
+    front.save(tmp_path / "front.json")
+    assert (tmp_path / "front.json").read_text().count("a" * 500) == 1
+    again = Front.load(tmp_path / "front.json")
+    assert again.provenance == front.provenance
+    assert len({id(origin) for origin in again.provenance}) == 1
