@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.world.field import PAD, Field
 
 BLOCK = 32  # nodes along a side of what is sampled together
@@ -102,6 +102,80 @@ class LazyField(Field):
         inside = whole[PAD:-PAD, PAD:-PAD]
         inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
         done |= todo
-        whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = inside[:, :1], inside[:, -1:]
-        whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]
+        _repeat_border(whole)
         asked |= wanted  # last: neither Ctrl-C nor another thread finds a block that is only half there
+
+
+class TiledField(LazyField):
+    """A `LazyField` whose nodes are sampled in tiles of a size of their own, such as those of a transform.
+
+    >>> tiles = []
+    >>> def sample(rows, columns):
+    ...     tiles.append((rows.start, columns.start))
+    ...     return np.full((rows.stop - rows.start, columns.stop - columns.start), 0.5)
+    >>> field = TiledField((900, 700), 1.0, (0.0, 0.0, 0.0), 200, sample)
+    >>> field(np.array([450.0]), np.array([90.0])), tiles
+    (array([0.5]), [(0, 400)])
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        spacing: float,
+        origin: tuple[float, float, float],
+        side: int,
+        sample: Callable[[slice, slice], FloatArray],
+    ) -> None:
+        """Sample nothing yet; ``sample`` gives the values of a tile of at most side x side nodes."""
+        whole = np.zeros((shape[0] + 2 * PAD, shape[1] + 2 * PAD))
+        shown = whole.view()
+        shown.setflags(write=False)
+        self.__dict__.update(
+            spacing=float(spacing),
+            origin=origin,
+            _range=(0.0, 1.0),
+            _whole=whole,
+            _coefficients=shown,
+            _side=side,
+            _sample=sample,
+            _made=np.zeros([-(-size // side) for size in shape], dtype=bool),
+            _lock=RLock(),
+            _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
+        )
+
+    def _filled(self, wanted: Any) -> None:
+        asked, made, side, whole = (self.__dict__[name] for name in ("_asked", "_made", "_side", "_whole"))
+        wanted = wanted & ~asked
+        if not wanted.any():
+            return
+        inside = whole[PAD:-PAD, PAD:-PAD]
+        # A point takes the coefficients from one before its own to two after it.
+        first = np.argwhere(wanted) * BLOCK - PAD - 1
+        tiles = {
+            (int(i), int(j))
+            for low, high in zip(
+                _tile(first, side, made.shape), _tile(first + BLOCK + 2, side, made.shape), strict=True
+            )
+            for i in range(low[0], high[0] + 1)
+            for j in range(low[1], high[1] + 1)
+        }
+        for i, j in sorted(tiles):
+            if not made[i, j]:
+                rows, columns = (
+                    slice(k * side, min((k + 1) * side, size)) for k, size in zip((i, j), inside.shape, strict=True)
+                )
+                inside[rows, columns] = self.__dict__["_sample"](rows, columns)
+                made[i, j] = True
+        _repeat_border(whole)
+        asked |= wanted
+
+
+def _tile(nodes: IntArray, side: int, shape: tuple[int, ...]) -> IntArray:
+    """Tiles (N, 2) in which nodes are, or those nearest to nodes beyond the grid."""
+    return np.clip(nodes // side, 0, np.array(shape) - 1)
+
+
+def _repeat_border(whole: FloatArray) -> None:
+    """Give the padding of samples the values of their border."""
+    whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = whole[PAD:-PAD, PAD : PAD + 1], whole[PAD:-PAD, -PAD - 1 : -PAD]
+    whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]

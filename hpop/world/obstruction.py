@@ -25,59 +25,78 @@ ROUNDING = 1e-12
 """Rounding of the closed form: values below are 0."""
 
 
+class RasterBalls:
+    """Obstructed fraction at cell centres, by FFT, tile by tile.
+
+    The kernel is the exact obstruction by a single cell at every offset, so the result is that of the union of the
+    occupied squares, at any resolution. Tiles overlap by the kernel's width; NumPy's transforms do, and spare the
+    import of scipy.signal, which takes longer than a building's convolution.
+
+    raster               occupied cells, with their heights
+    radius               m, of the ball
+    camera_z             m, height of the ball's centre; without effect where all cells have the whole height
+    outside_is_obstacle  whether the plane beyond the image counts as occupied
+    pad                  cells to add on every side of the image
+    """
+
+    def __init__(
+        self, raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
+    ) -> None:
+        reach = math.ceil(radius / raster.resolution + 0.5)
+        offsets = np.arange(-reach, reach + 1) * raster.resolution
+        half = raster.resolution / 2
+        cell = Obstacle(shapely.box(-half, -half, half, half), raster.z_min, raster.z_max)
+        dx, dy = np.meshgrid(offsets, offsets)
+        kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
+        self._raster, self._outside, self._border = raster, outside_is_obstacle, reach + pad
+        self._overlap = 2 * reach
+        self._tile = 1 << max(7, (4 * self._overlap).bit_length())
+        self._transform = np.fft.rfft2(kernel, (self._tile, self._tile))
+        rows, columns = raster.cells.shape
+        self.shape = rows + 2 * pad, columns + 2 * pad
+
+    @property
+    def side(self) -> int:
+        """Nodes along a tile."""
+        return self._tile - self._overlap
+
+    def values(self, rows: slice, columns: slice) -> FloatArray:
+        """Fractions, in [0, 1], in a tile that begins at a multiple of its side."""
+        height, width = rows.stop - rows.start, columns.stop - columns.start
+        cells = self._cells(rows, columns)
+        product = self._transform * np.fft.rfft2(cells, (self._tile, self._tile))
+        whole = np.fft.irfft2(product, (self._tile, self._tile))
+        phi: FloatArray = whole[self._overlap : self._overlap + height, self._overlap : self._overlap + width]
+        return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
+
+    def _cells(self, rows: slice, columns: slice) -> FloatArray:
+        """Occupancy of the cells that a tile's balls reach, the border round the image among them."""
+        cells, border = self._raster.cells, self._border
+        spans = [
+            (part.start - border, min(part.start + self._tile - border, size + border))
+            for part, size in zip((rows, columns), cells.shape, strict=True)
+        ]
+        out = np.full([stop - start for start, stop in spans], float(self._outside))
+        inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]
+        if all(start < stop for start, stop in inside):
+            place = tuple(slice(a - start, b - start) for (a, b), (start, _) in zip(inside, spans, strict=True))
+            out[place] = cells[inside[0][0] : inside[0][1], inside[1][0] : inside[1][1]]
+        return out
+
+
 def raster_obstruction(
     raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
 ) -> FloatArray:
-    """Obstructed fraction at every cell centre, by FFT.
-
-    The kernel is the exact obstruction by a single cell at every offset, so the result is that of the union
-    of the occupied squares, at any resolution.
-
-    Parameters
-    ----------
-    raster : Raster
-        Occupied cells, with their heights.
-    radius : float
-        Of the ball, m.
-    camera_z : float
-        Height of the ball's centre, m; without effect where all cells have the whole height.
-    outside_is_obstacle : bool
-        Whether the plane beyond the image counts as occupied.
-    pad : int
-        Cells to add on every side of the image.
-
-    Returns
-    -------
-    (H + 2 pad, W + 2 pad) values in [0, 1].
-    """
-    reach = math.ceil(radius / raster.resolution + 0.5)
-    offsets = np.arange(-reach, reach + 1) * raster.resolution
-    half = raster.resolution / 2
-    cell = Obstacle(shapely.box(-half, -half, half, half), raster.z_min, raster.z_max)
-    dx, dy = np.meshgrid(offsets, offsets)
-    kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
-    occupied = np.pad(raster.cells.astype(float), reach + pad, constant_values=float(outside_is_obstacle))
-    phi = _convolved(occupied, kernel)
-    phi[np.abs(phi) < NOISE] = 0.0
-    return np.clip(phi, 0.0, 1.0)
-
-
-def _convolved(values: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Convolution with a square kernel where it fits in, by FFT of square tiles that overlap by the kernel's width.
-
-    NumPy's transforms do, and spare the import of scipy.signal, which takes longer than a building's convolution.
-    """
-    overlap = len(kernel) - 1
-    tile = 1 << max(7, (4 * overlap).bit_length())
-    step = tile - overlap
-    transform = np.fft.rfft2(kernel, (tile, tile))
-    out = np.empty((values.shape[0] - overlap, values.shape[1] - overlap))
-    for row in range(0, out.shape[0], step):
-        for column in range(0, out.shape[1], step):
-            product = transform * np.fft.rfft2(values[row : row + tile, column : column + tile], (tile, tile))
-            place = out[row : row + step, column : column + step]
-            height, width = place.shape
-            place[...] = np.fft.irfft2(product, (tile, tile))[overlap : overlap + height, overlap : overlap + width]
+    """Obstructed fraction (H + 2 pad, W + 2 pad) at every cell centre; see :class:`RasterBalls`."""
+    balls = RasterBalls(raster, radius, camera_z, outside_is_obstacle, pad=pad)
+    out = np.empty(balls.shape)
+    for row in range(0, out.shape[0], balls.side):
+        for column in range(0, out.shape[1], balls.side):
+            place = (
+                slice(row, min(row + balls.side, out.shape[0])),
+                slice(column, min(column + balls.side, out.shape[1])),
+            )
+            out[place] = balls.values(*place)
     return out
 
 

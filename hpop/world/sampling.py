@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column
+from hpop.arrays import Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.world.field import Field, grid_points
-from hpop.world.lazy_field import LazyField
-from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, prism_obstruction, raster_obstruction
+from hpop.world.lazy_field import LazyField, TiledField
+from hpop.world.obstruction import RasterBalls, disjoint_prisms, prism_obstruction
 from hpop.world.planar import FreeSpace
 from hpop.world.shapes import Obstacle, Raster
 
@@ -98,16 +98,24 @@ def _sample_polygons(world: World, radius: float, z: float) -> Field:
 def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Field:
     finest = int(math.sqrt(MAX_NODES / raster.cells.size))
     split = max(1, min(math.ceil(FINENESS * raster.resolution / radius), finest))
-    cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
-    fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
-    values = raster_obstruction(fine, radius, z, world.outside_is_obstacle, pad=PAD)
-    if world.obstacles:
-        prisms = [part for o in world.obstacles for part in _beside_cells(world, raster, o)]
-        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 - PAD for n in values.shape[::-1]))
-        x, y = fine.to_world(columns.ravel(), rows.ravel())
-        values = values + polygon_obstruction(prisms, x, y, z, radius).reshape(values.shape)
+    fine = raster
+    if split > 1:
+        cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
+        fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
+    balls = RasterBalls(fine, radius, z, world.outside_is_obstacle, pad=PAD)
+    beside = [part for o in world.obstacles for part in _beside_cells(world, raster, o)]
+    prisms = disjoint_prisms(beside)
+
+    def sample(rows: slice, columns: slice) -> FloatArray:
+        values = balls.values(rows, columns)
+        if beside:
+            column, row = np.meshgrid(*(np.arange(s.start, s.stop) + 0.5 - PAD for s in (columns, rows)))
+            x, y = fine.to_world(column.ravel(), row.ravel())
+            values = np.clip(values + prism_obstruction(*prisms, x, y, z, radius).reshape(values.shape), 0, 1)
+        return values
+
     x, y = fine.to_world(0.5 - PAD, 0.5 - PAD)
-    return Field(np.clip(values, 0, 1), fine.resolution, (float(x), float(y), raster.origin[2]))
+    return TiledField(balls.shape, fine.resolution, (float(x), float(y), raster.origin[2]), balls.side, sample)
 
 
 def _beside_cells(world: World, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
