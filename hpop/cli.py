@@ -40,6 +40,7 @@ from hpop.interrupts import ENDING, SIGNALS
 from hpop.options import MOST_WORKERS
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
+from hpop.text import printable
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -66,6 +67,11 @@ _imports = click.option(
 )
 
 
+def echo(text: str, *, err: bool = False) -> None:
+    """Print what may hold names and values out of files, so that they cannot steer the terminal."""
+    click.echo(printable(text, newlines=True), err=err)
+
+
 def _user_errors(command: F) -> F:
     """A user's mistake ends in one message and its exit code, never in a traceback."""
 
@@ -84,7 +90,7 @@ def _user_errors(command: F) -> F:
             if not (kwargs.get("imports") and own_place(error)):
                 raise
             code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
-        click.echo(f"error: {text}", err=True)
+        echo(f"error: {text}", err=True)
         sys.exit(code)
 
     return cast(F, guarded)
@@ -123,7 +129,7 @@ def _warnings_as_notes() -> Iterator[None]:
 
         def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
             if issubclass(category, HpopWarning):
-                click.echo(f"note: {message}", err=True)
+                echo(f"note: {message}", err=True)
             else:
                 usual(message, category, *rest)
 
@@ -169,18 +175,18 @@ def plan(
     results.check_writable(out)
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
         names = ", ".join(planner.name for planner in loaded.planners)
-        click.echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
+        echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
     if checkpoint is not None:
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
-            click.echo(f"going on from {checkpoint}")
+            echo(f"going on from {checkpoint}")
     with (
         kernels_beside(loaded.planners, loaded.problem) as compiling,
         _executor(workers, dask) as executor,
         _stopping_told(),
     ):
         if compiling:
-            click.echo(COMPILING, err=True)
+            echo(COMPILING, err=True)
         fronts, first = _solved(loaded, out, executor, imports, waits=compiling)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)
@@ -193,7 +199,7 @@ def plan(
     if Status.INTERRUPTED in front.status:
         sys.exit(INTERRUPTED)
     if not len(front):
-        click.echo(f"error: nothing was found: {_why_nothing(front.status)}", err=True)
+        echo(f"error: nothing was found: {_why_nothing(front.status)}", err=True)
         sys.exit(NOTHING_FOUND)
 
 
@@ -218,19 +224,19 @@ def show(folder: Path, imports: tuple[str, ...]) -> None:
     except UnknownName as error:
         raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
     _refuse_faults(path, lost_trajectories(problem, front))
-    click.echo(f"as saved in {path}, not yet checked:")
+    echo(f"as saved in {path}, not yet checked:")
     report.print_front(problem, front, saved=path)
-    click.echo("checking costs, ends and collisions")
+    echo("checking costs, ends and collisions")
     with report.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
-    click.echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+    echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:
     """List what is wrong with a saved front, if anything is, and end with it."""
     for fault in faults[:MOST_FAULTS]:
-        click.echo(f"fault: {fault}", err=True)
+        echo(f"fault: {fault}", err=True)
     if faults:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
         raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
@@ -250,7 +256,7 @@ def check(criterion: str, imports: tuple[str, ...]) -> None:
     made = own_code.named_criterion(criterion)
     for result in conformance(made):
         faults += bool(result.fault)
-        click.echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
+        echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
     if faults:
         raise CriterionError(f"criterion {made.name!r} fails {faults} check{'s' * (faults > 1)}")
 
@@ -349,7 +355,7 @@ def _solved(
                 fronts.append(front)
         except (Exception, KeyboardInterrupt):
             if say.last is not None:
-                click.echo(f"what was found before is saved in {out / SAVED}", err=True)
+                echo(f"what was found before is saved in {out / SAVED}", err=True)
             raise
     return fronts, say.first
 
@@ -361,10 +367,10 @@ def _draw(problem: Problem, front: Front, out: Path, imports: Sequence[str]) -> 
     try:
         if Status.INTERRUPTED in front.status:
             raise KeyboardInterrupt
-        click.echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
+        echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
     except KeyboardInterrupt:
         PicturesBeside(out, imports).start()
-        click.echo(f"written to {out}: {SAVED}; pictures follow")
+        echo(f"written to {out}: {SAVED}; pictures follow")
         if Status.INTERRUPTED not in front.status:
             raise
 
@@ -397,7 +403,7 @@ def _tidy(checkpoint: str, front: Front) -> None:
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
-        click.echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
+        echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
 
 
 def _why_nothing(status: str) -> str:

@@ -30,6 +30,7 @@ from hpop.frontier import hypervolume
 from hpop.problem import Problem
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
+from hpop.text import printable
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # more than usual, in which costs are told apart
@@ -78,22 +79,26 @@ def print_front(
     console = console or Console()
 
     def say(line: str) -> None:
-        console.print(line, highlight=False, markup=False)
+        console.print(Text(printable(line)), highlight=False)
 
     decides = [f"{name} is the same for every trajectory and decides nothing here" for name in front.inactive]
     for note in (*problem.world.notes, *front.notes, *decides):
         say(f"note: {note}")
     if len(front):
         rows = shown_rows(front, MOST_ROWS)
-        say("\nThe front: of these trajectories none is better in one cost and no worse in the others")
+        console.print()
+        say("The front: of these trajectories none is better in one cost and no worse in the others")
         _print_wide(console, _front_table(front, rows))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
-        say("\nThe marked trajectories as planned and as executed (real speed ramps)")
+        console.print()
+        say("The marked trajectories as planned and as executed (real speed ramps)")
         _print_wide(console, _executed_table(problem, front))
         console.print()
     for run in front.runs:
-        numbers = [_counted(key, value) for key, value in run.items() if isinstance(value, int | float)]
+        numbers = [
+            _counted(k, v) for k, v in run.items() if isinstance(v, int | float) and abs(v) <= sys.float_info.max
+        ]
         if numbers:
             say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
@@ -176,10 +181,8 @@ class StageLines:
         (volume,) = _hypervolumes([front], self.first)
         planner = front.runs[-1].get("planner", "planner")
         measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
-        # Plain text: a live progress line on the terminal makes room for it.
-        sys.stdout.write(
-            f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}\n"
-        )
+        line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
+        sys.stdout.write(f"{printable(line)}\n")  # plain text: a live progress line on the terminal makes room for it
 
 
 def how_many(front: Front) -> str:
@@ -201,11 +204,11 @@ def print_contributions(
     for row in contributions(planners, fronts, first):
         volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))
         cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
-        table.add_row(Text(row.planner), *cells)
+        table.add_row(Text(printable(row.planner)), *cells)
     console.print("\nWhat each planner added (hypervolume in the scale of the first front, as in the lines above)")
     _print_wide(console, table)
     for name in planners[len(fronts) :]:
-        console.print(f"{name} was not run", highlight=False, markup=False)
+        console.print(Text(printable(f"{name} was not run")), highlight=False)
 
 
 def _counted(key: str, value: float) -> str:
@@ -238,7 +241,12 @@ def _table() -> Table:
 
 def _header(name: str, unit: str) -> Text:
     """Name over unit."""
-    return Text(name if unit == "1" else f"{name}\n({unit})")
+    return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
+
+
+def _labels(names: Sequence[str]) -> Text:
+    """Names one below another."""
+    return Text("\n".join(map(printable, names)))
 
 
 def _front_table(front: Front, rows: Sequence[int]) -> Table:
@@ -254,7 +262,7 @@ def _front_table(front: Front, rows: Sequence[int]) -> Table:
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
     columns += [[number(value, 1e-6) for value in column] for column in reported.tolist()]
     for row, *cells in zip(rows, *columns, strict=True):
-        label = Text("\n".join(names.get(row, [])))
+        label = _labels(names.get(row, []))
         table.add_row(str(row), *cells, label, style="bold" if row in names else None)
     return table
 
@@ -293,7 +301,7 @@ def _executed_table(problem: Problem, front: Front) -> Table:
         ):
             cells = [number(cost, c.quantum) for cost, c in zip(costs, problem.criteria, strict=True)]
             first = word == "planned"
-            table.add_row(str(row) if first else "", word, *cells, Text("\n".join(labels)) if first else "")
+            table.add_row(str(row) if first else "", word, *cells, _labels(labels) if first else "")
     return table
 
 

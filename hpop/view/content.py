@@ -12,6 +12,7 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from shapely.geometry import LineString
 
 from hpop.arrays import FloatArray
+from hpop.text import printable
 from hpop.view.ground import View, outline
 from hpop.view.style import HALO, SMALL
 from hpop.world import World
@@ -143,7 +144,7 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
 def _write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
     """Text beside a point, off by so many typographical points; on the map or not at all."""
     label = axes.annotate(
-        text,
+        printable(text),
         (x, y),
         off,
         textcoords="offset points",

@@ -27,6 +27,7 @@ from hpop.view.style import (
     how_many_drawn,
     marks,
     new_figure,
+    plain,
     quantities,
     stacked,
     whole_ticks,
@@ -38,6 +39,7 @@ WIDE = 110  # characters a line in a legend below
 ROOM = 0.06  # share of an axis left free at both ends
 
 
+@plain
 def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figure:
     """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
 

@@ -27,6 +27,7 @@ from hpop.frontier.choosing import column_index
 from hpop.frontier.union import JOINT
 from hpop.problem import Problem
 from hpop.status import Status
+from hpop.text import printable
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
@@ -45,6 +46,7 @@ from hpop.view.style import (
     how_many_drawn,
     marks,
     new_figure,
+    plain,
     quantities,
     turns_in_place,
     whole_ticks,
@@ -70,6 +72,7 @@ class Bar:
     extend: str = "neither"
 
 
+@plain
 def draw_map(
     problem: Problem,
     front: Front,
@@ -188,7 +191,7 @@ def _draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray) -> list
             [path_points(front.trajectories[row]) for row in order],
             colors=COST_COLOURS(norm(scale.values[order])),
             linewidths=0.6 + alpha,
-            linestyles=[styles[front.provenance[row].get("planner")] for row in order],
+            linestyles=[styles[str(front.provenance[row].get("planner"))] for row in order],
             alpha=alpha,
             capstyle="round",
             zorder=3,
@@ -201,16 +204,16 @@ def _draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray) -> list
     return [Bar(ScalarMappable(norm, COST_COLOURS), f"{scale.label} of a trajectory", scale.counts)]
 
 
-def _counts(front: Front) -> dict[Any, int]:
+def _counts(front: Front) -> dict[str, int]:
     """How many trajectories are of each planner, the one with most first."""
-    return dict(Counter(origin.get("planner") for origin in front.provenance).most_common())
+    return dict(Counter(str(origin.get("planner")) for origin in front.provenance).most_common())
 
 
 def _planners(front: Front) -> list[Handle]:
     """Who found what, where several planners share a front: each has its own dashes."""
     counts = _counts(front)
     return [
-        Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=f"found by {name}: {count}")
+        Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=printable(f"found by {name}: {count}"))
         for (name, count), dashes in zip(counts.items(), cycle(DASHES), strict=False)
         if len(counts) > 1
     ]
@@ -340,15 +343,15 @@ def _draw_frame(axes: Axes, view: View) -> None:
 
 def _claim(front: Front) -> str:
     """What is claimed, a paragraph for each planner: a picture is passed on without its front."""
-    return "\n".join(wrapped(part, CLAIM_WRAP) for part in front.certificate.split(JOINT))
+    return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in front.certificate.split(JOINT))
 
 
 def _title(front: Front, scale: Quantity | None) -> str:
     if scale is None:
         if front.status == Status.NO_PATH:
             return "No path from start to goal"
-        return f"No path found: the search ended with {front.status!r}"
-    ended = "" if front.status == Status.COMPLETE else f" (search ended: {front.status})"
+        return f"No path found: the search ended with {printable(front.status)!r}"
+    ended = "" if front.status == Status.COMPLETE else f" (search ended: {printable(front.status)})"
     if Status.UNFINISHED in front.status:
         ended = " (the search goes on)"
     count = f"{len(front)} trajectories{ended}{how_many_drawn(front)}, none better than another in all of"

@@ -6,13 +6,15 @@ distinct for colour-blind readers; line styles and markers repeat the distinctio
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import wraps
 from itertools import cycle
 from textwrap import fill
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -23,6 +25,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.text import printable
 from hpop.trajectory import Trajectory
 
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
@@ -42,7 +45,19 @@ START, GOAL = "#FFFFFF", "#F0E442"
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
 MOST_LINES = 2_000  # beyond, one line more is not seen among the others
+P = ParamSpec("P")
 NAME_WIDTH = 15  # characters a line of a stacked name
+
+
+def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Draw a picture whose texts are shown as they are: a dollar in a name begins no formula."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with rc_context({"text.parse_math": False}):
+            return draw(*args, **kwargs)
+
+    return drawn
 
 
 @dataclass(frozen=True)
@@ -102,7 +117,7 @@ def label(name: str, unit: str, counts: bool) -> str:
     >>> label("length", "m", False), label("turns", "1", True), label("obstruction", "1", False)
     ('length (m)', 'turns (count)', 'obstruction (share)')
     """
-    return f"{name} ({('count' if counts else 'share') if unit == '1' else unit})"
+    return printable(f"{name} ({('count' if counts else 'share') if unit == '1' else unit})")
 
 
 def stacked(words: str) -> str:
@@ -145,7 +160,7 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
     costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
-        Quantity(name, unit, values, counts)
+        Quantity(printable(name), printable(unit), values, counts)
         for name, unit, values, counts in zip(
             front.names + front.reported_names,
             front.units + front.reported_units,
@@ -167,7 +182,7 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
     for name, row in chosen.items():
         if not 0 <= row < len(front):
             raise OptionError(f"chosen[{name!r}] must be a row of the front, 0 to {len(front) - 1}; got {row!r}")
-        names.setdefault(int(row), []).append(name)
+        names.setdefault(int(row), []).append(printable(name))
     looks = zip(cycle(COLOURS), cycle(DASHES), cycle(MARKERS), strict=False)
     return tuple(Mark(tuple(names[row]), row, *look) for row, look in zip(names, looks, strict=False))
 

@@ -22,6 +22,7 @@ from hpop.view.style import (
     SMALL,
     label,
     new_figure,
+    plain,
     stacked,
     turns_in_place,
     whole_ticks,
@@ -33,6 +34,7 @@ PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
 TURN = "#e6e6e6"
 
 
+@plain
 def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory") -> Figure:
     """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
 

@@ -19,13 +19,26 @@ from matplotlib.patches import PathPatch
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.problem import Problem
+from hpop.text import printable
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import ball_of, draw_obstacles, outline, view_of
 from hpop.view.map import Handle, height_of, path_points, turn_dot
 from hpop.view.sheet import LINE
-from hpop.view.style import GOAL, LARGE, NORMAL, QUIET, SMALL, START, new_figure, turns_in_place, whole_ticks, written
+from hpop.view.style import (
+    GOAL,
+    LARGE,
+    NORMAL,
+    QUIET,
+    SMALL,
+    START,
+    new_figure,
+    plain,
+    turns_in_place,
+    whole_ticks,
+    written,
+)
 
 COLUMNS = 2  # of maps
 ENTRIES = 3  # of the legend in a row, below two maps
@@ -37,6 +50,7 @@ TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
 
+@plain
 def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory") -> Figure:
     """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
 
@@ -124,7 +138,7 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     whole_ticks(bar.ax.yaxis, _counts(criterion))
     total = written(float(trace.cost[column]), criterion.unit, _counts(criterion))
     words = {"time-mean": "on average", "max": "at worst"}.get(criterion.aggregate, "in all")
-    axes.set_title(f"{criterion.name}: {total} {words}", fontsize=NORMAL)
+    axes.set_title(printable(f"{criterion.name}: {total} {words}"), fontsize=NORMAL)
 
 
 def _draw_ends(axes: Axes, trajectory: Trajectory) -> list[Handle]:

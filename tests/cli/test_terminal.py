@@ -1,0 +1,104 @@
+"""What comes out of files cannot steer the terminal, whether it is printed, told as an error, or drawn."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import shapely
+from click.testing import CliRunner, Result
+
+from hpop import DifferentialDrive, Front, Problem, World
+from hpop.cli import main
+from hpop.text import HARMFUL, printable
+from hpop.view import draw_front, draw_map, draw_trace, draw_where
+from hpop.world.content import Landmark, Person
+
+CLEAR = "\x1b[2J\x1b[31mKäthe \u202e\x9b1m\r\x07"
+SHOWN = r"\x1b[2J\x1b[31mKäthe \u202e\x9b1m\r\x07"
+DOLLARS = "$5 $\\frac{$"
+
+
+@pytest.fixture(scope="module")
+def front() -> Front:
+    world = World.from_polygons([shapely.box(1, 0, 1.5, 1.2)], extent=shapely.box(0, 0, 3, 2))
+    people = [Person(2.6, 1.6, name=CLEAR), Person(2.6, 0.4, name=DOLLARS)]
+    content = world.with_content(people=people, landmarks=[Landmark(0.2, 1.8, name=DOLLARS)])
+    robot = DifferentialDrive(radius=0.1)
+    problem = Problem(content, robot, (0.5, 0.5, 0), (2, 0.5, None), ["turns", "length"])
+    return problem.solve("lattice", step=0.25)
+
+
+def shown(path: Path) -> Result:
+    return CliRunner().invoke(main, ["show", str(path)])
+
+
+def lines(text: str) -> Iterator[str]:
+    """Lines as the program ended them: what a file said never ends one."""
+    return iter(text.split("\n"))
+
+
+def test_a_front_full_of_control_characters_is_printed_without_them(front: Front, tmp_path: Path) -> None:
+    runs = [{**run, "planner": f"{CLEAR}\nerror: forged", "notes": [f"{CLEAR}\nerror: forged"]} for run in front.runs]
+    replace(front, certificate=f"{CLEAR}\nerror: forged", status=CLEAR, runs=tuple(runs)).save(tmp_path / "front.json")
+    result = shown(tmp_path / "front.json")
+    assert result.exit_code == 0, result.output
+    assert not any(HARMFUL.search(line) for line in lines(result.output))
+    assert not any(line.startswith("error: forged") for line in lines(result.output))
+    assert f"certificate: {SHOWN}" in result.output
+    assert f"note: {SHOWN}" in "".join(result.output.split("\n"))
+
+
+def test_names_of_criteria_out_of_a_file_are_told_without_control_characters(front: Front, tmp_path: Path) -> None:
+    replace(front, names=(CLEAR, "length")).save(tmp_path / "front.json")
+    result = shown(tmp_path / "front.json")
+    assert result.exit_code == 12
+    assert SHOWN in result.stderr
+    assert not any(HARMFUL.search(line) for line in lines(result.output))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'world: {"\\e[2Jx": 1}\n',
+        'world: {ros_map: {path: "\\e[2J"}}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n',
+        'world: {ros_map: {path: a}}\nstart: [0, 0, "\\e[2J"]\ngoal: [1, 1, 0]\ncriteria: ["\\e[2J"]\n',
+        'world: {}\n"\\e[2J\\N": 3\n"\\u202e": 4\n',
+        "world: !\x1b[2J x\n",
+    ],
+)
+def test_errors_of_a_scenario_are_told_without_control_characters(
+    text: str, tmp_path: Path, run: Callable[..., Result]
+) -> None:
+    (tmp_path / "\x1b[2J.yaml").write_text(text)
+    result = run("plan", tmp_path / "\x1b[2J.yaml", "--out", tmp_path / "out")
+    assert result.exit_code in (3, 4, 5, 7)
+    assert not any(HARMFUL.search(line) for line in lines(result.output))
+    assert r"\x1b[2J" in result.stderr
+
+
+def test_pictures_show_dollars_and_leave_out_control_characters(front: Front) -> None:
+    named = replace(front, names=(DOLLARS, CLEAR), units=("$", CLEAR), certificate=DOLLARS + CLEAR)
+    problem = Problem.from_description(front.problem or {})
+    trajectory = front.knee().item
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a font has no glyph for a control character
+        for figure in (
+            draw_map(problem, named),
+            draw_front(named),
+            draw_trace(problem, trajectory, name=DOLLARS),
+            draw_where(problem, trajectory, name=DOLLARS),
+        ):
+            figure.canvas.draw()
+
+
+def test_umlauts_accents_and_other_scripts_are_printed_as_they_are() -> None:
+    text = "Käthe Øystein Zoë 東京 עברית 🤖 m² √2 ≤ – …"
+    assert printable(text) == text
+
+
+def test_half_a_surrogate_pair_can_be_printed() -> None:
+    assert printable("\ud800!").encode() == rb"\ud800!"
