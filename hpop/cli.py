@@ -216,7 +216,7 @@ def show(folder: Path, imports: tuple[str, ...]) -> None:
     from hpop.verify import lost_trajectories, verify
 
     own_code.register(imports)
-    path = folder / SAVED if folder.is_dir() else folder
+    path = folder / SAVED if os.path.isdir(folder) else folder
     with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
         front = Front.load(path)
     try:

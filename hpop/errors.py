@@ -13,6 +13,8 @@ from pathlib import Path
 from traceback import extract_tb
 from typing import ClassVar
 
+from hpop.text import shown
+
 
 class HpopError(Exception):
     """Base of every error that hpop raises on purpose."""
@@ -91,6 +93,8 @@ class OwnCodeError(HpopError, ImportError):
     exit_code = 14
 
 
+MOST_LETTERS = 100
+"""Of a name that is compared with others."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."
 
 
@@ -103,7 +107,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
     """
     names = sorted(known)
     return UnknownName(
-        f"unknown {kind} {name!r}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} "
+        f"unknown {kind} {shown(name)}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} "
         f"For one of your own, {OWN}"
     )
 
@@ -114,7 +118,9 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')
     """
-    near = difflib.get_close_matches(str(name), list(known), n=1)
+    near = (
+        difflib.get_close_matches(name, list(known), n=1) if isinstance(name, str) and len(name) < MOST_LETTERS else []
+    )
     return f" Did you mean {near[0]!r}?" if near else ""
 
 

@@ -90,7 +90,7 @@ def imported(spec: str) -> ModuleType:
 def _is_file(spec: str) -> bool:
     """Whether a file is meant, or a folder, rather than a module."""
     path_like = spec.endswith(".py") or spec.startswith(".") or "/" in spec or os.sep in spec
-    return path_like or ("." in spec and Path(spec).is_file())
+    return path_like or ("." in spec and os.path.isfile(spec))
 
 
 def _placed(file: Path) -> str:
@@ -98,12 +98,12 @@ def _placed(file: Path) -> str:
 
     Workers and pickles know a module by its name, so another module of that name would be taken for it.
     """
-    if file.is_dir():
+    if os.path.isdir(file):
         raise OwnCodeError(
             f"cannot import {str(file)!r}: it is a folder; give a file in it, such as {file / 'NAME.py'}, or MODULE as "
             "seen from where you are"
         )
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
     name = file.stem
     if file.suffix != ".py" or "." in name:

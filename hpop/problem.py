@@ -259,8 +259,8 @@ class Problem:
         try:
             world, model = description["world"], description["model"]
             start, goal, criteria = description["start"], description["goal"], description["criteria"]
-        except (KeyError, TypeError) as error:
-            raise QueryError(f"not the description of a problem: {error!r} is missing") from None
+        except (LookupError, TypeError) as error:
+            raise QueryError(f"not the description of a problem: {shown(error)} is missing") from None
         try:
             return cls(
                 World.from_description(world),

@@ -17,6 +17,7 @@ from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
 
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, did_you_mean, unknown_name
+from hpop.text import shown
 
 T = TypeVar("T", bound=Callable[..., Any])
 
@@ -54,6 +55,8 @@ class Registry(Mapping[str, T], Generic[T]):
         self._types[name] = item
 
     def __getitem__(self, name: str) -> T:
+        if not isinstance(name, str):
+            raise unknown_name(self.kind, name, self)
         if name not in self._types:
             self._load_home(name)
         if name not in self._types:
@@ -123,22 +126,22 @@ def made(registry: Registry[type], spec: Any) -> Any:
     kind, error = registry.kind, registry.error
     named = {spec: None} if isinstance(spec, str) else spec
     if not isinstance(named, Mapping) or len(named) != 1:
-        raise error(f"a {kind} is given as a name, or as one name with its parameters, got {spec!r:.200}")
+        raise error(f"a {kind} is given as a name, or as one name with its parameters, got {shown(spec)}")
     ((name, parameters),) = named.items()
     if not isinstance(parameters, Mapping | None):
-        raise error(f"the parameters of {kind} {name!r} are given by name, got {parameters!r:.200}")
+        raise error(f"the parameters of {kind} {shown(name)} are given by name, got {shown(parameters)}")
     cls = registry[name]
     known = [field.name for field in fields(cls) if field.init]
     strange = sorted(str(parameter) for parameter in parameters or {} if parameter not in known)
     if strange:
         raise error(
-            f"{kind} {name!r} has no {registry.parameter} {', '.join(map(repr, strange))}; "
+            f"{kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}; "
             f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(name, known) for name in strange)
         )
     try:
         return cls(**(parameters or {}))
     except TypeError as wrong:  # one that is missing, or of another type
-        raise error(f"{kind} {name!r} cannot be made of {dict(parameters or {})!r:.200}: {wrong}") from wrong
+        raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:

@@ -60,6 +60,7 @@ from hpop.scenario_schema import (
     WorldSection,
     ZoneEntry,
 )
+from hpop.text import shown
 from hpop.world import World, geojson_content
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
@@ -171,8 +172,10 @@ def _unknown(member: int | str, names: list[str], times: int) -> str:
     known = ", ".join(name for name in names if name)
     places = f"places are 0 to {len(names) - 1}" if names else "there are no people"
     if times > 1:
-        return f"{times} people are called {member!r}; give the place of the one who is meant ({places})"
-    return f"expected a person's place or name, got {member!r}; {places}" + (f", names are {known}" if known else "")
+        return f"{times} people are called {shown(member)}; give the place of the one who is meant ({places})"
+    return f"expected a person's place or name, got {shown(member)}; {places}" + (
+        f", names are {known}" if known else ""
+    )
 
 
 def _plugin_reader(section: Any) -> str | None:

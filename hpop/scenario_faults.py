@@ -14,11 +14,12 @@ from typing import Any, TypeVar, get_type_hints
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from hpop.errors import OWN, HpopError, QueryError, ScenarioError
+from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.math import not_radians
 from hpop.options import FARTHEST, MOST, real
 from hpop.registry import Registry, readers
 from hpop.scenario_schema import STRICT, WorldSection
+from hpop.text import shown
 from hpop.yaml_lines import Document, Place
 
 PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())
@@ -158,7 +159,9 @@ class Faults:
         match = DEGREES.fullmatch(given)
         if match:
             return math.radians(float(match.group(1)))
-        self.add(place, f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {given!r}{_note(given)}")
+        self.add(
+            place, f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {shown(given)}{_note(given)}"
+        )
         return 0.0
 
     def made(self, given: Any, key: str, schema: type[BaseModel], make: Callable[[Any, Place], T]) -> list[T | None]:
@@ -198,12 +201,14 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
                 return "no such key beside another; give exactly one reader"
             known += [name for name in readers if name not in known]
             way_out = f". For a reader of your own, {OWN}"
-        near = difflib.get_close_matches(str(loc[-1]), known, n=1)
+        near = difflib.get_close_matches(str(loc[-1])[:MOST_LETTERS], known, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "."
         return f"no such key{hint} Known here: {', '.join(known)}{way_out}"
     if fault["type"] == "missing":
         return (
-            f"an entry is missing here, got {got!r:.60}" if isinstance(loc[-1], int) else "this key is missing; add it"
+            f"an entry is missing here, got {shown(got, 60)}"
+            if isinstance(loc[-1], int)
+            else "this key is missing; add it"
         )
     if fault["type"] in ("too_short", "too_long"):
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
@@ -212,7 +217,7 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     text = (
         f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
     )
-    return f"{text}, got {'nothing' if got is None else repr(got)[:60]}{_note(got)}"
+    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}"
 
 
 def _note(got: Any) -> str:

@@ -21,6 +21,7 @@ from hpop.models.driven import ahead, driven
 from hpop.motions import Motions, States
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
+from hpop.text import shown
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content import Landmark, Person, Zone
@@ -43,6 +44,9 @@ class Check(NamedTuple):
 
 def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
     """Raise CriterionError that lists every check a criterion fails, on worlds drawn with a seed."""
+    if isinstance(criterion, type) or not isinstance(criterion, Criterion):
+        made = f"{criterion.__name__}()" if isinstance(criterion, type) else "Turns()"
+        raise CriterionError(f"expected an instance of a criterion, such as {made}, got {shown(criterion)}")
     faults = [f"{check.claim}: {check.fault}" for check in conformance(criterion, seed=seed) if check.fault]
     if faults:
         raise CriterionError(f"criterion {criterion.name!r} fails {len(faults)} checks:\n  " + "\n  ".join(faults))

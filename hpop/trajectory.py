@@ -83,7 +83,7 @@ class Trajectory:
         except (TypeError, ValueError):
             through = []
         if not through:
-            raise ModelError(f"a trajectory needs a list of at least one pose (x m, y m, yaw rad), got {poses!r:.80}")
+            raise ModelError(f"a trajectory needs a list of at least one pose (x m, y m, yaw rad), got {shown(poses)}")
         x, y, yaw = through[0]
         states, kinds = [(x, y, yaw)], []
 
@@ -240,10 +240,10 @@ class Trajectory:
     def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
         try:
             moments = np.atleast_1d(np.asarray(t, float))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             moments = np.array([np.nan])
         if moments.ndim > 1 or np.isnan(moments).any():
-            raise OptionError(f"expected a time in s, or times (N,), all numbers, got {t!r:.80}")
+            raise OptionError(f"expected a time in s, or times (N,), all numbers, got {shown(t)}")
         moments = np.clip(moments, 0.0, self.duration)
         names = self.states.names
         value = {name: np.full(moments.shape, getattr(self.states, name)[0]) for name in names}

@@ -30,6 +30,7 @@ from hpop.history import History
 from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import Motions, missing
 from hpop.registry import criteria, made
+from hpop.text import shown
 from hpop.trajectory import Trajectory, batches
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     if not isinstance(spec, type) and isinstance(spec, Criterion):
         return spec
     raise CriterionError(
-        f"a criterion is a name or an instance such as Turns(), got {spec!r}; declare a class with @hpop.criterion"
+        f"a criterion is a name or an instance such as Turns(), got {shown(spec)}; declare a class with @hpop.criterion"
     )
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontError, UnknownColumnError
+from hpop.text import shown
 
 # Scaled values are of order one; differences below this are rounding.
 TIE = 1e-12
@@ -27,6 +28,7 @@ TIE = 1e-12
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # Weight of the sum in the augmented Chebyshev function: small beside the maximum, enough to break its ties.
 AUGMENTATION = 1e-4
+MOST_LETTERS = 100  # of a name that is compared with others
 
 
 def column_index(name: str, names: Sequence[str]) -> int:
@@ -35,20 +37,22 @@ def column_index(name: str, names: Sequence[str]) -> int:
     >>> column_index("length", ["turns", "length"])
     1
     """
+    if not isinstance(name, str):
+        raise UnknownColumnError(f"a criterion is given by its name, one of {', '.join(names)}, got {shown(name)}")
     if name in names:
         return list(names).index(name)
-    near = difflib.get_close_matches(str(name), names, n=1)
+    near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
-    raise UnknownColumnError(f"the front has no {name!r}; known: {', '.join(names)}.{hint}")
+    raise UnknownColumnError(f"the front has no {shown(name)}; known: {', '.join(names)}.{hint}")
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
     """Return the values of a mapping, refusing an empty one and anything but finite numbers."""
     if not isinstance(values, Mapping) or not values:
-        raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {values!r:.80}")
+        raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {shown(values)}")
     for name, value in values.items():
         if not isinstance(value, Real) or not math.isfinite(value):
-            raise FrontError(f"{what} must be finite numbers, got {value!r:.80} for {name!r}")
+            raise FrontError(f"{what} must be finite numbers, got {shown(value)} for {shown(name)}")
     return np.array([float(value) for value in values.values()])
 
 

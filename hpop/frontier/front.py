@@ -17,6 +17,7 @@ from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quant
 from hpop.frontier.errors import FrontError, FrontFileError
 from hpop.frontier.point import Point
 from hpop.frontier.strict_json import plain
+from hpop.text import shown
 
 T = TypeVar("T")
 
@@ -91,7 +92,7 @@ class Front(Generic[T]):
         for name, shape in (("costs", (n, k)), ("quanta", (k,)), ("reported", (n, r))):
             array = _floats(getattr(self, name), shape)
             if array.shape != shape or not np.isfinite(array).all():
-                raise ValueError(f"expected {name} of shape {shape}, all finite, got {array!r:.400}")
+                raise ValueError(f"expected {name} of shape {shape}, all finite, got {shown(array)}")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         integers = quantised(self.costs, self.quanta)
@@ -235,8 +236,9 @@ provenance, problem, runs
 
         Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
         """
-        if isinstance(order, str) or not isinstance(order, Sequence) or len(set(order)) != len(order) or not order:
-            raise FrontError(f"expected a list of distinct criteria, got {order!r:.80}")
+        named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
+        if isinstance(order, str) or not named or len(set(order)) != len(order):
+            raise FrontError(f"expected a list of distinct criteria, got {shown(order)}")
         columns = [choosing.column_index(name, self.names) for name in order]
         return self[choosing.lexicographic(self._counts(), columns)]
 
@@ -386,4 +388,4 @@ def _as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
     try:
         return cast(dict[str, Any], plain(dict(value)))
     except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{what} must be a dict of JSON values, got {value!r:.200} ({error})") from error
+        raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error

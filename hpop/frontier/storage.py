@@ -24,6 +24,7 @@ from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontFileError
 from hpop.frontier.strict_json import parse, pieces
 from hpop.regular_file import read_regular
+from hpop.text import shown
 
 SCHEMA = "hpop-front"
 VERSION = 2
@@ -140,7 +141,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 def checked_path(path: object) -> Path:
     """Return a path, or refuse what is none."""
     if not isinstance(path, str | os.PathLike):
-        raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {path!r:.80}")
+        raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {shown(path)}")
     return Path(path)
 
 

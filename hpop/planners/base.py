@@ -18,6 +18,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
 from hpop.registry import made, planners
 from hpop.status import ProgressCallback, Status
+from hpop.text import shown
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -146,13 +147,13 @@ def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) ->
     if isinstance(spec, str):
         return cast(Planner, made(planners, {spec: options}))
     if options:
-        raise OptionError(f"options {sorted(options)} go into the planner {spec!r:.200} itself")
+        raise OptionError(f"options {sorted(options)} go into the planner {shown(spec)} itself")
     if isinstance(spec, Mapping):
         return cast(Planner, made(planners, spec))
     if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
         raise OptionError(
             f"a planner is a name, one name with its options such as {{'lattice': {{'step': 0.5}}}}, or an object with "
-            f"solve(problem), got {spec!r:.200}"
+            f"solve(problem), got {shown(spec)}"
         )
     return spec
 

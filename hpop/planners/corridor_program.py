@@ -29,6 +29,7 @@ from hpop.models.collision import TOUCH
 from hpop.motions import States
 from hpop.planners.corridor import Corridor, HalfPlanes
 from hpop.planners.vertices import Polyline
+from hpop.text import shown
 from hpop.world import World
 from hpop.world.planar import FreeSpace
 
@@ -269,10 +270,10 @@ def _cvxpy() -> Any:
 def solvers_from(first: str) -> tuple[str, ...]:
     """The solver asked for, then all others that are installed; raises OptionError if it is not."""
     installed = _cvxpy().installed_solvers()
-    if first not in installed:
+    if not isinstance(first, str) or first not in installed:
         raise OptionError(
-            f"the solver is one that cvxpy has here: {', '.join(installed)}; got {first!r}. Install it, or take one of "
-            "these."
+            f"the solver is one that cvxpy has here: {', '.join(installed)}; got {shown(first)}. Install it, or take "
+            "one of these."
         )
     return (first, *(name for name in installed if name != first))
 

@@ -25,6 +25,7 @@ from hpop.planners.polyline_motions import Pieces, sparse
 from hpop.planners.treatable import on_symbols
 from hpop.planners.vertices import Polyline, Structure
 from hpop.symbols import lift
+from hpop.text import shown
 from hpop.world import World
 
 if TYPE_CHECKING:
@@ -81,7 +82,9 @@ class PolylineProgram:
         for criterion in self.criteria:
             refuse_unsmooth(criterion)
         if not 0 <= self.minimise < len(self.criteria):
-            raise OptionError(f"minimise is the place of one of {len(self.criteria)} criteria, got {self.minimise!r}")
+            raise OptionError(
+                f"minimise is the place of one of {len(self.criteria)} criteria, got {shown(self.minimise)}"
+            )
 
     @cached_property
     def _world(self) -> World:

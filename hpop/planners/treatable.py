@@ -14,6 +14,7 @@ from hpop.motions import Motions, States
 from hpop.planners.nlp import SparseWorld, vector
 from hpop.planners.outcome import ALONE
 from hpop.symbols import SymbolicMotions
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -57,7 +58,7 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
     smooth = [criterion.name for criterion in criteria if criterion.smooth]
     if name not in smooth:
         raise OptionError(
-            f"minimise is one of the smooth costs ({', '.join(smooth)}), got {name!r}.{did_you_mean(name, smooth)}"
+            f"minimise is one of the smooth costs ({', '.join(smooth)}), got {shown(name)}.{did_you_mean(name, smooth)}"
         )
     return names.index(name)
 

@@ -11,6 +11,7 @@ from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Planner, make_planner, sweeps
 from hpop.registry import planners
 from hpop.status import ProgressCallback
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -28,15 +29,15 @@ def warm_planner(spec: WarmStart, *, step: float, headings: int, time_limit: flo
     """
     if isinstance(spec, Mapping):
         if len(spec) != 1:
-            raise OptionError(f"warm_start is one planner with its options, got {spec!r}")
+            raise OptionError(f"warm_start is one planner with its options, got {shown(spec)}")
         ((name, own),) = spec.items()
         if not isinstance(own, Mapping | None):
-            raise OptionError(f"warm_start gives the options of {name!r} by their names, got {own!r}")
+            raise OptionError(f"warm_start gives the options of {shown(name)} by their names, got {shown(own)}")
         shared: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     elif isinstance(spec, str):
         name, own, shared = spec, {}, {"step": step, "headings": headings, "time_limit": time_limit}
     else:
-        raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {spec!r}")
+        raise OptionError(f"warm_start is the name of a planner, or {{name: options}}, got {shown(spec)}")
     known = {option.name for option in dataclasses.fields(planners[name])}
     return make_planner(name, {option: v for option, v in shared.items() if option in known} | dict(own or {}))
 

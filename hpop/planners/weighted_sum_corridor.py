@@ -73,7 +73,7 @@ class WeightedSumCorridor:
     def __post_init__(self) -> None:
         Budget(self.time_limit)
         self._warm_planner(None)
-        if self.solver != SOLVER:
+        if not (isinstance(self.solver, str) and self.solver == SOLVER):
             solvers_from(self.solver)
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 

@@ -25,7 +25,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
-from hpop.text import printable
+from hpop.text import printable, shown
 from hpop.trajectory import Trajectory
 
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
@@ -181,7 +181,7 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
     names: dict[int, list[str]] = {}
     for name, row in chosen.items():
         if not 0 <= row < len(front):
-            raise OptionError(f"chosen[{name!r}] must be a row of the front, 0 to {len(front) - 1}; got {row!r}")
+            raise OptionError(f"chosen[{name!r}] must be a row of the front, 0 to {len(front) - 1}; got {shown(row)}")
         names.setdefault(int(row), []).append(printable(name))
     looks = zip(cycle(COLOURS), cycle(DASHES), cycle(MARKERS), strict=False)
     return tuple(Mark(tuple(names[row]), row, *look) for row, look in zip(names, looks, strict=False))

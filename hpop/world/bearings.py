@@ -17,6 +17,7 @@ from shapely.geometry import MultiPolygon
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
+from hpop.text import shown
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import PAD, Field, grid_points
@@ -158,7 +159,9 @@ def as_seen(world: World, heights: Heights) -> World:
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
     """Return the distances along ``count`` bearings at height z, m; computed once a world and height."""
     if not (math.isfinite(z) and count >= 4):
-        raise OptionError(f"bearings need a finite height and at least 4 directions; got z={z!r}, count={count!r}.")
+        raise OptionError(
+            f"bearings need a finite height and at least 4 directions; got z={shown(z)}, count={shown(count)}."
+        )
 
     def make() -> Bearings:
         solid, walled = world.solid(z, z), _is_walled(world, (z, z))

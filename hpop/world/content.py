@@ -7,7 +7,7 @@ the robot like a column of its radius; one who moves is where :meth:`Person.at` 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -48,9 +48,11 @@ class Person:
 
     def __post_init__(self) -> None:
         what = _named("person", self.name)
-        if not isinstance(self.velocity, Sequence | np.ndarray) or len(self.velocity) != 2:
-            raise MapError(f"{what} needs a velocity (x, y), m/s; got {shown(self.velocity)}.")
-        object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in self.velocity))
+        try:
+            x, y = self.velocity
+        except (TypeError, ValueError):
+            raise MapError(f"{what} needs a velocity (x, y), m/s; got {shown(self.velocity)}.") from None
+        object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in (x, y)))
         _set_numbers(self, what, "x", "y", "yaw", "radius")
         _check_radians(what, "yaw", self.yaw)
         if not self.radius >= LEAST:
@@ -109,8 +111,9 @@ class Zone:
     name: str = ""
 
     def __post_init__(self) -> None:
-        what = _named(f"{self.kind} zone" if self.kind in get_args(ZoneKind) else "zone", self.name)
-        if self.kind not in get_args(ZoneKind):
+        known = isinstance(self.kind, str) and self.kind in get_args(ZoneKind)
+        what = _named(f"{self.kind} zone" if known else "zone", self.name)
+        if not known:
             raise MapError(f"{what}: kind must be one of {', '.join(get_args(ZoneKind))}; got {shown(self.kind)}.")
         if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty:
             raise MapError(f"{what} needs a polygon as its area; got {shown(self.area)}.")
@@ -151,7 +154,10 @@ class Content:
         kinds = {"people": Person, "groups": Iterable, "landmarks": Landmark, "zones": Zone}
         for name, kind in kinds.items():
             given = getattr(self, name)
-            items = tuple(given) if isinstance(given, Iterable) else None
+            try:
+                items = tuple(given)
+            except TypeError:
+                items = None
             if items is None or not all(isinstance(item, kind) for item in items):
                 each = "a list of places in people" if kind is Iterable else f"a {kind.__name__}"
                 raise MapError(f"{name} must be a list, each {each}; got {shown(given)}.")

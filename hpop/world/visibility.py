@@ -25,6 +25,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
+from hpop.text import shown
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
 from hpop.world.sampling import MAX_HEIGHTS
@@ -149,7 +150,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     ray more or less at the edge of a gap changes the share by at most 1/360.
     """
     if not (math.isfinite(radius) and radius > 0):
-        raise OptionError(f"the radius of an isovist must be a finite length above 0 m; got {radius!r}.")
+        raise OptionError(f"the radius of an isovist must be a finite length above 0 m; got {shown(radius)}.")
     key = ("openness", world._active((camera_z, camera_z)), float(radius))
     return world._cached(key, lambda: _sample_openness(world, float(camera_z), float(radius)))
 

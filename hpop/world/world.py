@@ -128,7 +128,7 @@ class World:
         >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
         array([1. , 0.5, 0. ])
         """
-        if not isinstance(obstacles, Iterable):
+        if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
             raise MapError(
                 f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets."
             )
@@ -234,7 +234,7 @@ class World:
         """Which obstacles, and whether the raster, overlap a height range: the key of all cached geometry."""
         low, high = float(z[0]), float(z[1])
         if not low <= high:
-            raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {z!r}.")
+            raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
         prisms = tuple(i for i, o in enumerate(self.obstacles) if overlaps(o.heights, (low, high)))
         return prisms, self.raster is not None and overlaps(self.raster.heights, (low, high))
 
@@ -291,7 +291,7 @@ class World:
     ) -> BoolArray:
         """Whether each segment (M,) stays in the extent and ``margin`` (m, within 1e-9) off all blocked."""
         if not margin >= 0:
-            raise OptionError(f"margin must be a distance of at least 0 m; got {margin!r}.")
+            raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
         columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
         ends = [np.ravel(c) for c in np.broadcast_arrays(*columns)]
         return self.free_space(z).segments_free(ends[0], ends[1], ends[2], ends[3], float(margin))
@@ -366,9 +366,9 @@ class World:
         than the radius; see `Field` for the general statement.
         """
         if not (math.isfinite(radius) and radius > 0):
-            raise OptionError(f"radius must be a finite length above 0 m; got {radius!r}.")
+            raise OptionError(f"radius must be a finite length above 0 m; got {shown(radius)}.")
         if not math.isfinite(z):
-            raise OptionError(f"a camera height must be finite; got {z!r}.")
+            raise OptionError(f"a camera height must be finite; got {shown(z)}.")
         z = z if self.has_heights else 0.0
         return self._cached(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 

@@ -22,6 +22,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.planners.search.approximation import ANYTHING
 from hpop.planners.search.graph import MAX_SUM, Graph
+from hpop.text import shown
 
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
 MARGIN = 1e-12  # by which rates are larger than their floats: far more than sums of their products are rounded by
@@ -49,13 +50,13 @@ class Limits:
         means could overflow.
         """
         if not (cap is None or _is_count(cap)):
-            raise OptionError(f"cap must be a whole number >= 0 of the duration's quanta, got {cap!r}")
+            raise OptionError(f"cap must be a whole number >= 0 of the duration's quanta, got {shown(cap)}")
         bounds = list(at_most) or [None] * graph.criteria
         fit = len(bounds) == graph.criteria and all(b is None or _is_count(b) for b in bounds)
         if not fit or any(bounds[j] is not None for j in columns[:OTHERS]):
             raise OptionError(
                 f"at_most is a whole number >= 0 or None for each of {graph.criteria} costs, None for the integral and "
-                f"the duration, which cap bounds; got {at_most!r}"
+                f"the duration, which cap bounds; got {shown(at_most)}"
             )
         most = np.array([ANYTHING if bounds[j] is None else min(bounds[j], ANYTHING) for j in columns], np.int64)
         rates = np.zeros(len(columns))
