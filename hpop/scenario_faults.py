@@ -38,6 +38,10 @@ EXPECTED = {
     "model_type": "keys with values",
 }
 """What pydantic's kinds of fault expect, in the words of this file."""
+MOST_FAULTS = 20
+"""Faults that are told one by one."""
+MOST_COMPARED = 500
+"""Faults of one part of a file that are looked at: each is compared with the others."""
 DEGREES = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
 T = TypeVar("T")
 
@@ -65,7 +69,9 @@ class Faults:
         errors = [error for _, error in sorted(self._found, key=lambda fault: fault[0])]
         kinds = {type(error) for error in errors}
         kind = kinds.pop() if len(kinds) == 1 else ScenarioError
-        raise kind("\n".join(dict.fromkeys(map(str, errors))))
+        texts = list(dict.fromkeys(map(str, errors)))
+        more = [f"and at least {len(texts) - MOST_FAULTS:,} more faults"] if len(texts) > MOST_FAULTS else []
+        raise kind("\n".join([*texts[:MOST_FAULTS], *more]))
 
     @contextmanager
     def collected(self, place: Place) -> Iterator[None]:
@@ -82,7 +88,7 @@ class Faults:
         try:
             return schema.model_validate_json(json.dumps(values))
         except ValidationError as error:
-            details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()]
+            details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()[:MOST_COMPARED]]
         places = [where for where, _ in details]
         for where in dict.fromkeys(places):
             below = any(other[: len(where)] == where != other for other in places)

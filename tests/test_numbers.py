@@ -1,6 +1,7 @@
 """No number of a scenario ends in a traceback or goes on for ever: each is bounded where a value is made."""
 
 import math
+import time
 from contextlib import suppress
 
 import numpy as np
@@ -97,6 +98,21 @@ def test_no_number_of_a_world_or_robot_ends_in_a_traceback(value):
 def test_a_world_beyond_the_earth_is_refused():
     with pytest.raises(HpopError, match=r"within 100,000,000 m of the origin"):
         World.from_polygons([shapely.box(0, 0, 1e9, 1)])
+
+
+def test_coordinates_that_multiply_to_nothing_are_refused():
+    with pytest.raises(HpopError, match=r"coordinate of 4.94066e-324 m.*write 0"):
+        World.from_polygons([], extent=shapely.Polygon([(0, 0), (5e-324, 0), (3, 2), (0, 2)]))
+
+
+def test_thousands_of_faults_are_told_by_the_first_in_a_moment(tmp_path):
+    text = "world: {polygons: {obstacles: [], extent: [" + "[a], " * 5000 + "]}}\n"
+    (tmp_path / "scenario.yaml").write_text(text + "start: [1, 1, 0]\ngoal: [2, 2, 0]\ncriteria: [length]\n")
+    began = time.process_time()
+    with pytest.raises(HpopError, match=r"and at least [0-9,]+ more faults") as caught:
+        load_scenario(tmp_path / "scenario.yaml")
+    assert len(str(caught.value).splitlines()) == 21
+    assert time.process_time() - began < 5
 
 
 def test_as_many_processes_as_no_machine_has_are_refused():

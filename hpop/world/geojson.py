@@ -157,7 +157,8 @@ def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], not
 
 def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> BaseGeometry:
     """From the file's units to metres; `MapError` where no building lies."""
-    placed = shapely.transform(geometry, lambda points: (points - origin) * scale)
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = shapely.transform(geometry, lambda points: (points - origin) * scale)
     check_coordinates(placed, "a geometry, less the origin and times the scale,")
     return placed
 

@@ -20,6 +20,8 @@ from hpop.world.crossings import check_joinable
 
 MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
+VANISHING = 1e-100
+"""Coordinates below, m, multiply to 0 though they are not."""
 SMALLEST, LARGEST = 0.1, 1e6
 """Least and greatest longer side of a map that is read, m."""
 
@@ -65,9 +67,12 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry, what: str) -> None:
-    """Refuse a geometry that lies where no building does."""
-    if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST).all():
+    """Refuse a geometry that lies where no building does, or of coordinates whose products are no numbers any more."""
+    away = np.abs(shapely.get_coordinates(geometry))
+    if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
+    if (near := away[(away > 0) & (away < VANISHING)]).size:
+        raise MapError(f"{what} has a coordinate of {near[0]:g} m, which GEOS cannot multiply; write 0.")
 
 
 def check_positive(name: str, value: Any) -> float:

@@ -115,7 +115,7 @@ def test_a_name_is_text(thing):
         ({"kind": "one-way", "limit": None}, "needs a path"),
         ({"kind": "one-way", "limit": None, "path": shapely.LineString()}, "needs a path"),
         ({"kind": "one-way", "limit": None, "path": shapely.LineString([(1, 1), (1, 1)])}, "needs a path"),
-        ({"kind": "one-way", "limit": None, "path": shapely.LineString([(1, 1), (1, math.inf)])}, "needs a path"),
+        ({"kind": "one-way", "limit": None, "path": shapely.LineString([(1, 1), (1, math.inf)])}, "finite coordinates"),
         ({"kind": "one-way", "limit": None, "path": [(1, 1), (2, 2)]}, "needs a path"),
         ({"name": None}, "name must be text"),
     ],
