@@ -52,6 +52,8 @@ def described(progress: Progress) -> str:
 
     >>> described(Progress("search", labels=1_234_567, open=89, front=12, memory=345_000_000))
     'search  1,234,567 labels, 89 open, front 12, 345 MB'
+    >>> described(Progress("compiling", detail="advance, 9 of 10 parts of the search (once)"))
+    'compiling advance, 9 of 10 parts of the search (once)'
     """
     if not progress.labels:
         return f"{progress.stage} {progress.detail}".strip()
