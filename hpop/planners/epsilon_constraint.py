@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.errors import OptionError
+from hpop.errors import HpopWarning, OptionError
 from hpop.options import MOST_COUNTED, real, set_wholes
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
@@ -20,7 +21,7 @@ from hpop.planners.epsilon_job import PolylineJob, Task
 from hpop.planners.nlp import require_ipopt
 from hpop.planners.outcome import Outcome
 from hpop.planners.straightened import straightened
-from hpop.planners.trust import judge
+from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import Polyline
 from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -112,6 +113,7 @@ class EpsilonConstraint:
         first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
         warm, notes = _warm_starts(problem, roles, first)
         run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, warm, limits, self.divisions), began)
+        run.warn_of_tight_bounds()
         status = first.status
         if warm and status is not Status.INTERRUPTED:
             try:
@@ -172,6 +174,20 @@ class _Run:
                         return status
                     left = self._unanswered([cell for cell in left if cell not in wave])
         return Status.COMPLETE
+
+    def warn_of_tight_bounds(self) -> None:
+        """Say before any program runs which bounds no warm start keeps: nobody knows yet whether anything does."""
+        if not self.grid.warm:
+            return
+        ideal, limits, criteria = self.grid.costs.min(axis=0), self.grid.limits, self.job.roles.criteria
+        for j in np.flatnonzero(exceeds(ideal, limits, criteria)):
+            warnings.warn(
+                f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the least of the warm starts is "
+                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find nothing. Ctrl-C stops "
+                "them; a looser bound is sure to be kept",
+                HpopWarning,
+                stacklevel=3,
+            )
 
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
         """Cells that are still to be tried."""

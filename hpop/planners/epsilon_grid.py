@@ -15,9 +15,11 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.length import Length
 from hpop.errors import OptionError, did_you_mean
 from hpop.motions import States
 from hpop.planners.base import integral_of
+from hpop.planners.least_length import least_length
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import exceeds
 from hpop.planners.vertices import Polyline
@@ -80,7 +82,7 @@ class Roles:
                 f"epsilon bounds {', '.join(unknown)}, but the objectives are {', '.join(names)}.{''.join(hints)}"
             )
         limits = np.array([epsilon.get(name, np.inf) for name in names], float)
-        least = np.array([_least(criterion, problem) for criterion in self.criteria])
+        least = np.array([_least(c, problem) if c.name in epsilon else 0.0 for c in self.criteria])
         for j in np.flatnonzero(exceeds(least, limits, self.criteria)):
             unit = f" {self.criteria[j].unit}".removesuffix(" 1")
             raise OptionError(
@@ -92,6 +94,8 @@ class Roles:
 
 def _least(criterion: Criterion, problem: Problem) -> float:
     """The least that a criterion is known to cost between start and goal, whatever the way."""
+    if isinstance(criterion, Length):
+        return least_length(problem)
     bound = getattr(criterion, "bound", None)
     if bound is None:
         return 0.0

@@ -7,9 +7,10 @@ import casadi
 import pytest
 import shapely
 
-from hpop.errors import OptionError, QueryError, UnsupportedCriterion
+from hpop.errors import HpopWarning, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, make_planner
+from hpop.planners.least_length import least_length
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.world import World
@@ -79,25 +80,37 @@ def test_a_bound_on_a_mean_is_refused_with_what_stands_in_for_it():
         EpsilonConstraint(step=0.5, epsilon={"obstruction": 0.1}).solve(problem)
 
 
-def test_an_epsilon_below_the_ideal_is_infeasible_and_says_so():
-    candidates = EpsilonConstraint(step=0.5, epsilon={"length": 4.1}, max_points=6).solve(PAPER)
+def test_an_epsilon_below_the_ideal_is_told_before_programs_run_and_is_infeasible_and_says_so():
+    with pytest.warns(HpopWarning, match=r"epsilon bounds exposure by 0.01, but the least of the warm starts is"):
+        candidates = EpsilonConstraint(step=0.5, epsilon={"exposure": 0.01}, max_points=1).solve(PAPER)
     assert candidates.trajectories == ()
-    ideal = Lattice(step=0.5).solve(PAPER).planned[:, 2].min()
-    said = (
-        f"no polyline was found within epsilon {{'length': 4.1}}: the ideal of the warm starts is length {ideal:.4g} m"
-    )
-    assert said in candidates.notes
+    ideal = Lattice(step=0.5).solve(PAPER).planned[:, 0].min()
+    begin = "no polyline was found within epsilon {'exposure': 0.01}: the ideal of the warm starts is exposure "
+    (said,) = [note.removeprefix(begin) for note in candidates.notes if note.startswith(begin)]
+    assert float(said.removesuffix(" s")) == pytest.approx(ideal, rel=1e-3)
     assert any("infeasible" in note for note in candidates.notes)
     assert sum(candidates.stats["failed"].values()) > 0
 
 
-def test_an_epsilon_below_the_straight_way_is_refused_at_once(monkeypatch):
+def test_an_epsilon_below_the_shortest_way_round_obstacles_is_refused_at_once(monkeypatch):
     monkeypatch.setattr(Lattice, "solve", None)
-    with pytest.raises(OptionError, match=r"bounds length by 3.9 m, but no trajectory .* less than 4 m"):
+    with pytest.raises(OptionError, match=r"bounds length by 3.9 m, but no trajectory .* less than 4.58\d* m"):
         EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(PAPER)
     to_any = dataclasses.replace(PAPER, goal=(5, 2, None))
-    with pytest.raises(OptionError, match="less than 4 m"):
+    with pytest.raises(OptionError, match=r"less than 4.58\d* m"):
         EpsilonConstraint(step=0.5, epsilon={"length": 3.9}).solve(to_any)
+
+
+def test_the_least_length_is_that_of_the_taut_way_round_an_obstacle():
+    """Two tangents to circles about the corners of the box, arcs of these, and its side in between."""
+    taut = 3.3 - 2.9
+    for (x, y), (a, b) in (((1, 2), (2.9, 1.2)), ((5, 2), (3.3, 1.2))):
+        apart = math.hypot(x - a, y - b)
+        turned = math.atan2(y - b, abs(x - a)) + math.asin(0.25 / apart)
+        taut += math.sqrt(apart**2 - 0.25**2) + 0.25 * turned
+    assert taut - 1e-2 < least_length(PAPER) <= taut
+    assert least_length(PAPER) < PAPER.solve("any-angle", step=0.5).costs[:, 2].min()
+    assert least_length(dataclasses.replace(PAPER, goal=(1, 4, 0))) == 2.0
 
 
 def test_an_epsilon_that_can_be_kept_is_kept():
