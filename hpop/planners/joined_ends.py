@@ -177,11 +177,11 @@ class Joins:
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
     def trajectory(self, row: int) -> Trajectory:
-        """One of them, as a trajectory."""
+        """One of them, as a trajectory that is checked as part of a whole one."""
         kept = [i for i in range(len(KINDS)) if self.present[i][row]]
         corners = [self.corners[i] for i in (0, *(i + 1 for i in kept))]
         columns = {name: np.array([getattr(states, name)[row] for states in corners]) for name in ("x", "y", "yaw")}
-        return Trajectory(self.graph.model, States(**columns), tuple(KINDS[i] for i in kept))
+        return Trajectory.of_checked(self.graph.model, States(**columns), tuple(KINDS[i] for i in kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +315,8 @@ class JoinedEnds(StateGraph):
     def trajectory(self, ids: IntArray) -> Trajectory:
         """The trajectory through states (n+1,), the motions of joins written out."""
         inside = ids < self.inner.size
-        pieces = [self._join(*ids[i : i + 2].tolist()) for i in range(ids.size - 1) if not inside[i : i + 2].all()]
+        beside = np.flatnonzero(~(inside[1:] & inside[:-1])).tolist()
+        pieces = [self._join(*ids[i : i + 2].tolist()) for i in beside]
         if inside.any():
             pieces.insert(int(not inside[0]), self.inner.trajectory(ids[inside]))
         x, y, yaw = (

@@ -425,7 +425,7 @@ class GraphQuery:
         summed = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(summed, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
         blocked = (blocks or self._what_blocks(),) if paths.status is Status.NO_PATH else ()
-        origins = provenance or [{} for _ in nodes]
+        origins, options = provenance or [{} for _ in nodes], space.options
         return Candidates(
             objectives=objectives.optimised,
             trajectories=tuple(space.trajectory(n) for n in nodes),
@@ -434,7 +434,7 @@ class GraphQuery:
             status=paths.status,
             certificate=f"{name}: {claim}{objectives.certificate}",
             provenance=tuple(
-                {"planner": name, **space.options, "edges": int(n.size - 1), **origin}
+                {"planner": name, **options, "edges": int(n.size - 1), **origin}
                 for n, origin in zip(nodes, origins, strict=True)
             ),
             notes=(*objectives.notes, *self.notes, *blocked, *self._coarse(paths, rounds), *notes),
