@@ -188,16 +188,19 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
-        owner, weight, instants = self._quadrature(phase)
-        return np.bincount(owner, weight * rate(instants), minlength=len(self))
+        owner, u, weight, columns = self._quadrature(phase)
+        return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
 
-    def _quadrature(self, phase: Phase) -> tuple[IntArray, FloatArray, Instants]:
-        """Motion and weight of each node of a phase, and these moments: one for all criteria, with what they read."""
-        kept: dict[int, tuple[IntArray, FloatArray, Instants]] = self.__dict__.setdefault("_quadratures", {})
+    def _quadrature(self, phase: Phase) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
+        """What `_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.
+
+        Arrays alone are kept: moments refer to their motions, and would only be freed by a collection of garbage.
+        """
+        kept: dict[int, tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]]
+        kept = self.__dict__.setdefault("_quadratures", {})
         number = next(i for i, other in enumerate(self.phases) if other is phase)
         if number not in kept:
-            owner, u, weight = self._nodes(phase, GAUSS_NODES)
-            kept[number] = owner, weight, self._instants(phase, u, owner)
+            kept[number] = (*self._nodes(phase, GAUSS_NODES), {})
         return kept[number]
 
     def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
@@ -238,8 +241,11 @@ class Motions:
         panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
         return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
 
-    def _instants(self, phase: Phase, u: Column, owner: IntArray | None) -> Instants:
-        """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all of them."""
+    def _instants(
+        self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
+    ) -> Instants:
+        """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all; ``known`` takes states read."""
+        columns = {} if known is None else known
 
         def pick(column: Column) -> Column:
             return column if owner is None else column[owner]
@@ -249,9 +255,10 @@ class Motions:
         share = picked.share(u)
 
         def column(name: str) -> Column:
-            if name not in self.law.varies:
-                return getattr(start, name)
-            return self.law.interpolate(name, start, end, share)
+            if name not in columns:
+                varies = name in self.law.varies
+                columns[name] = self.law.interpolate(name, start, end, share) if varies else getattr(start, name)
+            return columns[name]
 
         @cache
         def share_rates() -> tuple[Column, Column]:

@@ -9,7 +9,7 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-LIMIT = 1_000_000_000
+LIMIT = 2_000_000_000
 """Bytes that a world keeps of what was derived from it."""
 
 
