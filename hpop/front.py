@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, cast
 
 from hpop import frontier
@@ -106,20 +107,18 @@ class Front(frontier.Front[Trajectory]):
         Raises FrontFileError when the file does not hold a front of trajectories.
         """
         stored = storage.read(path)
-        items = stored["items"]
-        found: Sequence[Any]
+        items: Sequence[Any] | dict[str, Any] = stored["items"]
         if decode is None or isinstance(items, dict):
             model = _stored_model(path, stored["problem"])
-            try:
-                found = _trajectories(model, items)
-            except (ModelError, ValueError) as error:
-                raise FrontFileError(f"{path}: {error}; plan again, or pass decode= for other items") from None
-            found = found if decode is None else [trajectory.describe() for trajectory in found]
-        else:
-            found = items
+        if isinstance(items, dict):
+            items = _trajectories(path, model, items)
+            if decode is not None:
+                items = [trajectory.describe() for trajectory in items]
+        elif decode is None:
+            decode = partial(Trajectory.from_description, model)
         if stored["problem"] is not None:
             stored["problem"] = _placed(found_from, path, stored["problem"])
-        return cls._of_stored(path, stored, found, decode)
+        return cls._of_stored(path, stored, items, decode)
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
@@ -133,11 +132,12 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
         ) from None
 
 
-def _trajectories(model: Model, items: list[Any] | dict[str, Any]) -> Sequence[Trajectory]:
-    """The trajectories of a file, as they are stored together, or one by one in files of version 1."""
-    if isinstance(items, dict):
+def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, Any]) -> tuple[Trajectory, ...]:
+    """The trajectories that are stored together."""
+    try:
         return MotionTable.from_description(model, items).trajectories()
-    return [Trajectory.from_description(model, item) for item in items]
+    except (ModelError, ValueError) as error:
+        raise FrontFileError(f"{path}: {error}; plan again, or pass decode= for other items") from None
 
 
 def _placed(

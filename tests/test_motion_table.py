@@ -144,6 +144,14 @@ def test_a_front_of_version_1_is_the_same_once_saved_again(tmp_path):
     assert np.array_equal(again.costs, front.costs)
 
 
+def test_a_trajectory_of_version_1_that_is_none_names_its_point(tmp_path):
+    document = json.loads((Path(__file__).parent / "frontier" / "version_1.json").read_text())
+    document["points"][1]["item"]["states"]["x"] = [0.0]
+    (tmp_path / "front.json").write_text(json.dumps(document))
+    with pytest.raises(FrontFileError, match=r"points\[1\] cannot be decoded \(ModelError"):
+        hpop.Front.load(tmp_path / "front.json")
+
+
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     """The document of a front whose trajectories turn, move, drive and stand still."""
