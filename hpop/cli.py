@@ -180,13 +180,11 @@ def plan(
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
             echo(f"going on from {checkpoint}")
-    with (
-        kernels_beside(loaded.planners, loaded.problem) as compiling,
-        _executor(workers, dask) as executor,
-        _stopping_told(),
-    ):
-        if compiling:
-            echo(COMPILING, err=True)
+    # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
+    compiling = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
+    if compiling:
+        echo(COMPILING, err=True)
+    with _executor(workers, dask) as executor, _stopping_told():
         fronts, first = _solved(loaded, out, executor, imports, waits=compiling)
     front = fronts[-1]
     report.print_front(loaded.problem, front, saved=out / SAVED)

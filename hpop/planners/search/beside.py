@@ -81,7 +81,7 @@ class _Process:
 
 @contextmanager
 def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
-    """Compile the kernels of a search beside what is done in a ``with``; tells whether the search has to wait for any.
+    """Compile the kernels of a search beside what is done in a ``with``, unless they are kept; tells whether.
 
     turns  the cost that counts turns, -1 for none
     """
@@ -90,13 +90,13 @@ def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
 
     longest = main_kernel(aggregates, turns)
     first = longest if "max" in aggregates else weighted_path
-    if can_be_kept(longest) and not (is_kept(longest) and is_kept(first)):
+    if can_be_kept(longest) and not is_kept(longest):
         with suppress(OSError):  # where no process can be had, this one compiles
             count = 2 if (os.cpu_count() or 1) > 2 else 1
             _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
             _first.append(first)
     try:
-        yield bool(_first) and not is_kept(longest)
+        yield bool(_first)
     finally:
         _first.clear()
         while _processes:
