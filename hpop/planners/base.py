@@ -95,16 +95,21 @@ def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
     """What is found once a stage is done: its candidates and those of the stages before.
 
-    A final answer covers these in all that it optimised, so it is joined with them only where criteria filter: in one
-    that was only evaluated, an earlier path may be better.
+    With a final answer only those that it does not cover: where it is within a precision, or where criteria filter, in
+    which an earlier path may be better.
     """
-    if before is None or not before.trajectories or (now.status.is_final and not now.filters):
+    if before is None or not before.trajectories:
         return now
+    final = now.status.is_final
     known = {_driven(trajectory) for trajectory in now.trajectories}
     new = [i for i, trajectory in enumerate(before.trajectories) if _driven(trajectory) not in known]
+    if final and not now.filters:
+        new = [i for i in new if not (now.planned <= before.planned[i]).all(axis=1).any()]
+    if final and not new:
+        return now
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
     what = f" ({', '.join(stages)})" if stages else ""
-    better = f", which may be better in {', '.join(c.name for c in now.filters)}" if now.status.is_final else ""
+    better = f", which may be better in {', '.join(c.name for c in now.filters)}" if final and now.filters else ""
     return replace(
         now,
         trajectories=now.trajectories + tuple(before.trajectories[i] for i in new),

@@ -1,4 +1,4 @@
-"""Criteria with memory only filter what was found: no stage of a planner loses what an earlier one had of them."""
+"""No stage of a planner loses what an earlier one had, in criteria that only filter or within a precision."""
 
 from __future__ import annotations
 
@@ -64,6 +64,21 @@ def test_the_least_of_what_was_only_evaluated_is_called_the_least_of_those_found
         "lattice", step=0.5
     )
     assert searched.evaluated == ()
+
+
+def test_a_last_stage_within_a_precision_keeps_what_is_better_than_its_own():
+    asked = Problem(
+        WORLD, hpop.DifferentialDrive(radius=0.25), (1.0, 1.0, 0.0), (6.0, 4.0, None), ["exposure", "turns", "length"]
+    )
+    planner = Lattice(step=0.5, eps=0.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lattice_stages, "QUICK", 60.0)
+        patch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+        stages: list[Front] = []
+        (last,) = asked.fronts([planner], stage=stages.append)
+    for row in stages[-1].costs:
+        assert (last.costs <= row + 1e-9).all(axis=1).any()
+    assert len(last) > len(asked.front(planner.solve(asked)))
 
 
 def test_what_is_evaluated_is_kept_with_the_front(fronts, tmp_path):
