@@ -51,7 +51,9 @@ def run(tmp_path_factory: pytest.TempPathFactory, write_map) -> Run:
     (folder / "ipopt.opt").write_text("output_file ran-ipopt\n")
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-P", "-c", "from hpop.entry import main; main()"]
+    script = tmp_path_factory.mktemp("bin") / "hpop"  # as it is installed: Python looks in the script's own folder
+    script.write_text("from hpop.entry import main\n\nif __name__ == '__main__':\n    main()\n")
+    command = [sys.executable, script]
     arguments = ["plan", "room.yaml", "--out", "out", "--workers", "2"]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
     done = subprocess.run([*command, *arguments], cwd=folder, stdout=writer, stderr=subprocess.PIPE, env=environment)
