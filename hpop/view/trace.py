@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import ScaledTranslation
 
 from hpop.arrays import FloatArray
 from hpop.problem import Problem
@@ -32,6 +34,7 @@ from hpop.view.style import (
 SAMPLES = 3000  # of the speeds
 PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
 TURN = "#e6e6e6"
+DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and what else is between a panel and its name
 
 
 @plain
@@ -71,7 +74,7 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         axes.tick_params(labelsize=SMALL)
     panels[0].set_xlim(0.0, max(trajectory.duration, executed.duration) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
-    figure.align_ylabels(panels)
+    _align_names(figure, panels.tolist())
     figure.suptitle(
         f"Along {name}: planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s",
         fontsize=LARGE,
@@ -130,6 +133,15 @@ def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = Fal
     axes.set_title(text, fontsize=SMALL, color=QUIET, loc="left", pad=2)
     whole_ticks(axes.yaxis, counts, most=4)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _align_names(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Put the names of the panels in line: as `align_ylabels`, which measures the ticks of all panels for each."""
+    ticks = [axes.yaxis.get_major_formatter().format_ticks(axes.yaxis.get_majorticklocs().tolist()) for axes in panels]
+    room = GAP + DIGIT * max(len(text) for texts in ticks for text in texts)
+    beside = ScaledTranslation(-room / 72.0, 0.0, figure.dpi_scale_trans)
+    for axes in panels:
+        axes.yaxis.set_label_coords(0.0, 0.5, transform=axes.transAxes + beside)
 
 
 def _shade_turns(axes: Axes, trajectory: Trajectory) -> None:
