@@ -289,18 +289,15 @@ def _bounds(graph: Graph, at_most: Sequence[int | None]) -> tuple[int, ...]:
 
 
 def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
-    return Precision(eps, tuple(_one_a_cost(graph, tolerance, "tolerance", "a whole number")))
+    return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number"))
 
 
-def _one_a_cost(graph: Graph, values: Any, name: str, kind: str) -> Sequence[Any]:
+def _one_a_cost(graph: Graph, values: Any, name: str, kind: str) -> tuple[Any, ...]:
     """What is given for each cost, or for none of them."""
-    if (
-        not isinstance(values, Sequence | np.ndarray)
-        or isinstance(values, str)
-        or len(values) not in (0, graph.criteria)
-    ):
+    several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str)
+    if not several or len(values) not in (0, graph.criteria):
         raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
-    return values
+    return tuple(values)
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
