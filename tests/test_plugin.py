@@ -21,7 +21,7 @@ from hpop.errors import MapError, UnknownName
 from hpop.registry import readers
 from hpop.world import World
 from hpop.world.readers import read_world
-from tests.warm import Warm
+from tests.warm import UNDRAWN, Warm
 
 INSTALLED = importlib.util.find_spec("hpop_example_plugin") is not None
 PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
@@ -54,7 +54,7 @@ def hpop(warm: Warm) -> Hpop:
     """Run the command line in a process of its own: of the new environment, or of this one without the plugin."""
 
     def hpop(*arguments: str | Path, fresh: Warm | None = None, cwd: Path) -> CompletedProcess[str]:
-        return (fresh or warm).run(*arguments, cwd=cwd, environment={"COLUMNS": "200"})
+        return (fresh or warm).run(*arguments, cwd=cwd, code=UNDRAWN, environment={"COLUMNS": "200"})
 
     return hpop
 

@@ -23,6 +23,13 @@ from pathlib import Path
 from typing import IO, Any
 
 COMMAND = "from hpop.entry import main; main()"
+#: `hpop plan`, but that no process is left to draw what it has found: seconds of work.
+UNDRAWN = """\
+import hpop.pictures
+hpop.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
+from hpop.entry import main
+main()
+"""
 
 
 class Process:

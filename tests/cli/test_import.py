@@ -11,7 +11,7 @@ import pytest
 
 from hpop.front import Front
 from hpop.pictures import PicturesBeside
-from tests.warm import Warm
+from tests.warm import UNDRAWN, Warm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 WAY = """\
@@ -50,7 +50,8 @@ def hpop(warm: Warm) -> Hpop:
 
     def hpop(*arguments: object, cwd: Path, path: Path | None = None) -> CompletedProcess[str]:
         looked_in = os.pathsep.join(filter(None, [str(path or ""), os.environ.get("PYTHONPATH", "")]))
-        done = warm.run(*arguments, cwd=cwd, environment={"COLUMNS": "200", "PYTHONPATH": looked_in})
+        environment = {"COLUMNS": "200", "PYTHONPATH": looked_in}
+        done = warm.run(*arguments, cwd=cwd, code=UNDRAWN, environment=environment)
         assert "Traceback" not in done.stderr
         return done
 
@@ -79,7 +80,7 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     shown = hpop("show", "out", "--import", mine / "ways.py", cwd=room)
     assert (shown.returncode, "verified" in shown.stdout) == (0, True), shown.stderr
 
-    (room / "out" / "map.png").unlink()
+    (room / "out" / "map.png").unlink()  # that `show` has drawn
     with PicturesBeside(room / "out", [str(mine / "ways.py")]) as pictures:
         pictures.start()
         assert pictures._process is not None

@@ -17,15 +17,7 @@ import pytest
 import yaml
 
 from hpop.front import Front
-from tests.warm import Process, Warm
-
-# `hpop plan`, but that no process is left to draw what it has found.
-UNDRAWN = """\
-import hpop.pictures
-hpop.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
-from hpop.entry import main
-main()
-"""
+from tests.warm import UNDRAWN, Process, Warm
 
 
 def until(terminal: int, pattern: bytes) -> bytes:
