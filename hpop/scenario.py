@@ -65,6 +65,7 @@ from hpop.world import World, geojson_content
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.readers import read_world
+from hpop.world.shapes import check_coordinates
 from hpop.yaml_lines import Document, Place
 
 
@@ -238,6 +239,8 @@ def _bare_world(section: WorldSection, folder: Path) -> World:
         case given:
             prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
             closed = [shapely.Polygon(corners) for corners in given.keep_out]
+            for polygon in closed:
+                check_coordinates(polygon, "keep_out")
             check_joinable(closed, "keep_out")
             return World.from_polygons(
                 prisms,

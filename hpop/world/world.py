@@ -81,10 +81,10 @@ class World:
         for name, shape in (("extent", extent), ("keep_out", self.keep_out)):
             if not isinstance(shape, Polygon | MultiPolygon):
                 raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(shape)}.")
+            check_coordinates(shape, name)
             check_joinable([shape], name)
             if not shape.is_valid:
                 raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(shape)}.")
-            check_coordinates(shape, name)
         areas = [zone.area for zone in self.content.zones]
         check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
         object.__setattr__(self, "extent", extent)
