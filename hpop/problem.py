@@ -14,6 +14,7 @@ from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, mak
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
+from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
 from hpop.math import not_radians
 from hpop.models import DifferentialDrive
@@ -197,6 +198,12 @@ class Problem:
         means = [c for c in self.criteria if c not in objectives]
         costs = trajectory_costs(objectives, candidates.trajectories, self.world)
         reported = trajectory_costs(means, candidates.trajectories, self.world)
+        for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
+            if most > MAX_QUANTA * criterion.quantum:
+                raise CriterionError(
+                    f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, more quanta of "
+                    f"{criterion.quantum:g} than a double tells apart; take a coarser quantum, or shorter motions"
+                )
         optimised = costs[:, : len(candidates.objectives)]
         off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
         certificate = candidates.certificate

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from hpop import DifferentialDrive, Problem, World
-from hpop.errors import HpopError, OptionError, QueryError
+from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.planners import Lattice
 from hpop.planners.search.approximation import ANYTHING, thinned
 from hpop.planners.search.covered import least_covered
@@ -98,6 +98,18 @@ def test_no_number_of_a_world_or_robot_ends_in_a_traceback(value):
 def test_a_world_beyond_the_earth_is_refused():
     with pytest.raises(HpopError, match=r"within 100,000,000 m of the origin"):
         World.from_polygons([shapely.box(0, 0, 1e9, 1)])
+
+
+def test_a_world_longer_than_any_country_is_refused():
+    with pytest.raises(HpopError, match=r"the world is 1e\+07 x 1 m; expected metres, at most 1,000,000 across"):
+        World.from_polygons([shapely.box(0, 0, 1e7, 1)])
+
+
+def test_a_cost_of_more_quanta_than_a_double_tells_apart_names_its_criterion():
+    world = World.from_polygons([], extent=shapely.box(-5e4, -5e4, 5e4, 5e4))
+    asked = Problem(world, DifferentialDrive(), (-25e3, 0, 0), (25e3, 0, None), ["length", "smoothness"])
+    with pytest.raises(CriterionError, match=r"smoothness costs .*e\+1\d .* quanta of 1e-06 than a double tells apart"):
+        asked.solve("lattice", step=12_500)
 
 
 def test_coordinates_that_multiply_to_nothing_are_refused():

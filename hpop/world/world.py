@@ -23,7 +23,7 @@ from hpop.world.crossings import check_joinable
 from hpop.world.field import Field
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
-from hpop.world.shapes import Obstacle, Raster, check_coordinates, check_heights, check_prisms, overlaps
+from hpop.world.shapes import LARGEST, Obstacle, Raster, check_coordinates, check_heights, check_prisms, overlaps
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -85,6 +85,12 @@ class World:
             check_joinable([shape], name)
             if not shape.is_valid:
                 raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(shape)}.")
+        x_min, y_min, x_max, y_max = extent.bounds
+        if max(x_max - x_min, y_max - y_min) > LARGEST:
+            raise MapError(
+                f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m; expected metres, at most "
+                f"{LARGEST:,.0f} across."
+            )
         areas = [zone.area for zone in self.content.zones]
         check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
         object.__setattr__(self, "extent", extent)
