@@ -126,7 +126,7 @@ def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) ->
         planned=np.zeros((0, costs)),
         tolerance=np.zeros((0, costs)),
         status=stop.status,
-        certificate=f"{name}: incomplete ({stop.status}): nothing was searched",
+        certificate=f"{name}: incomplete ({stop.status}): its graph was not built, so nothing was searched",
         provenance=(),
         notes=(
             *objectives.notes,
