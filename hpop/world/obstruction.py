@@ -21,6 +21,8 @@ from hpop.world.shapes import Obstacle, Raster, overlaps
 
 NOISE = 1e-9
 """Rounding of the FFT: values below are 0."""
+BLOCK = 256
+"""Polygons whose neighbours are looked for together."""
 ROUNDING = 1e-12
 """Rounding of the closed form: values below are 0."""
 
@@ -174,15 +176,17 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
     """Group the indices of the polygons by who touches whom."""
     if not polygons:
         return []
-    a, b = shapely.STRtree(polygons).query(polygons, predicate="intersects")
-    label = np.arange(len(polygons))  # the least index that each is known to be joined with
-    while True:  # without scipy.sparse, which takes longer to import than most maps to sample
-        lower = label.copy()
-        np.minimum.at(lower, a, label[b])
-        lower = lower[lower]
-        if (lower == label).all():
-            break
-        label = lower
+    tree, shapes = shapely.STRtree(polygons), np.asarray(polygons, dtype=object)
+    label = np.arange(len(polygons))  # a lower index that each is known to be joined with, its own if there is none
+    for begin in range(0, len(shapes), BLOCK):  # all pairs at once would be gigabytes where thousands overlap
+        a, b = tree.query(shapes[begin : begin + BLOCK], predicate="intersects")
+        a = label[a + begin]
+        b = label[b]
+        while (a != b).any():  # without scipy.sparse, which takes longer to import than most maps to sample
+            np.minimum.at(label, np.maximum(a, b), np.minimum(a, b))
+            while (label != label[label]).any():
+                label = label[label]
+            a, b = label[a], label[b]
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 

@@ -1,6 +1,7 @@
 """Obstruction in closed form and on cells: against published values, Monte Carlo and each other."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from hpop.world import Obstacle, Raster
+from hpop.world import Obstacle, Raster, obstruction
 from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, raster_obstruction
 
 
@@ -132,3 +133,24 @@ def test_chains_of_touching_polygons_are_one_prism_each_in_whatever_order_they_c
     order = np.random.default_rng(0).permutation(len(boxes))
     geometries, _ = disjoint_prisms([boxes[i] for i in order])
     assert sorted(g.bounds for g in geometries) == [(0.0, y, 40.0, y + 1.0) for y in (0.0, 3.0, 6.0)]
+
+
+def test_thousands_of_overlapping_polygons_are_grouped_without_a_table_of_all_pairs():
+    boxes = [shapely.box(x, 0, x + 3, 1) for x in np.linspace(0, 1, 1500)] + [shapely.box(9, 0, 10, 1)]
+    tracemalloc.start()
+    groups = obstruction._groups(boxes)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [group.tolist() for group in groups] == [list(range(1500)), [1500]]
+    assert taken < 25e6  # all pairs are 36 MB
+
+
+def test_chains_of_touching_polygons_are_one_group_whatever_their_order():
+    rng = np.random.default_rng(0)
+    starts = np.array([*range(900), *range(1000, 1400)])
+    order = rng.permutation(starts.size)
+    groups = obstruction._groups([shapely.box(x, 0, x + 1, 1) for x in starts[order].tolist()])
+    assert sorted(sorted(starts[order[group]].tolist()) for group in groups) == [
+        list(range(900)),
+        list(range(1000, 1400)),
+    ]
