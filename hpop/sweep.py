@@ -266,7 +266,11 @@ def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
+        for number in ENDING:
+            signal.signal(number, signal.SIG_IGN)  # drops what came while this began
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+        for number in ENDING:
+            signal.signal(number, signal.SIG_DFL)
     if os.environ.get("PYTHONSAFEPATH"):
         current_folder.distrust()
 

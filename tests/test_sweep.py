@@ -225,7 +225,7 @@ def test_a_sweep_stops_when_told() -> None:
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, True])
 def test_a_pool_needs_workers(workers: Any) -> None:
-    with pytest.raises(OptionError, match="at least 1"):
+    with pytest.raises(OptionError, match="workers must be a whole number of processes from 1 to"):
         processes(workers)
 
 

@@ -6,12 +6,14 @@ Imported on first use only, because importing numba takes half a second.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean, numba
+from hpop.compiled import is_kept, kernel, lean, numba
+from hpop.interrupts import interrupts_held
 
 WORD_BITS = 62  # of a key word: non-negative as int64
 
@@ -53,8 +55,12 @@ def _layout(argument: Any) -> Any:
 
 
 def make_ready(compiled: Any, *arguments: Any) -> None:
-    """Compile a kernel for these arguments, or load it from the cache."""
-    compiled.compile(signature(arguments))
+    """Compile a kernel for these arguments, or load it from the cache.
+
+    Ctrl-C waits for the latter, which is short: llvmlite calls Python meanwhile, and forgets what is raised there.
+    """
+    with interrupts_held() if is_kept(compiled) else nullcontext():
+        compiled.compile(signature(arguments))
 
 
 @lean
