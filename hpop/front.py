@@ -127,7 +127,7 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
         return cast(Model, make_model((problem or {})["model"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise FrontFileError(
-            f"{path}: expected a front with its problem and model, found none that can be built ({error}); "
+            f"{path}: expected a front with its problem and model, found none that can be built ({error!s:.400}); "
             "plan again, or pass decode= for another kind of front"
         ) from None
 
@@ -137,7 +137,7 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
     try:
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
-        raise FrontFileError(f"{path}: {error}; plan again, or pass decode= for other items") from None
+        raise FrontFileError(f"{path}: {error!s:.600}; plan again, or pass decode= for other items") from None
 
 
 def _placed(

@@ -343,13 +343,13 @@ provenance, problem, runs
                 decoded.append(item if decode is None else decode(item))
             except Exception as error:
                 raise FrontFileError(
-                    f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error}); "
+                    f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error!s:.400}); "
                     "pass the decode= that belongs to the encode= it was saved with"
                 ) from error
         try:
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
-            raise FrontFileError(f"{path}: expected a front, found that {error}") from error
+            raise FrontFileError(f"{path}: expected a front, found that {error!s:.600}") from error
 
     def _counts(self) -> FloatArray:
         """Return the costs as float64 counts of quanta, for choosing."""

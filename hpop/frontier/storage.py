@@ -135,7 +135,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
     try:
         return _stored(top)
     except ValueError as error:
-        raise FrontFileError(f"{source}: {error}; {_AGAIN}") from None
+        raise FrontFileError(f"{source}: {error!s:.600}; {_AGAIN}") from None  # names in a file may be long
 
 
 def checked_path(path: object) -> Path:
@@ -233,4 +233,4 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
     """Raise the error that every refusal to read has the form of."""
-    raise FrontFileError(f"{source}: expected {expected}, found {found}; {advice}") from None
+    raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None

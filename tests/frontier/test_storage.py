@@ -313,3 +313,16 @@ def test_what_points_share_is_written_once(tmp_path):
     again = Front.load(tmp_path / "front.json")
     assert again.provenance == front.provenance
     assert len({id(origin) for origin in again.provenance}) == 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda document: document["criteria"][0].update(name="a" * 10**5),
+        lambda document: document["points"]["costs"].update({"a" * 10**5: []}),
+        lambda document: document.update({"a" * 10**5: 1}),
+        lambda document: document.update(version="a" * 10**5),
+    ],
+)
+def test_what_a_file_says_at_length_is_cut(refuse, change):
+    assert len(refuse(change)) < 1000
