@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, settings
 
 from tests.warm import Warm
 
+collect_ignore = ["fuzz"]  # a program of its own, with modules of its own
+
 # `make test` draws the same examples each time, `make proof` more of them, others each time (--hypothesis-profile).
 # Neither asks how long anything takes by the clock: machines are busy.
 UNHURRIED = {

@@ -102,7 +102,6 @@ def test_no_path_says_what_separates_and_still_writes_the_front_and_the_map(
     ("change", "code", "said"),
     [
         (("[0.5, 0.5, 0]", "[2.0, 0.5, 0]"), 5, "the start (2.000, 0.500) is not usable: it is inside an obstacle"),
-        (("[0.5, 0.5, 0]", "[0.5, 0.5, 0.3]"), 5, "start heading"),
         (("[3.5, 0.5, 0]", "[40, 0.5, 0]"), 5, "outside the map"),
         (("radius: 0.2", "radius: 3"), 5, "the robot reaches 3.000 m"),
         (("map.yaml", "office.yaml"), 3, "office.yaml"),
