@@ -53,7 +53,7 @@ class TimeToCollision:
 
 
 def time_to_collision(px: Column, py: Column, vx: Column, vy: Column, reach: float, *, never: float = np.inf) -> Column:
-    """Time (N,), s, until two round bodies at constant velocities touch; 0 if they do, ``never`` if they will not.
+    """Time (N,), s, until two round bodies at constant velocities touch; 0 if they do, ``never`` if they graze or pass.
 
     p and v are the position and velocity of one relative to the other, m and m/s; ``reach`` is the sum of the
     radii, m. Written as (|p|² - R²)/(-p·v + sqrt(...)), which equals the formula and has no small differences.
