@@ -18,6 +18,7 @@ from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
 from hpop.math import not_radians
 from hpop.models import DifferentialDrive
+from hpop.motion_table import MotionTable
 from hpop.motions import Model, missing
 from hpop.options import FARTHEST, MOST, real
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
@@ -169,9 +170,9 @@ class Problem:
             if progress:
                 progress(Progress("evaluation"))
             try:
-                found = self.front(candidates)
+                found = self.front(candidates, progress)
             except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
-                found = self.front(replace(candidates, status=Status.INTERRUPTED))
+                found = self.front(replace(candidates, status=Status.INTERRUPTED), progress)
             front = _union(front, found)
             yield front
             if Status.INTERRUPTED in front.status:
@@ -188,16 +189,21 @@ class Problem:
         else:
             yield planner.solve(self, progress)
 
-    def front(self, candidates: Candidates) -> Front:
-        """Re-evaluate candidates by the criteria and keep the non-dominated ones.
+    def front(self, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
+        """Re-evaluate candidates by the criteria and keep the non-dominated ones; of many, say how far that is.
 
         Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the
         planner added up by more than the planner's tolerance, the certificate says so: that is a bug.
         """
         objectives = (*candidates.objectives, *candidates.filters)
         means = [c for c in self.criteria if c not in objectives]
-        costs = trajectory_costs(objectives, candidates.trajectories, self.world)
-        reported = trajectory_costs(means, candidates.trajectories, self.world)
+        trajectories = candidates.trajectories
+        several: dict[str, Any] = {}
+        if len(trajectories) > 1:
+            several["table"] = MotionTable.of(trajectories)
+            if progress is not None:
+                several["say"] = lambda done: progress(Progress("evaluation", detail=done))
+        costs, reported = (trajectory_costs(some, trajectories, self.world, **several) for some in (objectives, means))
         for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
             if most > MAX_QUANTA * criterion.quantum:
                 raise CriterionError(

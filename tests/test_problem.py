@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -246,7 +247,7 @@ def test_after_an_interruption_no_other_planner_runs() -> None:
 def test_ctrl_c_after_the_search_does_not_lose_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
     made, calls = Problem.front, []
 
-    def interrupted_once(self: Problem, candidates: Candidates) -> hpop.Front:
+    def interrupted_once(self: Problem, candidates: Candidates, progress: object = None) -> hpop.Front:
         calls.append(candidates)
         if len(calls) == 1:
             raise KeyboardInterrupt
@@ -291,3 +292,12 @@ def test_limits_that_are_no_positive_numbers_are_refused(name: str, value: objec
 def test_headings_that_are_none_are_refused(headings: object) -> None:
     with pytest.raises(OptionError, match="headings must be one of"):
         problem().solve("lattice", step=0.5, headings=headings)  # type: ignore[arg-type]
+
+
+def test_of_many_trajectories_the_evaluation_says_how_far_it_is():
+    said = []
+    front = problem().solve("lattice", step=0.5, progress=lambda p: said.append(p) if p.stage == "evaluation" else None)
+    assert len(front) > 1
+    details = [p.detail for p in said]
+    assert all(any(name in detail for detail in details) for name in front.names)
+    assert any(re.search(r"\d of \d+ motions", detail) for detail in details)
