@@ -319,11 +319,13 @@ class JoinedEnds(StateGraph):
         pieces = [self._join(*ids[i : i + 2].tolist()) for i in beside]
         if inside.any():
             pieces.insert(int(not inside[0]), self.inner.trajectory(ids[inside]))
-        x, y, yaw = (
-            np.concatenate([getattr(piece.states, name)[min(i, 1) :] for i, piece in enumerate(pieces)])
-            for name in ("x", "y", "yaw")
-        )
-        yaw = yaw[0] + np.concatenate([[0.0], np.cumsum(wrap(np.diff(yaw)))])
+        columns = {"x": [pieces[0].states.x], "y": [pieces[0].states.y], "yaw": [pieces[0].states.yaw]}
+        for piece in pieces[1:]:
+            apart = columns["yaw"][-1][-1] - piece.states.yaw[0]
+            whole = 2 * np.pi * np.round(apart / (2 * np.pi))  # so half a turn stays the way round that was checked
+            for name, offset in (("x", 0.0), ("y", 0.0), ("yaw", whole)):
+                columns[name].append(getattr(piece.states, name)[1:] + offset)
+        x, y, yaw = (np.concatenate(column) for column in columns.values())
         kinds = tuple(kind for piece in pieces for kind in piece.kinds)
         return Trajectory(self.model, States(x=x, y=y, yaw=yaw), kinds)
 

@@ -365,3 +365,16 @@ def test_a_mean_itself_is_optimised_up_to_the_goal():
     found = Lattice(step=0.4, max_detour=1.2).solve(problem)
     assert len(found.planned) > 1
     check(problem, found)
+
+
+@pytest.mark.parametrize("heading", [5, 8, 13])
+def test_half_a_turn_of_a_join_goes_the_way_round_that_was_checked(heading):
+    problem = Problem(WORLD, ROUND, (0.6, 0.6, 0.0), (3.1, 2.0, float(Headings(16).yaw[heading])), CRITERIA)
+    lattice = StateLattice(ROUND, WORLD, (3.1 - 0.125, 2.0 + 0.25), 0.25, Headings(16), False)
+    space, _, goals = with_ends(lattice, problem, 1.5 * 0.25)
+    start, (_, ahead, _, end) = space.joins.corners[0], space.joins.corners
+    last = end.yaw - ahead.yaw
+    half = np.flatnonzero((space.joins.heads == goals[0]) & (np.abs(np.abs(last) - np.pi) < 1e-6))
+    for row in half.tolist():
+        states = space.trajectory(np.array([space.joins.tails[row], goals[0]])).states
+        assert states.yaw[-1] - states.yaw[0] == pytest.approx(end.yaw[row] - start.yaw[row])
