@@ -24,6 +24,7 @@ from typing import Any
 import numba
 
 from hpop.errors import HpopWarning
+from hpop.interrupts import interrupts_held
 
 __all__ = ["compiling_seconds", "kernel", "lean", "numba"]
 
@@ -51,6 +52,12 @@ class _Stopwatch(_event.Listener):  # type: ignore[misc]
 
 _stopwatch = _Stopwatch()
 _event.register("numba:compile", _stopwatch)
+
+# Ctrl-C waits while LLVM works: in a callback it would be lost, and between two calls that hand memory over be a crash.
+# Each call lasts until LLVM has ended anyway; in between, while types are inferred, Ctrl-C is obeyed at once.
+_library: Any = import_module("numba.core.codegen").CPUCodeLibrary
+for _step in ("add_ir_module", "finalize"):
+    setattr(_library, _step, interrupts_held()(getattr(_library, _step)))
 
 
 def compiling_seconds() -> float:
@@ -110,8 +117,9 @@ class _Kept(_caching.FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:
-            _runtime.rtsys.initialize(context)
-            kept = self._load_overload(signature, context)
+            with interrupts_held():
+                _runtime.rtsys.initialize(context)
+                kept = self._load_overload(signature, context)
         except Exception:  # whatever a damaged file makes of reading it
             kept = None
         if kept is None:
@@ -120,7 +128,7 @@ class _Kept(_caching.FunctionCache):  # type: ignore[misc]
 
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
-            with _alone(Path(self.cache_path)):
+            with _alone(Path(self.cache_path)), interrupts_held():
                 super().save_overload(signature, data)
         except OSError as error:
             _warn_once(f"{self.cache_path}: {error.strerror or error}")

@@ -1,4 +1,7 @@
-"""Ctrl-C where it must wait: CasADi takes it for a failed evaluation and goes on; a pool that is left never ends."""
+"""Ctrl-C where it must wait.
+
+CasADi takes it for a failed evaluation and goes on, LLVM loses it or frees twice, a pool that is left never ends.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,20 @@ def interrupts_held() -> Iterator[None]:
         return
     handlers = {number: handler for number in SIGNALS if callable(handler := signal.getsignal(number))}
     held: list[tuple[int, FrameType | None]] = []
+    holding = True
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        if holding:
+            held.append((number, frame))
+        else:  # the block has ended, and a signal came before this handler was taken away
+            handlers[signal.Signals(number)](number, frame)
+
     try:
         for number in handlers:
-            signal.signal(number, lambda number, frame: held.append((number, frame)))
+            signal.signal(number, hold)
         yield
     finally:
+        holding = False
         for number, handler in handlers.items():
             signal.signal(number, handler)
         if held:

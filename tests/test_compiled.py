@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import hpop
+from hpop.compiled import kernel, numba
 
 PACKAGE = Path(hpop.__file__).parent
 KERNELS = sorted(
@@ -59,3 +62,23 @@ def test_that_they_are_compiled_anew_each_time_is_said_once_with_what_helps(
     assert len(said) == 1
     assert "compiled anew" in said[0]
     assert "NUMBA_CACHE_DIR" in said[0]
+
+
+def test_ctrl_c_while_llvm_calls_back_is_neither_lost_nor_leaves_half_a_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    def doubled(x: int) -> int:
+        return 2 * x
+
+    made = kernel(doubled)
+    made._cache = numba.core.caching.NullCache()
+    engine = numba.core.registry.cpu_target.target_context.codegen()._engine._ee
+    notified = engine._object_cache_notify
+
+    def interrupted(module: Any, code: bytes) -> None:
+        signal.raise_signal(signal.SIGINT)
+        notified(module, code)
+
+    with monkeypatch.context() as once:
+        once.setattr(engine, "_object_cache_notify", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            made(2)
+    assert made(2) == 4
