@@ -21,7 +21,7 @@ from hpop.motions import States
 from hpop.planners.arcs import Arcs, blocks
 from hpop.planners.grid import Headings, steps_from
 from hpop.planners.separation import what_separates
-from hpop.planners.state_graph import StateGraph, is_hashable
+from hpop.planners.state_graph import StateGraph, identity
 
 MAX_STATES = 40_000_000
 POSITION = 32  # bytes that laying out a position takes, beside its states
@@ -69,8 +69,12 @@ class StateLattice(StateGraph):
     @cached_property
     def key(self) -> Hashable:
         """Model, step, headings, anchor and corner cutting; a part of a lattice is not kept."""
-        key = (type(self), self.model, self.anchor, self.step, self.headings, self.corner_cutting)
-        return key if self.kept is None and is_hashable(key) else None
+        try:
+            model = identity(self.model)
+        except TypeError:
+            return None
+        key = (type(self), model, self.anchor, self.step, self.headings, self.corner_cutting)
+        return key if self.kept is None else None
 
     @cached_property
     def first(self) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -213,19 +213,24 @@ class StateGraph(ABC):
 
 def _name(criterion: Criterion) -> Hashable:
     """What makes equal columns of costs equal; None of a criterion that may change, or that knows no equals."""
-    declared = getattr(type(criterion), "__dataclass_params__", None)
-    return (
-        (criterion, criterion.quantum) if declared is not None and is_hashable(criterion) and declared.frozen else None
-    )
-
-
-def is_hashable(value: Any) -> bool:
-    """Whether a value, with all that it holds, can be a key."""
     try:
-        hash(value)
+        return identity(criterion), criterion.quantum
     except TypeError:
-        return False
-    return True
+        return None
+
+
+def identity(value: Any) -> Hashable:
+    """What tells a value that cannot change from others: of a dataclass all fields, compared or not.
+
+    Raises TypeError for one that may change.
+    """
+    if not is_dataclass(value):
+        hash(value)
+        return cast(Hashable, value)
+    declared = vars(type(value)).get("__dataclass_params__")  # its own: a class below may hold more than fields
+    if declared is None or not declared.frozen:
+        raise TypeError(f"{type(value).__name__} may change")
+    return type(value), *(identity(getattr(value, field.name)) for field in fields(value))
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:

@@ -3,7 +3,7 @@
 import gc
 import weakref
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pytest
 import shapely
@@ -107,6 +107,33 @@ def test_a_criterion_that_may_change_is_costed_each_time():
     changing.weight = 3.0
     after = built(problem).largest.tolist()
     assert after[0] == pytest.approx(3 * before[0], rel=0.01)
+
+
+@dataclass(frozen=True)
+class Weighted:
+    name = "weighted"
+    group, unit, aggregate, requires, smooth, quantum = "C", "m", "sum", (), True, 1e-3
+    weight: float = field(default=1.0, compare=False)
+
+    def cost(self, m):
+        return self.weight * m.base.length
+
+
+class Doubled(Weighted):
+    factor = 2.0
+
+    def __init__(self, factor):
+        object.__setattr__(self, "factor", factor)
+
+    def cost(self, m):
+        return self.factor * m.base.length
+
+
+@pytest.mark.parametrize("kind", [Weighted, Doubled], ids=["a field that is not compared", "more than fields"])
+def test_criteria_that_compare_equal_and_cost_otherwise_share_no_costs(kind):
+    room = world()
+    once, thrice = (built(asked(room, names=(kind(weight), "turns"))).largest for weight in (1.0, 3.0))
+    assert thrice[0] == pytest.approx(3 * once[0], rel=0.01)
 
 
 def test_what_is_kept_goes_with_the_world():
