@@ -137,7 +137,28 @@ def _warnings_as_notes() -> Iterator[None]:
         yield
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _Commands(click.Group):
+    """Commands of which a wrong one is quoted as text that cannot steer the terminal."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        with _quoted():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, context: click.Context) -> Any:
+        with _quoted():
+            return super().invoke(context)
+
+
+@contextmanager
+def _quoted() -> Iterator[None]:
+    try:
+        yield
+    except click.ClickException as error:
+        error.message = printable(error.message, newlines=True)
+        raise
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hpop")
 def main() -> None:
     """Plan how a robot should move when a human watches through its camera: every optimal trade-off."""

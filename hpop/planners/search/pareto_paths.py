@@ -294,8 +294,8 @@ def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
 
 def _one_a_cost(graph: Graph, values: Any, name: str, kind: str) -> tuple[Any, ...]:
     """What is given for each cost, or for none of them."""
-    several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str)
-    if not several or len(values) not in (0, graph.criteria):
+    listed = isinstance(values, Sequence) and not isinstance(values, str)
+    if not (listed or (isinstance(values, np.ndarray) and values.ndim)) or len(values) not in (0, graph.criteria):
         raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
     return tuple(values)
 
