@@ -154,7 +154,7 @@ def _quoted() -> Iterator[None]:
     try:
         yield
     except click.ClickException as error:
-        error.message = printable(error.message, newlines=True)
+        vars(error)["message"] = printable(error.message, newlines=True)
         raise
 
 

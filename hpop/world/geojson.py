@@ -146,7 +146,7 @@ def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], not
         with np.errstate(invalid="ignore"):
             geometry = shapely.force_2d(shape(data))
     except Exception as error:  # shapely passes on whatever the coordinates provoke
-        raise MapError(f"{where}: its coordinates make no {kind}: {str(error):.200}.") from None
+        raise MapError(f"{where}: its coordinates make no {kind}: {error!s:.200}.") from None
     if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST_UNIT).all():
         raise MapError(f"{where}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}.")
     if geometry.is_empty:
