@@ -55,7 +55,7 @@ OBJECTS = 100_000  # new ones between two collections of garbage: what is import
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
-COMPILING = "the search is compiled beside, once after each installation or update of hpop; a first answer comes before"
+COMPILING = "the search is compiled beside, once for each number and kind of costs; a first answer comes before"
 F = TypeVar("F", bound=Callable[..., Any])
 
 _imports = click.option(
@@ -433,7 +433,7 @@ def _why_nothing(status: str) -> str:
     ways: dict[str, str] = {
         Status.TIME_LIMIT: "raise time_limit, or take a larger step",
         Status.LABEL_LIMIT: "raise max_labels, or take a larger step",
-        Status.MEMORY_LIMIT: "raise max_memory, or take a larger step",
+        Status.MEMORY_LIMIT: "raise max_memory (bytes), or take a larger step",
         Status.POINT_LIMIT: "raise max_points",
         Status.RUN_LIMIT: "give it more runs, or another seed",
         Status.NO_PATH: "the notes say what is in the way",
