@@ -431,7 +431,7 @@ def _why_nothing(status: str) -> str:
     from hpop.status import Status
 
     ways: dict[str, str] = {
-        Status.TIME_LIMIT: "raise time_limit, or take a larger step",
+        Status.TIME_LIMIT: "raise time_limit (s), or take a larger step",
         Status.LABEL_LIMIT: "raise max_labels, or take a larger step",
         Status.MEMORY_LIMIT: "raise max_memory (bytes), or take a larger step",
         Status.POINT_LIMIT: "raise max_points",

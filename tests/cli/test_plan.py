@@ -373,6 +373,6 @@ def test_a_limit_that_leaves_nothing_found_is_no_success_and_is_named(
     result = plan(room)
     assert result.exit_code == 13
     status = limit.replace("max_memory", "memory_limit").replace("_", " ")
-    assert f"nothing was found: {status}: raise {limit}, " in result.stderr
+    assert f"nothing was found: {status}: raise {limit} (" in result.stderr
     assert status in result.stdout
     assert (room / "out/front.json").exists()
