@@ -31,15 +31,21 @@ def main() -> None:
 
 
 class _Patient(io.FileIO):
-    """A file that takes what nobody reads any more, and forgets it."""
+    """A file that takes what nobody reads any more, and forgets it; any other fault is told once."""
+
+    failed = False
 
     def write(self, data: Any, /) -> int:
         try:
-            return super().write(data) or 0
+            if not self.failed:
+                return super().write(data) or 0
         except OSError as error:
             if error.errno not in LEFT:
-                raise
-            return len(memoryview(data).cast("B"))
+                from hpop.errors import OutputError
+
+                self.failed = True  # what is still to be said goes nowhere
+                raise OutputError(f"cannot print: {error.strerror or error}; send the output elsewhere") from None
+        return len(memoryview(data).cast("B"))
 
 
 def _patient(stream: Any) -> IO[str]:

@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import Any
 
 from hpop import current_folder
+from hpop.interrupts import interrupts_held
 
 NICENESS = 10  # the search comes first
 STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; most give way to the next one before
@@ -63,7 +64,7 @@ class PicturesBeside:
 
     def _begin(self, which: str) -> None:
         command = [sys.executable, "-P", "-m", "hpop.pictures", which, str(self.folder), *self.imports]
-        with suppress(OSError):
+        with suppress(OSError), interrupts_held():  # or a process would be begun that nobody can stop
             # A session of its own: Ctrl-C on the terminal is not meant for it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 

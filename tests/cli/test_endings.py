@@ -14,6 +14,7 @@ import pytest
 from hpop.cli import _endings_interrupt
 from hpop.errors import OutputError
 from hpop.interrupts import ENDING
+from hpop.pictures import PicturesBeside
 from hpop.results import check_writable
 
 INTERRUPTED_IMPORT = """\
@@ -83,6 +84,29 @@ def test_a_terminal_that_is_closed_takes_what_is_still_said() -> None:
     os.close(ours)
     child.communicate(b"now")
     assert child.returncode == 7
+
+
+def test_output_that_a_full_disk_does_not_take_is_one_message() -> None:
+    with open("/dev/full", "wb") as full:
+        command = [sys.executable, "-P", "-c", "from hpop.entry import main; main()", "planners"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == OutputError.exit_code
+    assert done.stderr == "error: cannot print: No space left on device; send the output elsewhere\n"
+
+
+def test_ctrl_c_while_drawing_begins_leaves_no_process_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    execute, begun = subprocess.Popen._execute_child, []  # type: ignore[attr-defined]
+
+    def interrupted(process: subprocess.Popen[bytes], *arguments: object) -> None:
+        execute(process, *arguments)
+        begun.append(process.pid)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(subprocess.Popen, "_execute_child", interrupted)
+    with pytest.raises(KeyboardInterrupt), PicturesBeside(tmp_path, waits=True) as pictures:
+        pictures.stage()
+    with pytest.raises(ProcessLookupError):
+        os.kill(begun[0], 0)
 
 
 def test_a_disk_that_is_full_is_told_before_planning(tmp_path: Path) -> None:

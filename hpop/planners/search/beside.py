@@ -15,6 +15,8 @@ from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
 from typing import Any
 
+from hpop.interrupts import interrupts_held
+
 PARTS = ("search", "bounds", "weights")  # of a rehearsal, in the order of their need
 # The kernels of a search in the order in which it takes them.
 ORDER = (
@@ -91,7 +93,7 @@ def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
     longest = main_kernel(aggregates, turns)
     first = longest if "max" in aggregates else weighted_path
     if can_be_kept(longest) and not is_kept(longest):
-        with suppress(OSError):  # where no process can be had, this one compiles
+        with suppress(OSError), interrupts_held():  # where no process can be had, this one compiles
             count = 2 if (os.cpu_count() or 1) > 2 else 1
             _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
             _first.append(first)
