@@ -28,6 +28,7 @@ from importlib import import_module
 from mmap import ACCESS_COPY, mmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 from uuid import uuid4
@@ -271,8 +272,15 @@ def _begin() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         for number in ENDING:
             signal.signal(number, signal.SIG_DFL)
+    Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
     if os.environ.get("PYTHONSAFEPATH"):
         current_folder.distrust()
+
+
+def _end_with(planning: Any) -> None:
+    """End a worker with the process that plans, also where that is killed: else it waits for tasks for ever."""
+    planning.join()
+    os._exit(1)
 
 
 class _Cluster(Executor):

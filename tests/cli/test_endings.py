@@ -61,6 +61,15 @@ def test_a_signal_to_the_group_is_for_the_process_that_plans_and_its_workers_end
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "interrupted []\n")
 
 
+def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    """They hold its output, so reading that only ends when they have."""
+    code = "import os, signal; from hpop.sweep import processes; processes(1).submit(os.getpid).result(); "
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}os.kill(os.getpid(), signal.SIGKILL)"], capture_output=True, timeout=120
+    )
+    assert done.returncode == -signal.SIGKILL
+
+
 @pytest.mark.parametrize("number", ENDING, ids=lambda number: number.name)
 def test_what_ends_a_process_interrupts_a_command_unless_it_is_ignored(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_DFL)  # whoever runs the tests may have it ignored
