@@ -20,10 +20,12 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
+    InvalidStateError,
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from importlib import import_module
 from mmap import ACCESS_COPY, mmap
 from pathlib import Path
@@ -229,6 +231,13 @@ class Sweep(Generic[S, T, R]):
 
 
 class _Processes(ProcessPoolExecutor):
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Hand over a task; a worker that begins for it is begun whole, or it would be one that nobody ends."""
+        with interrupts_held():
+            future = super().submit(fn, *arguments, **named)
+        setattr(future, "set_exception", partial(_fail, future))  # noqa: B010  (of this one alone)
+        return future
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers, once they have ended what they are at.
 
@@ -237,6 +246,12 @@ class _Processes(ProcessPoolExecutor):
         """
         with interrupts_held():
             super().shutdown(wait, cancel_futures=cancel_futures)
+
+
+def _fail(future: Future[Any], error: BaseException | None) -> None:
+    """Give a future its exception; Python 3.11 gives one to those that are cancelled too, and ends its thread so."""
+    with suppress(InvalidStateError):
+        Future.set_exception(future, error)
 
 
 def processes(workers: int) -> ProcessPoolExecutor:
@@ -251,10 +266,12 @@ def processes(workers: int) -> ProcessPoolExecutor:
 def _serve_forks() -> None:
     """Start the process that workers come from so that what ends a group of processes does not end that one.
 
-    It inherits what is blocked, and ends with the process that plans.
+    It inherits what is blocked, and ends with the process that plans. What it needs besides comes first: to start that
+    unblocks SIGTERM.
     """
-    from multiprocessing import forkserver
+    from multiprocessing import forkserver, resource_tracker
 
+    resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         forkserver.ensure_running()

@@ -61,6 +61,26 @@ def test_a_signal_to_the_group_is_for_the_process_that_plans_and_its_workers_end
     assert (done.returncode, done.stderr, done.stdout) == (0, "", "interrupted []\n")
 
 
+BLOCKED = """\
+import signal
+from multiprocessing import forkserver
+from pathlib import Path
+from hpop.sweep import processes
+
+with processes(1):
+    status = Path(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read_text()
+mask = int(status.split("SigBlk:")[1].split()[0], 16)
+print([number.name for number in (signal.SIGTERM, signal.SIGHUP) if mask >> (number - 1) & 1])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="what a process blocks is read from /proc")
+def test_what_ends_a_group_does_not_end_the_process_that_workers_come_from() -> None:
+    """With it they would count as lost: whatever Python starts before it must not unblock a signal."""
+    done = subprocess.run([sys.executable, "-c", BLOCKED], capture_output=True, text=True)
+    assert (done.stderr, done.stdout) == ("", "['SIGTERM', 'SIGHUP']\n")
+
+
 def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
     """They hold its output, so reading that only ends when they have."""
     code = "import os, signal; from hpop.sweep import processes; processes(1).submit(os.getpid).result(); "
