@@ -78,20 +78,36 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
     assert not any("search.ckpt" in path.read_text() for path in tmp_path.rglob("*.json"))  # no path in results
 
 
-def test_it_survives_kill_9(tmp_path, warm):
-    scenario, file = write(tmp_path, {"lattice": {"step": 0.125}}), tmp_path / "search.ckpt"
-    often = "from hpop.planners.search.checkpoint import Checkpoint; Checkpoint.__init__.__defaults__ = (0.0,)"
+HELD = """\
+import os, signal
+from hpop.planners.search import checkpoint
+checkpoint.Checkpoint.__init__.__defaults__ = (0.0,)
+checkpoint.SHARE = 0
+flush = os.fsync
+def flushed_once(file):
+    os.fsync = lambda file: signal.pause()
+    flush(file)
+os.fsync = flushed_once
+"""  # it writes a checkpoint after every slice of the search, and never ends to write the second
+
+
+def test_it_survives_kill_9_while_a_checkpoint_is_written(tmp_path, warm):
+    # A bound on the turns, far above what any path takes, asks for the exact search alone: no stage answers before it.
+    scenario = write(tmp_path, {"lattice": {"step": 0.125, "max_turns": 1000}})
+    file, part = tmp_path / "search.ckpt", tmp_path / "search.ckpt.part"
     arguments = ["plan", scenario, "--out", tmp_path / "killed", "--checkpoint", file]
     with open(os.devnull, "w") as nothing:
         process = warm.start(
-            *arguments, cwd=tmp_path, stdout=nothing.fileno(), stderr=nothing.fileno(), code=f"{often}; {COMMAND}"
+            *arguments, cwd=tmp_path, stdout=nothing.fileno(), stderr=nothing.fileno(), code=f"{HELD}{COMMAND}"
         )
-    while not file.exists():
-        assert process.is_running, "it was complete before it could be killed"
+    while not (file.exists() and part.exists()):
+        assert process.is_running, "it ended although its second checkpoint is never whole"
         time.sleep(0.005)
     process.kill()
     assert process.wait() == -signal.SIGKILL
-    assert plan(scenario, "resumed", "--checkpoint", file).exit_code == 0
+    resumed = plan(scenario, "resumed", "--checkpoint", file)
+    assert resumed.exit_code == 0
+    assert resumed.stdout.startswith(f"going on from {file}\n")
     assert plan(scenario, "whole").exit_code == 0
     assert front(tmp_path / "resumed") == front(tmp_path / "whole")
     assert [name for name in os.listdir(tmp_path) if "ckpt" in name] == []
