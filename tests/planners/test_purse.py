@@ -58,6 +58,7 @@ def test_a_limit_that_ends_while_the_graph_is_built_is_a_result(planner):
     (note,) = (note for note in front.runs[-1]["notes"] if note.startswith("time limit"))
     assert "take a larger step" in note
     assert "raise time_limit" in note
+    assert "incomplete (time limit): its graph was not built, so nothing was searched" in front.certificate
 
 
 @pytest.mark.parametrize("planner", [Lattice, Roadmap])
