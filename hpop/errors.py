@@ -13,7 +13,7 @@ from pathlib import Path
 from traceback import extract_tb
 from typing import ClassVar
 
-from hpop.text import shown
+from hpop.text import printable, shown
 
 
 class HpopError(Exception):
@@ -21,8 +21,9 @@ class HpopError(Exception):
 
     exit_code: ClassVar[int] = 1
 
-    def __str__(self) -> str:  # KeyError would quote the message
-        return str(self.args[0]) if self.args else ""
+    def __str__(self) -> str:
+        """The message, harmless to a terminal: it may quote what came from a file."""
+        return printable(self.args[0], newlines=True) if self.args else ""
 
 
 class HpopWarning(RuntimeWarning):

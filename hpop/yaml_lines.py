@@ -10,7 +10,7 @@ import yaml
 
 from hpop.errors import ScenarioError
 from hpop.regular_file import read_regular
-from hpop.text import shown
+from hpop.text import printable, shown
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
@@ -52,7 +52,7 @@ class Document:
 
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
-        dotted = ".".join(str(key) for key in place)
+        dotted = printable(".".join(str(key) for key in place))
         return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
 
     def line(self, place: Place) -> int:

@@ -13,6 +13,8 @@ from click.testing import CliRunner, Result
 
 from hpop import DifferentialDrive, Front, Problem, World
 from hpop.cli import main
+from hpop.errors import ScenarioError
+from hpop.scenario import load_scenario
 from hpop.text import HARMFUL, printable
 from hpop.view import draw_front, draw_map, draw_trace, draw_where
 from hpop.world.content import Landmark, Person
@@ -78,6 +80,15 @@ def test_errors_of_a_scenario_are_told_without_control_characters(
     assert result.exit_code in (3, 4, 5, 7)
     assert not any(HARMFUL.search(line) for line in lines(result.output))
     assert r"\x1b[2J" in result.stderr
+
+
+def test_messages_in_python_say_no_control_characters_and_a_key_cannot_forge_a_line(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").write_text('world: {}\n"\\x9b2J\\nroom.yaml, line 1: forged": 4\n')
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(tmp_path / "room.yaml")
+    assert not any(HARMFUL.search(line) for line in lines(str(caught.value)))
+    assert not any(line.startswith("room.yaml, line 1: forged") for line in lines(str(caught.value)))
+    assert str(ScenarioError(CLEAR)) == SHOWN
 
 
 def test_pictures_show_dollars_and_leave_out_control_characters(front: Front) -> None:
