@@ -31,9 +31,18 @@ MOST_COUNTED = 2**60
 
 
 def real(
-    name: str, value: Any, least: float, most: float, kind: str = "a number", *, error: type[HpopError] = OptionError
+    name: str,
+    value: Any,
+    least: float,
+    most: float,
+    kind: str = "a number",
+    *,
+    hint: str = "",
+    error: type[HpopError] = OptionError,
 ) -> float:
     """A finite number within bounds, or an error that says what was expected; NumPy's numbers become Python's.
+
+    ``hint``: what else to do.
 
     >>> real("step", 0.25, LEAST, MOST, "a length in m")
     0.25
@@ -44,8 +53,9 @@ def real(
     number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else nan
     if not least <= number <= most:
         text = isinstance(value, str) and EXPONENT.fullmatch(value)
-        hint = "; YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if text else ""
-        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{hint}")
+        hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" * bool(text)]
+        said = "".join(f"; {one}" for one in hints if one)
+        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{said}")
     return number if isinstance(number, int) else float(number)
 
 

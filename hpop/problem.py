@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
-from hpop.criteria.quanta import with_quanta
+from hpop.criteria.quanta import stated, with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.frontier.dominance import MAX_QUANTA
@@ -212,7 +212,7 @@ class Problem:
                 )
         optimised = costs[:, : len(candidates.objectives)]
         off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
-        certificate = candidates.certificate
+        certificate = candidates.certificate + stated(objectives, self.quanta)
         if off.any():
             names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
             certificate = (

@@ -19,6 +19,7 @@ from hpop.math import not_radians
 from hpop.options import FARTHEST, MOST, real
 from hpop.registry import Registry, readers
 from hpop.scenario_schema import STRICT, WorldSection
+from hpop.status import LIMITS, NO_LIMIT
 from hpop.text import shown
 from hpop.yaml_lines import Document, Place
 
@@ -219,11 +220,14 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     if fault["type"] in ("too_short", "too_long"):
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
         return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
+    limit = LIMITS.get(str(loc[-1])) if loc else None
     expected = [EXPECTED[one["type"]] for one in faults if fault["type"] in EXPECTED]
     text = (
         f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
     )
-    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}"
+    text += f" of {limit}" * bool(limit)
+    hint = f"; {NO_LIMIT}" * bool(limit)
+    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}{hint}"
 
 
 def _note(got: Any) -> str:

@@ -8,6 +8,9 @@ from enum import StrEnum
 
 from hpop.options import MOST_COUNTED, real
 
+LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # by the unit of each
+NO_LIMIT = "leave it out for no limit"
+
 
 class Status(StrEnum):
     """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing.
@@ -49,7 +52,7 @@ class Budget:
     def __post_init__(self) -> None:
         for name, least in (("time_limit", 1e-9), ("max_labels", 1), ("max_memory", 1)):
             if (value := getattr(self, name)) is not None:
-                real(name, value, least, MOST_COUNTED, "a positive number")
+                real(name, value, least, MOST_COUNTED, f"a positive number of {LIMITS[name]}", hint=NO_LIMIT)
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,8 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("[1.0, 1.0, 0]", "[.nan, 1.0, 0]"), 8, "start", "got [nan, 1.0, 0]"),
         (("[5.0, 1.0, any]", "[5.0, -.inf, any]"), 9, "goal", "got [5.0, -inf, 'any']"),
         (("0.5}", ".inf}"), 12, "planner.lattice.step", "expected a finite number, got inf"),
+        (("step: 0.5", "time_limit: .inf"), 12, "planner.lattice.time_limit", "seconds, got inf; leave it out for no"),
+        (("step: 0.5", 'max_memory: "9 MB"'), 12, "planner.lattice.max_memory", "whole number of bytes, got '9 MB'"),
         (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
         # yaws
         (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),

@@ -54,6 +54,17 @@ def stand_in_of(mean: Criterion) -> Criterion | None:
     return _set(stand_in, "quantum", quantum)
 
 
+def stated(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
+    """The quanta of those costs for which some were set, as the end of a certificate.
+
+    >>> from hpop.criteria.comfort.length import Length
+    >>> stated(with_quanta([Length()], {"length": 0.001}), {"length": 0.001}), stated([Length()], {})
+    ('; quanta as set: length 0.001 m', '')
+    """
+    own = [f"{c.name} {c.quantum:g}{f' {c.unit}' if c.unit != '1' else ''}" for c in criteria if c.name in quanta]
+    return f"; quanta as set: {', '.join(own)}" if own else ""
+
+
 def _stand_in(mean: Criterion) -> Criterion | None:
     return getattr(mean, "integral", None)
 

@@ -33,6 +33,7 @@ UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 ALIGNED = 1e-9  # rad: a turn by less is none
 KINDS = ("turn", "move", "turn")
+BY = "at most a turn, a move and a turn"
 START, GOAL = "start", "goal"
 
 End = tuple[float, float, float | None]
@@ -210,7 +211,7 @@ class JoinedEnds(StateGraph):
     def words(self) -> str:
         """The inner graph, and how the ends are joined to it, in words."""
         joined = (f"the {what} joined to {count} positions" for what, count in self.options["joined"].items())
-        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m"
+        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {BY}"
 
     @property
     def options(self) -> dict[str, Any]:

@@ -36,6 +36,8 @@ def test_costs_are_compared_in_the_steps_asked_for_and_the_saved_front_is_verifi
     coarse = asked.solve("lattice", step=0.5)
     assert coarse.quanta.tolist() == [0.5, 1e-6]
     assert len(coarse) < len(fine)
+    assert coarse.certificate.endswith("; quanta as set: length 0.5 m")
+    assert "quanta as set" not in fine.certificate
     coarse.save(tmp_path / "front.json")
     loaded = Front.load(tmp_path / "front.json")
     again = Problem.from_description(loaded.problem or {})
