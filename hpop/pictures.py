@@ -18,7 +18,7 @@ from threading import Timer
 from types import TracebackType
 from typing import Any
 
-from hpop import current_folder
+from hpop import current_folder, matplotlib_folder
 from hpop.interrupts import interrupts_held
 
 NICENESS = 10  # the search comes first
@@ -38,6 +38,7 @@ class PicturesBeside:
         self.waits = waits
         self._timer: Timer | None = None
         self._process: Popen[Any] | None = None
+        matplotlib_folder.provide()
 
     def __enter__(self) -> PicturesBeside:
         return self

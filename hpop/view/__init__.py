@@ -7,6 +7,10 @@ The core never imports this package.
 
 from __future__ import annotations
 
+from hpop import matplotlib_folder
+
+matplotlib_folder.provide()
+
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.save import save_pictures
