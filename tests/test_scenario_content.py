@@ -199,7 +199,7 @@ def test_a_geojson_world_takes_landmarks_flows_and_zones_from_its_files(tmp_path
     assert closed.area.area == pytest.approx(0.5)
     assert len(own) == 3
     assert world.clearance(np.array([7.9]), np.array([1.1]))[0] == 0.0
-    assert [note.split(": ", 1)[1] for note in world.notes] == ["feature 1 is a line without length: left out."]
+    assert [note.split(": ", 1)[1] for note in world.notes] == ["feature 1: a line without length, left out."]
     again = World.from_description(json.loads(json.dumps(world.describe())))
     assert again.describe() == world.describe()
 

@@ -17,6 +17,7 @@ from hpop.errors import MapError
 from hpop.options import FARTHEST
 from hpop.text import shown
 from hpop.world.crossings import check_joinable, check_mendable
+from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import file_source, read_bytes, read_text
 from hpop.world.shapes import Obstacle, check_coordinates, check_heights, check_positive
 from hpop.world.world import WHOLE, Heights, World
@@ -65,19 +66,20 @@ def read(
     scale = check_positive("scale", scale)
     x0, y0 = check_origin(origin)
     content = read_bytes(path, "GeoJSON file")
-    notes: list[str] = []
+    noted = FeatureNotes()
     shapes: list[tuple[Polygon, Heights]] = []
-    for where, feature in features(content, path):
-        geometry = geometry_of(feature, where, POLYGONS, notes)
+    for feature in features(content, path):
+        geometry = geometry_of(feature, POLYGONS, noted)
         if geometry is not None:
-            heights = _heights(feature, where, notes)
+            heights = _heights(feature, noted)
             placed = place(geometry, scale, (x0, y0))
-            shapes += [(part, heights) for part in polygons_of(placed, where, notes)]
+            shapes += [(part, heights) for part in polygons_of(placed, feature, noted)]
+    notes = noted.lines()
     if not shapes:
         raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
     source = file_source("geojson", path, {"scale": scale, "origin": [x0, y0], "polygons": polygons}, content)
     if polygons == "obstacles":
-        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=tuple(notes)).read_from(source)
+        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=notes).read_from(source)
     free = shapes
     if polygons == "outline":
         free = [max(shapes, key=lambda part: part[0].area)]
@@ -86,7 +88,7 @@ def read(
         tuple(Obstacle(p, *z) for p, z in shapes if all(p is not q for q, _ in free)),
         extent=shapely.union_all([p for p, _ in free]),
         outside_is_obstacle=True,
-        notes=tuple(notes),
+        notes=notes,
     ).read_from(source)
 
 
@@ -111,8 +113,8 @@ def _parse(text: str, path: str | Path) -> Any:
         raise MapError(f"{path} is not JSON: {error}.") from None
 
 
-def features(content: bytes, path: str | Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield (where, feature) of a file that holds a FeatureCollection, a Feature, or a bare geometry."""
+def features(content: bytes, path: str | Path) -> Iterator[Feature]:
+    """Yield the features of a file that holds a FeatureCollection, a Feature, or a bare geometry."""
     data = _parse(read_text(content, path, "GeoJSON file"), path)
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
@@ -126,31 +128,32 @@ def features(content: bytes, path: str | Path) -> Iterator[tuple[str, dict[str, 
     else:
         got = f"type {shown(kind)}" if isinstance(data, dict) else shown(data)
         raise MapError(f"{path} must hold a GeoJSON FeatureCollection, Feature or geometry; got {got}.")
-    for number, feature in enumerate(found):
-        if not isinstance(feature, dict):
-            raise MapError(f"{path}: feature {number} must be an object; got {shown(feature)}.")
-        yield f"feature {number}", feature
+    for number, data in enumerate(found):
+        feature = Feature(path, number, data)
+        if not isinstance(data, dict):
+            raise MapError(f"{feature} must be an object; got {shown(data)}.")
+        yield feature
 
 
-def geometry_of(feature: dict[str, Any], where: str, kinds: tuple[str, ...], notes: list[str]) -> BaseGeometry | None:
+def geometry_of(feature: Feature, kinds: tuple[str, ...], notes: FeatureNotes) -> BaseGeometry | None:
     """A feature's geometry in the plane, in the file's units; None, and a note, unless it is one of the kinds."""
-    data = feature.get("geometry")
+    data = feature.data.get("geometry")
     if data is None:
-        notes.append(f"{where} has no geometry: left out.")
+        notes.add(feature, "no geometry, left out")
         return None
     kind = data.get("type") if isinstance(data, dict) else None
     if kind not in kinds:
-        notes.append(f"{where} is a {shown(kind)}, not a {WORDS[kinds]}: left out.")
+        notes.add(feature, f"a {shown(kind)}, not a {WORDS[kinds]}, left out")
         return None
     try:
         with np.errstate(invalid="ignore"):
             geometry = shapely.force_2d(shape(data))
     except Exception as error:  # shapely passes on whatever the coordinates provoke
-        raise MapError(f"{where}: its coordinates make no {kind}: {error!s:.200}.") from None
+        raise MapError(f"{feature}: its coordinates make no {kind}: {error!s:.200}.") from None
     if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST_UNIT).all():
-        raise MapError(f"{where}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}.")
+        raise MapError(f"{feature}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}.")
     if geometry.is_empty:
-        notes.append(f"{where} is an empty {kind}: left out.")
+        notes.add(feature, f"an empty {kind}, left out")
         return None
     return geometry
 
@@ -163,25 +166,26 @@ def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> 
     return placed
 
 
-def polygons_of(geometry: BaseGeometry, where: str, notes: list[str]) -> list[Polygon]:
+def polygons_of(geometry: BaseGeometry, feature: Feature, notes: FeatureNotes) -> list[Polygon]:
     """Return the valid polygons of a geometry; a self-crossing outline is mended and noted.
 
     Raises MapError for one that crosses itself so often that to mend it would take for ever.
     """
-    check_joinable([geometry], where)
+    check_joinable([geometry], str(feature))
     if not geometry.is_valid:
-        notes.append(f"{where} is not a valid polygon ({shapely.is_valid_reason(geometry)}): mended.")
-        check_mendable(geometry, where)
+        reason, *_ = shapely.is_valid_reason(geometry).split("[")  # less where, which no other feature shares
+        notes.add(feature, f"no valid polygon ({reason}), mended")
+        check_mendable(geometry, str(feature))
         geometry = shapely.make_valid(geometry)
     return [
         part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, Polygon) and part.area > 0
     ]
 
 
-def _heights(feature: dict[str, Any], where: str, notes: list[str]) -> Heights:
-    properties = feature.get("properties")
+def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
+    properties = feature.data.get("properties")
     if not isinstance(properties, dict):
-        notes.append(f"{where} has no properties: whole height.")
+        notes.add(feature, "no properties, so of the whole height")
         return WHOLE
     height = properties.get("height")
     if height is None:
@@ -191,4 +195,4 @@ def _heights(feature: dict[str, Any], where: str, notes: list[str]) -> Heights:
     try:
         return check_heights(height)
     except MapError as error:
-        raise MapError(f"{where}: property height must be a number or [z_min, z_max]: {error}") from None
+        raise MapError(f"{feature}: property height must be a number or [z_min, z_max]: {error}") from None

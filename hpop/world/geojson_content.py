@@ -15,6 +15,7 @@ from hpop.errors import MapError
 from hpop.text import shown
 from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_widenable
+from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import read_bytes
 from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, check_origin, features, geometry_of, place, polygons_of
 from hpop.world.shapes import check_positive
@@ -64,26 +65,26 @@ def read(
         sense.
     """
     width = check_positive("width", width)
-    source = _Source(check_positive("scale", scale), check_origin(origin), [])
+    source = _Source(check_positive("scale", scale), check_origin(origin), FeatureNotes())
     seen = source.made(landmarks, POINTS, _landmark)
-    ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
+    ways = source.made(flows, LINES, lambda line, description: _flow(line, description, width))
     rules = source.made(zones, POLYGONS, _zone)
     content = Content(
         landmarks=tuple(item for item in seen if isinstance(item, Landmark)),
         zones=tuple(item for item in (*ways, *rules) if isinstance(item, Zone)),
     )
-    return content, tuple(source.notes)
+    return content, source.notes.lines()
 
 
 @dataclass(frozen=True)
-class _Feature:
-    """A feature's name (empty without one) and properties."""
+class _Description:
+    """What a feature says of itself: its name (empty without one) and properties."""
 
     name: str
     properties: dict[str, Any]
 
 
-Maker = Callable[[Any, _Feature], Landmark | Zone | str | None]
+Maker = Callable[[Any, _Description], Landmark | Zone | str | None]
 """From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
 
 
@@ -93,77 +94,77 @@ class _Source:
 
     scale: float
     origin: tuple[float, float]
-    notes: list[str]
+    notes: FeatureNotes
 
     def made(self, paths: Paths, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
         """What the geometries of some kinds in the files stand for."""
         things: list[Landmark | Zone] = []
         for path in [paths] if isinstance(paths, str | Path) else paths:
-            first, found = len(self.notes), False
-            for where, data in features(read_bytes(path, "GeoJSON file"), path):
-                geometry = geometry_of(data, f"{path}: {where}", kinds, self.notes)
+            found = False
+            for feature in features(read_bytes(path, "GeoJSON file"), path):
+                geometry = geometry_of(feature, kinds, self.notes)
                 if geometry is None:
                     continue
                 found = True
-                feature = self._described(data, f"{path}: {where}")
-                for part in self._parts(geometry, f"{path}: {where}"):
-                    thing = _told(make, part, feature, f"{path}: {where}")
+                description = self._described(feature)
+                for part in self._parts(geometry, feature):
+                    thing = _told(make, part, description, feature)
                     if isinstance(thing, str):
-                        self.notes.append(f"{path}: {where} {thing}")
+                        self.notes.add(feature, thing)
                     elif thing is not None:
                         things.append(thing)
             if not found:
-                raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes[first:])}".rstrip())
+                raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes.lines(path))}".rstrip())
         return things
 
-    def _described(self, data: dict[str, Any], where: str) -> _Feature:
-        properties = data.get("properties")
+    def _described(self, feature: Feature) -> _Description:
+        properties = feature.data.get("properties")
         if not isinstance(properties, dict):
-            self.notes.append(f"{where} has no properties.")
+            self.notes.add(feature, "no properties")
             properties = {}
         named = [properties.get(key) for key in ("name", "label", "title")]
-        candidates = [*named, data.get("id"), properties.get("id"), properties.get("type")]
+        candidates = [*named, feature.data.get("id"), properties.get("id"), properties.get("type")]
         texts = (" ".join(str(item).split()) for item in candidates if isinstance(item, str | int))
-        return _Feature(next((text for text in texts if text), ""), properties)
+        return _Description(next((text for text in texts if text), ""), properties)
 
-    def _parts(self, geometry: BaseGeometry, where: str) -> list[Any]:
+    def _parts(self, geometry: BaseGeometry, feature: Feature) -> list[Any]:
         placed = place(geometry, self.scale, self.origin)
         if geometry.geom_type in POLYGONS:
-            return list(polygons_of(placed, where, self.notes))
+            return list(polygons_of(placed, feature, self.notes))
         return list(shapely.get_parts(placed))
 
 
-def _told(make: Maker, part: BaseGeometry, feature: _Feature, where: str) -> Landmark | Zone | str | None:
+def _told(make: Maker, part: BaseGeometry, description: _Description, feature: Feature) -> Landmark | Zone | str | None:
     """What a part stands for; an error says where."""
     try:
-        return make(part, feature)
+        return make(part, description)
     except MapError as error:
-        raise MapError(f"{where}: {error}") from None
+        raise MapError(f"{feature}: {error}") from None
 
 
-def _landmark(point: Point, feature: _Feature) -> Landmark:
-    given = {key: feature.properties.get(key) for key in ("z", "facing", "weight")}
+def _landmark(point: Point, description: _Description) -> Landmark:
+    given = {key: description.properties.get(key) for key in ("z", "facing", "weight")}
     return Landmark(
-        point.x, point.y, name=feature.name, **{key: value for key, value in given.items() if value is not None}
+        point.x, point.y, name=description.name, **{key: value for key, value in given.items() if value is not None}
     )
 
 
-def _flow(line: LineString, feature: _Feature, width: float) -> Zone | str:
-    own = feature.properties.get("width")
+def _flow(line: LineString, description: _Description, width: float) -> Zone | str:
+    own = description.properties.get("width")
     width = width if own is None else check_positive("property width", own)
     if line.length == 0:
-        return "is a line without length: left out."
+        return "a line without length, left out"
     check_widenable(line, width / 2, "the flow")
-    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=feature.name)
+    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=description.name)
 
 
-def _zone(area: Polygon, feature: _Feature) -> Zone | str | None:
-    kind, limit, closed = (feature.properties.get(key) for key in ("kind", "limit", "closed"))
+def _zone(area: Polygon, description: _Description) -> Zone | str | None:
+    kind, limit, closed = (description.properties.get(key) for key in ("kind", "limit", "closed"))
     if kind == "speed" or (kind is None and limit is not None):
-        return Zone("speed", area, limit=limit, name=feature.name)
+        return Zone("speed", area, limit=limit, name=description.name)
     if kind == "keep-out" or (kind is None and isinstance(closed, int | float) and closed):
-        return Zone("keep-out", area, name=feature.name)
+        return Zone("keep-out", area, name=description.name)
     if kind is None and closed is not None:
         return None  # it says that it is open
     got = "" if kind is None else f"; its kind is {shown(kind)}"
-    return f"has no rule (kind speed or keep-out, limit, or closed){got}: left out."
+    return f"no rule (kind speed or keep-out, limit, or closed){got}, left out"

@@ -40,7 +40,7 @@ def test_the_museum_outline_is_a_building_with_eight_columns(shared_data):
     x0, y0, x1, y1 = world.bounds
     assert (x1 - x0, y1 - y0) == pytest.approx((285.95 * 0.7447, 180.73 * 0.7447), abs=0.1)
     assert world.outside_is_obstacle
-    assert sum("no properties" in note for note in world.notes) == 9
+    assert world.notes == (f"{path}: 9 features (0 to 8): no properties, so of the whole height.",)
 
 
 def test_the_museum_areas_are_free_space(shared_data):
@@ -53,7 +53,7 @@ def test_the_museum_areas_are_free_space(shared_data):
 
 
 def test_a_layer_without_polygons_says_what_it_holds(shared_data):
-    with pytest.raises(MapError, match="feature 0 is a 'Point', not a polygon"):
+    with pytest.raises(MapError, match=r"9 features \(0 to .*\): a 'Point', not a polygon"):
         World.from_geojson(shared_data("field_museum_main") / "main_level_labels.geojson")
 
 
@@ -101,13 +101,13 @@ def test_what_is_left_out_or_mended_is_told(tmp_path):
     )
     world = World.from_geojson(path)
     assert len(world.obstacles) == 4  # the bow tie became two triangles
-    assert [note.split(" ", 2)[2].split(" (")[0] for note in world.notes] == [
-        "has no geometry: left out.",
-        "has no properties: whole height.",
-        "is a 'LineString', not a polygon: left out.",
-        "is not a valid polygon",
-        "is an empty Polygon: left out.",
-    ]
+    assert world.notes == (
+        f"{path}: feature 1: no geometry, left out.",
+        f"{path}: feature 2: no properties, so of the whole height.",
+        f"{path}: feature 3: a 'LineString', not a polygon, left out.",
+        f"{path}: feature 4: no valid polygon (Self-intersection), mended.",
+        f"{path}: feature 5: an empty Polygon, left out.",
+    )
 
 
 def test_a_single_feature_and_a_bare_polygon_are_read(tmp_path):
