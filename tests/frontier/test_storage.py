@@ -111,6 +111,15 @@ def test_the_smallest_and_largest_floats_come_back(tmp_path):
     assert Front.load(tmp_path / "front.json").reported.ravel().tolist() == values
 
 
+@pytest.mark.parametrize("whole", [3000, 2**63, 10**300], ids=["3000", "2**63", "10**300"])
+def test_whole_numbers_are_read_up_to_the_largest_float(tmp_path, whole):
+    """As a program in another language may write them: "3000", not "3000.0"."""
+    path = tmp_path / "front.json"
+    front_of().save(path)
+    path.write_text(path.read_text().replace("0.3333333333333333", str(whole)))
+    assert Front.load(path).reported.max() == whole
+
+
 def test_a_codec_turns_items_into_json_and_back(tmp_path):
     front = front_of(items=[3 + 4j, 1j])
     front.save(tmp_path / "front.json", encode=lambda z: [z.real, z.imag])
