@@ -56,7 +56,7 @@ def test_the_time_to_collision_is_that_of_stepping_forward():
 
 
 def test_the_time_to_collision_with_someone_who_comes_straight_on():
-    """At the end of 2 m at .8 m/s a person who set out 6 m ahead at .5 m/s is 6 - .5 * 2.5 - 2 m away: 2.25 m of gap."""
+    """At the end of 2 m at .8 m/s someone who set out 6 m ahead at .5 m/s is 6 - .5 * 2.5 - 2 m away: 2.25 m of gap."""
     ahead = Trajectory.from_poses(ROBOT, [(0, 0, 0), (2, 0, 0)])
     found = social_metrics(ahead, ROOM.with_content(people=[Person(6, 0, velocity=(-0.5, 0.0), radius=0.2)]))
     assert found.least_time_to_collision == pytest.approx(2.25 / 1.3)
