@@ -31,6 +31,7 @@ FIELD_COLOURS = LinearSegmentedColormap.from_list("obstruction", ["#ffffff", "#d
 MOST_SEEN = 0.99  # share of the free places whose obstructed fraction the colours resolve
 GROWTH = 0.6  # exponent of the colours of the obstructed fraction
 PIXELS = 700  # of the field along the longer side of the map
+CELLS = 2000  # of a raster along its longer side, more than a picture has pixels: 100 bytes are taken for each
 MARGIN = 0.4  # m round the free space
 SURROUNDINGS = 0.2  # round the paths where they are a small part of the map, as a share of their longer side
 LEAST_SURROUNDINGS = 4.0  # m
@@ -122,8 +123,8 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
     return image
 
 
-def draw_obstacles(axes: Axes, world: World, camera_z: float) -> list[Patch]:
-    """Draw obstacles and keep-out zones; returns the legend entries of what there is.
+def draw_obstacles(axes: Axes, world: World, camera_z: float, view: View) -> list[Patch]:
+    """Draw obstacles and keep-out zones, of cells those in view; returns the legend entries of what there is.
 
     Obstacles at the camera's height are dark; those that it looks over or under are light and hatched.
     """
@@ -137,7 +138,7 @@ def draw_obstacles(axes: Axes, world: World, camera_z: float) -> list[Patch]:
         shapes = [o.polygon for o in world.obstacles if (o.z_min <= camera_z <= o.z_max) is (patch is dark)]
         raster = world.raster
         if raster is not None and (raster.z_min <= camera_z <= raster.z_max) is (patch is dark):
-            _draw_raster(axes, raster, OBSTACLE if patch is dark else OFF_CAMERA)
+            _draw_raster(axes, raster, OBSTACLE if patch is dark else OFF_CAMERA, view)
             entries.append(patch)
         if shapes:
             _fill(axes, shapely.union_all(shapes), patch, zorder=2.0 if patch is dark else 1.8)
@@ -200,17 +201,29 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
     axes.add_patch(patch)
 
 
-def _draw_raster(axes: Axes, raster: Raster, colour: str) -> None:
-    cells: BoolArray = raster.cells
-    rows, columns = cells.shape
+def _draw_raster(axes: Axes, raster: Raster, colour: str, view: View) -> None:
+    """Draw the cells in view; of more than a picture shows, some together, occupied where one of them is."""
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
     )
+    corners = [(x, y) for x in (view.x_min, view.x_max) for y in (view.y_min, view.y_max)]
+    in_view = to_world.inverted().transform(corners)
+    most = raster.cells.shape[::-1]
+    low, high = (
+        np.clip(end, 0, most).astype(int) for end in (np.floor(in_view.min(axis=0)), np.ceil(in_view.max(axis=0)))
+    )
+    cells: BoolArray = raster.cells[low[1] : high[1], low[0] : high[0]]
+    if not cells.size:
+        return
+    side = -(-max(cells.shape) // CELLS)
+    for axis in (0, 1):
+        cells = np.logical_or.reduceat(cells, np.arange(0, cells.shape[axis], side), axis=axis)
+    rows, columns = cells.shape
     axes.imshow(
         np.ma.masked_equal(cells.astype(np.uint8), 0),
         cmap=ListedColormap([colour]),
         origin="lower",
-        extent=(0, columns, 0, rows),
+        extent=(low[0], low[0] + side * columns, low[1], low[1] + side * rows),
         transform=to_world + axes.transData,
         interpolation="nearest",
         zorder=1.9,

@@ -117,7 +117,10 @@ def draw_map(
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="map")
-    symbols: list[Handle] = [*draw_obstacles(axes, problem.world, ball.z), *draw_content(axes, problem.world, view)]
+    symbols: list[Handle] = [
+        *draw_obstacles(axes, problem.world, ball.z, view),
+        *draw_content(axes, problem.world, view),
+    ]
     bars: list[Bar] = []
     if scale is not None:
         bars += _draw_all(axes, front, scale, rows)

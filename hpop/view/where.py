@@ -86,7 +86,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
             *([turn_dot(QUIET, label="turn in place")] if turns_in_place(trajectory).any() else []),
             *_draw_ends(axes, trajectory),
-            *draw_obstacles(axes, problem.world, ball_of(problem).z),
+            *draw_obstacles(axes, problem.world, ball_of(problem).z, view),
             *draw_content(axes, problem.world, view, small=True),
         ]
         axes.set_xlim(view.x_min, view.x_max)
