@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from textwrap import fill as wrapped
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
 import numpy as np
 from matplotlib import colormaps
@@ -30,16 +30,15 @@ from hpop.status import Status
 from hpop.text import printable
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
+from hpop.view.ends import CIRCLE, draw_ends
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE, Sheet
 from hpop.view.style import (
     DASHES,
-    GOAL,
     LARGE,
     NORMAL,
     QUIET,
     SMALL,
-    START,
     Mark,
     Quantity,
     drawn_rows,
@@ -54,7 +53,6 @@ from hpop.view.style import (
 
 WRAP = 60  # characters a line of costs in the legend
 CLAIM_WRAP = 118  # characters a line of what is claimed
-CIRCLE = 12.0  # points across, of start and goal
 CURVE_PIECES = 12  # a motion that moves and turns at once is drawn as so many straight pieces
 # Without the palest yellow, which is lost on a light ground.
 COST_COLOURS: Colormap = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)), name="cost")
@@ -131,7 +129,7 @@ def draw_map(
     turns = np.concatenate([np.zeros((0, 2)), *(_turn_places(front.trajectories[mark.row]) for mark in named)])
     if len(turns):
         symbols.append(turn_dot(QUIET, label="turn in place" + _hidden(turns, problem, view)))
-    symbols += _draw_ends(axes, problem, view)
+    symbols += _draw_headed_ends(axes, problem, view)
     _draw_frame(axes, view)
     drawn = [_draw_bar(figure, bar) for bar in bars]
     sheet = Sheet.of(
@@ -301,16 +299,11 @@ def _hidden(turns: FloatArray, problem: Problem, view: View) -> str:
     return f", also under {' and '.join(under)}" if under else ""
 
 
-def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
-    """Start and goal: a letter in a circle, and an arrow along the heading; a goal at the start is a ring round it."""
+def _draw_headed_ends(axes: Axes, problem: Problem, view: View) -> Sequence[Handle]:
+    """Start and goal, with an arrow along the heading."""
     reach = 0.055 * max(view.width, view.height)
-    handles: list[Handle] = []
-    same = problem.start[:2] == problem.goal[:2]
-    for name, letter, pose, fill in (
-        ("start", "S", problem.start, START),
-        ("goal", "G", problem.goal, GOAL),
-    ):
-        x, y, yaw = pose
+    ends = {"start": problem.start, "goal": problem.goal}
+    for name, (x, y, yaw) in ends.items():
         if yaw is not None:
             tip = (x + reach * np.cos(yaw), y + reach * np.sin(yaw))
             arrow = axes.annotate(
@@ -322,16 +315,8 @@ def _draw_ends(axes: Axes, problem: Problem, view: View) -> list[Handle]:
                 annotation_clip=False,  # near the border too
             )
             arrow.set_gid(f"{name} heading")
-        look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
-        ring = same and name == "goal"
-        look["markersize"] = 19 if ring else CIRCLE
-        axes.plot([x], [y], linestyle="none", zorder=7.9 if ring else 8, gid=name, **look)
-        if not ring:
-            axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)
-        heading = "any heading" if yaw is None else "heading along the arrow"
-        look["markersize"] = 8
-        handles.append(Line2D([], [], linestyle="none", label=f"{letter}: {name}, {heading}", **look))
-    return handles
+    start, goal = (", any heading" if yaw is None else ", heading along the arrow" for *_, yaw in ends.values())
+    return draw_ends(axes, problem.start[:2], problem.goal[:2], (start, goal))
 
 
 def _draw_frame(axes: Axes, view: View) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,23 +15,22 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion
 from hpop.problem import Problem
 from hpop.text import printable
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
+from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import ball_of, draw_obstacles, outline, view_of
 from hpop.view.map import Handle, height_of, path_points, turn_dot
 from hpop.view.sheet import LINE
 from hpop.view.style import (
-    GOAL,
     LARGE,
     NORMAL,
     QUIET,
     SMALL,
-    START,
     new_figure,
     plain,
     turns_in_place,
@@ -44,8 +42,8 @@ COLUMNS = 2  # of maps
 ENTRIES = 3  # of the legend in a row, below two maps
 WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and colour bar
 WORDS = 0.7  # inches above and below it
-ASIDE = 8.0  # points from an end of the path, or from the dot of a turn made there, to the letter beyond it
-DOT = 4.0  # points: radius of a turn's dot with its edge
+DOT = 6.5  # points across, of a turn
+BEYOND = 5.5  # points by which a turn at an end is larger than the letter that covers its middle
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
@@ -55,8 +53,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
-    fast it grows, a count how many there are in the motion. Turns in place are dots; S and G stand beyond
-    start and goal, each joined to it by a line.
+    fast it grows, a count how many there are in the motion. Turns in place are dots, those at start and
+    goal rings round S and G.
 
     Parameters
     ----------
@@ -84,8 +82,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         _draw_shown(figure, axes, trace, place, shown_along(trace, trajectory, place))
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
-            *([turn_dot(QUIET, label="turn in place")] if turns_in_place(trajectory).any() else []),
-            *_draw_ends(axes, trajectory),
+            *_turn_entry(trajectory),
+            *draw_ends(axes, *path_points(trajectory)[[0, -1]].tolist()),
             *draw_obstacles(axes, problem.world, ball_of(problem).z, view),
             *draw_content(axes, problem.world, view, small=True),
         ]
@@ -129,8 +127,14 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
             list(pieces), array=shown[~turning], cmap=RATE_COLOURS, norm=norm, linewidths=3.0, zorder=4, gid="rate"
         )
     )
-    x, y = points[:-1][turning].T
-    axes.scatter(x, y, c=shown[turning], cmap=RATE_COLOURS, norm=norm, s=42, edgecolors="white", zorder=5, gid="turns")
+    turns = points[:-1][turning]
+    at_start, at_goal = _turns_at_ends(points, turns).values()
+    letter = RING if (points[0] == points[-1]).all() else CIRCLE
+    sizes = np.where(at_start | at_goal, letter + BEYOND, DOT) ** 2
+    x, y = turns.T
+    axes.scatter(
+        x, y, c=shown[turning], cmap=RATE_COLOURS, norm=norm, s=sizes, edgecolors="white", zorder=5, gid="turns"
+    )
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)
@@ -141,28 +145,19 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     axes.set_title(printable(f"{criterion.name}: {total} {words}"), fontsize=NORMAL)
 
 
-def _draw_ends(axes: Axes, trajectory: Trajectory) -> list[Handle]:
-    """Start and goal: a letter in a circle beyond the end of the path, so that it covers no turn made there.
+def _turns_at_ends(points: FloatArray, turns: FloatArray) -> dict[str, BoolArray]:
+    """Which turns (m, 2) are made at the start and the goal of a path (n, 2), where the letter covers their dots."""
+    return {letter: (turns == end).all(axis=1) for letter, end in (("S", points[0]), ("G", points[-1]))}
 
-    A line joins it to the end, which would seem to lie under the letter otherwise.
-    """
-    points, states = path_points(trajectory), trajectory.states
-    turns = np.stack([states.x, states.y], axis=1)[:-1][turns_in_place(trajectory)]  # (turns, 2)
-    handles: list[Handle] = []
-    for name, letter, fill_colour, way in (("start", "S", START, points), ("goal", "G", GOAL, points[::-1])):
-        moved = np.flatnonzero((way != way[0]).any(axis=1))
-        apart = way[0] - way[moved[0]] if moved.size else np.zeros(2)
-        dot = DOT if (turns == way[0]).all(axis=1).any() else 0.0
-        aside = (ASIDE + dot) * apart / (np.hypot(*apart) or 1.0)
-        circle = {"boxstyle": "circle,pad=0.2", "facecolor": fill_colour, "linewidth": 1.0}
-        axes.annotate(
-            letter, way[0], tuple(aside), textcoords="offset points", fontsize=7.5, fontweight="bold",
-            ha="center", va="center_baseline", zorder=7, bbox=circle, annotation_clip=False, gid=name,
-            arrowprops={"arrowstyle": "-", "linewidth": 0.8, "shrinkA": 0.0, "shrinkB": dot},
-        )  # fmt: skip
-        look: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": fill_colour}
-        handles.append(Line2D([], [], linestyle="none", markeredgecolor="black", label=f"{letter}: {name}", **look))
-    return handles
+
+def _turn_entry(trajectory: Trajectory) -> list[Handle]:
+    points = np.stack([trajectory.states.x, trajectory.states.y], axis=1)
+    turns = points[1:][turns_in_place(trajectory)]
+    if not len(turns):
+        return []
+    letters = [letter for letter, here in _turns_at_ends(points, turns).items() if here.any()]
+    ring = f",\na ring round {' and '.join(letters)}" if letters else ""
+    return [turn_dot(QUIET, label="turn in place" + ring)]
 
 
 def shown_label(criterion: Criterion) -> str:

@@ -17,7 +17,7 @@ from hpop.world.content import Landmark, Person
 NAMES = ["obstruction", "turns", "length"]
 ENTRIES = {  # of what is drawn with a gid or a label
     "rate": "a test",
-    "turns": "turn in place",
+    "turns": "turn in place, a ring round S and G",
     "start": "S: start",
     "goal": "G: goal",
     "obstacle": "obstacle",
@@ -161,14 +161,22 @@ def test_legend_and_title_lie_outside_the_maps_and_inside_the_page(make_problem,
         assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1
 
 
-def test_no_circle_covers_a_turn_at_the_start_or_the_goal(problem, trajectory):
-    figure = draw_where(problem, trajectory)
-    figure.canvas.draw()
-    for axes in maps(figure):
-        circles = [text.get_bbox_patch().get_window_extent() for text in axes.texts if text.get_gid() in ENTRIES]
-        places = axes.transData.transform([(1, 1), (9, 1)])
-        radius = np.sqrt(dots(axes).get_sizes()[0]) / 2 * figure.dpi / 72
-        for circle, place in zip(circles, places, strict=True):
-            centre = (circle.x0 + circle.x1) / 2, (circle.y0 + circle.y1) / 2
-            apart = np.hypot(*np.subtract(centre, place))
-            assert circle.width / 2 + radius < apart < 3 * circle.width
+def test_letters_stand_at_the_ends_and_a_turn_made_there_is_a_ring_round_one(problem, trajectory):
+    for axes in maps(draw_where(problem, trajectory)):
+        letters = {text.get_text(): text.get_position() for text in axes.texts}
+        assert letters == {"S": (1.0, 1.0), "G": (9.0, 1.0)}
+        circles = [line for line in axes.lines if line.get_gid() in ("start", "goal")]
+        assert {tuple(line.get_xydata()[0]) for line in circles} == set(letters.values())
+        ends = [tuple(place) in letters.values() for place in dots(axes).get_offsets().tolist()]
+        across = np.sqrt(dots(axes).get_sizes())
+        assert sum(ends) == 2
+        assert across[ends].min() > max(line.get_markersize() for line in circles) + 4
+        assert across[np.invert(ends)].max() < min(line.get_markersize() for line in circles)
+
+
+def test_a_turn_round_a_goal_at_the_start_is_a_ring_round_both(problem):
+    there_and_back = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (1, 6, 0), (1, 1, 0)])
+    for axes in maps(draw_where(problem, there_and_back)):
+        assert {text.get_text() for text in axes.texts} == {"S"}
+        goal = next(line for line in axes.lines if line.get_gid() == "goal")
+        assert np.sqrt(dots(axes).get_sizes().max()) > goal.get_markersize() + 4
