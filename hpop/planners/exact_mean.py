@@ -18,10 +18,10 @@ from hpop.criteria import Duration
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
+from hpop.planners.graph_query import MAX_COSTS, TURNS, GraphQuery
 from hpop.planners.purse import Exhausted, Purse
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
-from hpop.planners.state_graph import MAX_COSTS, TURNS, GraphQuery
 from hpop.status import ProgressCallback, Status
 from hpop.text import shown
 

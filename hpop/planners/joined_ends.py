@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
@@ -297,7 +298,7 @@ class JoinedEnds(StateGraph):
         """The inner graph's arcs, and after those of each node its joins."""
         inner, joins = self.inner.graph(criteria), self.joins
         self.purse.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
-        rows = np.append(inner.indptr, np.full(len(self.ends), inner.arcs))
+        rows = self._rows
         more = np.append(0, np.cumsum(np.bincount(joins.tails, minlength=self.size)))
         places = rows[joins.tails + 1]
         heads = np.insert(inner.heads, places, joins.heads)
@@ -306,12 +307,16 @@ class JoinedEnds(StateGraph):
         costs.setflags(write=False)
         return Graph.from_csr(rows + more, heads, costs, aggregates=inner.aggregates)
 
-    def turned(self, graph: Graph) -> IntArray:
-        """Turns (m,) in each arc of its graph, those of joins among them."""
-        turned = super().turned(graph)
-        tails = np.repeat(np.arange(self.size), np.diff(graph.indptr))
-        turned[(tails >= self.inner.size) | (graph.heads >= self.inner.size)] = self.joins.turned
-        return turned
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Turns (m,) in each arc of `graph`, those of joins among them."""
+        return np.insert(self.inner.turned, self._rows[self.joins.tails + 1], self.joins.turned.astype(np.int8))
+
+    @property
+    def _rows(self) -> IntArray:
+        """Where the arcs (n + 1,) of each node begin among those of the inner graph, which has none of the ends."""
+        start = self.inner.arcs.start
+        return np.append(start, np.full(len(self.ends), start[-1]))
 
     def trajectory(self, ids: IntArray) -> Trajectory:
         """The trajectory through states (n+1,), the motions of joins written out."""

@@ -12,6 +12,7 @@ from hpop.errors import OptionError
 from hpop.options import LEAST, MOST, real, set_reals, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
+from hpop.planners.graph_query import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.planners.grid import Headings
 from hpop.planners.joined_ends import Ends, with_ends
 from hpop.planners.lattice_graph import StateLattice
@@ -19,7 +20,6 @@ from hpop.planners.lattice_stages import stages
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
-from hpop.planners.state_graph import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.status import Budget, Progress, ProgressCallback
 from hpop.text import shown
 
@@ -124,6 +124,7 @@ class Lattice:
             if self.max_detour is not None:
                 detour = Detour.of(self.max_detour, self.max_turns)
                 return exact_mean(query, problem.criteria, detour, "lattice", purse, progress, self.checkpoint)
+            query.break_ties()
             eps, tolerance, kept = self.eps, self.tolerance, self.checkpoint
             return query.exact("lattice", purse.left(), progress, eps=eps, tolerance=tolerance, checkpoint=kept)
         except Exhausted as stop:

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives
+from hpop.planners.graph_query import TURNS, GraphQuery
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.planners.search.beside import compiling_beside, first_is_awaited, is_compiling
 from hpop.planners.search.first_paths import first_paths
-from hpop.planners.state_graph import TURNS, GraphQuery
 from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def _stages(
     large = lattice.cells[0].size > LARGE * MOST
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
+        query.break_ties()
         budget = _share(purse, max(QUICK, SHARE * query.build_seconds))
         exact = None if large or is_compiling() else _at_once(planner, query, budget, progress)
         if exact is not None:

@@ -14,10 +14,10 @@ from hpop.models.collision import PlanarCollision, why_blocked
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.graph_query import GraphQuery, refuse_unanswerable
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
-from hpop.planners.state_graph import GraphQuery, refuse_unanswerable
 from hpop.planners.trust import Judgement, judge
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -187,6 +187,7 @@ def on_roadmap(
     try:
         graph = roadmap.graph(objectives.optimised)
         query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, purse.seconds(), notes)
+        query.break_ties()
         found = query.exact(name, purse.left(), progress, checkpoint=checkpoint)
     except Exhausted as stop:
         return stopped(name, objectives, stop, purse)

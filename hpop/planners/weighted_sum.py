@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
+from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.purse import Exhausted, stopped
 from hpop.planners.search import supported_paths
-from hpop.planners.state_graph import GraphQuery
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.status import Budget, ProgressCallback
 

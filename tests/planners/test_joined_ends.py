@@ -17,6 +17,7 @@ from hpop.models.solid import SolidCollision
 from hpop.motions import States
 from hpop.planners import lattice_stages
 from hpop.planners.base import edge_objectives
+from hpop.planners.graph_query import GraphQuery
 from hpop.planners.grid import Headings
 from hpop.planners.joined_ends import with_ends
 from hpop.planners.lattice import Lattice
@@ -24,7 +25,6 @@ from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import Groups
-from hpop.planners.state_graph import GraphQuery
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
 from hpop.status import Budget, Status

@@ -9,13 +9,13 @@ import shapely
 
 import hpop
 from hpop.planners.base import edge_objectives
+from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.search import pareto_paths, supported_paths
 from hpop.planners.search.beside import ORDER, PARTS, first_is_awaited, words
 from hpop.planners.search.kernels import signature
 from hpop.planners.search.rehearsal import _Rehearsal, rehearse
 from hpop.planners.search.slices import Clock
-from hpop.planners.state_graph import GraphQuery
 
 CRITERIA = {"turns": ["exposure", "turns", "length"], "general": ["exposure", "rotation", "turns", "length"]}
 
