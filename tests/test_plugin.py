@@ -7,9 +7,8 @@ import json
 import os
 import shutil
 import subprocess
-import sysconfig
-import venv
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -29,32 +28,29 @@ Hpop = Callable[..., CompletedProcess[str]]
 
 
 @pytest.fixture(scope="module")
-def fresh(tmp_path_factory) -> Iterator[Warm]:
-    """Processes of a new environment that sees what hpop needs, into which the plugin is installed by pip, offline."""
-    source, home = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("environment")
+def fresh(tmp_path_factory) -> Path:
+    """A folder for packages into which the plugin is installed by pip, offline."""
+    source, folder = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("packages")
     shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
-    venv.create(home, with_pip=True)
-    python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    (own,) = home.rglob("site-packages")
-    needs = sysconfig.get_path("purelib")  # before the new environment's own, whose setuptools may be an old one
-    lines = f"import sys, site; site.addsitedir({needs!r}); sys.path.insert(0, {needs!r})\n"
-    (own / "hpop_and_its_needs.pth").write_text(lines)
-    options = ["--no-index", "--no-deps", "--no-build-isolation", "--quiet", "--disable-pip-version-check"]
+    options = ["--no-index", "--no-deps", "--no-build-isolation", "--no-compile", "--disable-pip-version-check"]
     done = subprocess.run(
-        [python, "-m", "pip", "install", *options, source], capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "pip", "install", "--quiet", *options, "--target", folder, source],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
-    server = Warm(python)
-    yield server
-    server.close()
+    return folder
 
 
 @pytest.fixture
 def hpop(warm: Warm) -> Hpop:
-    """Run the command line in a process of its own: of the new environment, or of this one without the plugin."""
+    """Run the command line in a process of its own, where packages of a folder are seen, or those of this place."""
 
-    def hpop(*arguments: str | Path, fresh: Warm | None = None, cwd: Path) -> CompletedProcess[str]:
-        return (fresh or warm).run(*arguments, cwd=cwd, code=UNDRAWN, environment={"COLUMNS": "200"})
+    def hpop(*arguments: str | Path, fresh: Path | None = None, cwd: Path) -> CompletedProcess[str]:
+        looked_in = os.pathsep.join(filter(None, [str(fresh or ""), os.environ.get("PYTHONPATH", "")]))
+        environment = {"COLUMNS": "200", "PYTHONPATH": looked_in}
+        return warm.run(*arguments, cwd=cwd, code=UNDRAWN, environment=environment)
 
     return hpop
 

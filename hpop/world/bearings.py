@@ -62,7 +62,7 @@ class Bearings:
 
     def distance(self, bearing: int, x: Column, y: Column) -> Column:
         """Distance (M,), m, along bearing number ``bearing``; arrays or CasADi columns."""
-        return self._field((bearing, None), lambda: self.distances[..., bearing])(x, y)
+        return self._distances(bearing)(x, y)
 
     def layers(self, nearest: float) -> FloatArray:
         """Coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
@@ -76,17 +76,27 @@ class Bearings:
             self._layers[nearest] = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
         return self._layers[nearest]
 
-    def inverse(self, bearing: int, x: Column, y: Column, nearest: float) -> Column:
+    def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
         """Inverse (M,), 1/m, of the distance, at least ``nearest`` m, along a bearing; arrays or CasADi columns."""
         layers, count = self.layers(nearest), len(self.directions)
-        plain = 1.0 / np.maximum(self.distance(bearing, x, y), nearest)
+        plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
         if not layers[..., 2 * count + bearing].any():
             return plain
         blurred, share = (
-            self._field((number, nearest), lambda number=number: layers[..., number])(x, y)  # type: ignore[misc]
+            read(self._field((number, nearest), lambda number=number: layers[..., number]))  # type: ignore[misc]
             for number in (count + bearing, 2 * count + bearing)
         )
         return plain + share * (blurred - plain)
+
+    def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
+        """What reads a field on this grid at points; where these are symbols, their places are written down once."""
+        if not (is_symbolic(x) or is_symbolic(y)):
+            return lambda field: field(x, y)
+        places = self._distances(0).places(x, y)
+        return lambda field: field.at(places)
+
+    def _distances(self, bearing: int) -> Field:
+        return self._field((bearing, None), lambda: self.distances[..., bearing])
 
     def _field(self, key: tuple[int, float | None], coefficients: Callable[[], FloatArray]) -> Field:
         if key not in self._fields:
@@ -104,7 +114,8 @@ class Bearings:
         """
         if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
             return self._kernel(x, y, velocity, turn_rate, nearest, largest=False)
-        inverses = (self.inverse(b, x, y, nearest) for b in range(len(self.directions)))
+        read = self._reader(x, y)
+        inverses = (self._inverse(b, read, nearest) for b in range(len(self.directions)))
         return sum(self._shifts(velocity, turn_rate, inverses)) / len(self.directions)
 
     def peak_flow(
@@ -116,7 +127,8 @@ class Bearings:
         """
         if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
             return self._kernel(x, y, velocity, turn_rate, nearest, largest=True)
-        inverses = (1.0 / np.maximum(self.distance(b, x, y), nearest) for b in range(len(self.directions)))
+        read = self._reader(x, y)
+        inverses = (1.0 / np.maximum(read(self._distances(b)), nearest) for b in range(len(self.directions)))
         first, *others = self._shifts(velocity, turn_rate, inverses)
         for other in others:
             first = np.maximum(first, other)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,20 @@ from hpop.world.looks import look
 from hpop.world.shapes import rotate
 
 PAD = 2
+
+
+class Places(NamedTuple):
+    """Symbolic points in the steps of a grid, none outside of it.
+
+    u, v    (M, 1) each
+    points  (2, M)  both, for MX; None for SX
+    shape   of the columns that they were
+    """
+
+    u: Any
+    v: Any
+    points: Any
+    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +86,7 @@ class Field:
     def __call__(self, x: Column, y: Column) -> Column:
         """Values at world points; x and y are (M,) arrays (broadcast) in metres, or CasADi columns."""
         if is_symbolic(x) or is_symbolic(y):
-            return self._symbolic(x, y)
+            return self.at(self.places(x, y))
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         # Rounded weights may sum to 1 + 4e-16: keep the range exactly.
         return np.clip(self._evaluate(x, y)[..., 0], *self.__dict__["_range"])
@@ -106,7 +120,8 @@ class Field:
         """The coefficients; those at points (M,) in grid steps must be there."""
         return self.coefficients
 
-    def _symbolic(self, x: Any, y: Any) -> Any:
+    def places(self, x: Any, y: Any) -> Places:
+        """Where CasADi columns of points lie in this grid; all fields on one grid can be read there."""
         import casadi
 
         u, v = self._grid(x, y)
@@ -116,13 +131,20 @@ class Field:
         v = np.minimum(np.maximum(v, 1.0), rows - 2.0)
         size = u.shape
         u, v = casadi.vec(u.to_casadi()), casadi.vec(v.to_casadi())
-        if isinstance(u, casadi.SX):
+        return Places(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
+
+    def at(self, places: Places) -> Any:
+        """Values at places in this grid, on CasADi symbols."""
+        import casadi
+
+        u, v, points, size = places
+        if points is None:
             return casadi.ArrayInterface.SX(look(self, u, v), shape=size)
         function = self.__dict__.get("_function")
         if function is None:
             function = self._build()
             self.__dict__["_function"] = function
-        values = function.map(u.numel())(casadi.horzcat(u, v).T).T
+        values = function.map(u.numel())(points).T
         return casadi.ArrayInterface.MX(values, shape=size)
 
     def _build(self) -> Any:
