@@ -177,7 +177,7 @@ def test_another_process_draws_what_is_saved(saved: Path) -> None:
     with PicturesBeside(saved) as pictures:
         pictures.start()
         assert pictures._process is not None
-        assert pictures._process.wait(120) == 0
+        assert pictures._process.wait() == 0
     names = {"front.json", "map.png", "front.png", "trace.png", "where.png"}
     assert {path.name for path in saved.iterdir()} == names
 
@@ -194,7 +194,7 @@ def test_of_a_stage_that_stands_the_map_is_drawn_and_of_others_nothing(
         assert pictures._timer is not None
         pictures._timer.join()
         assert pictures._process is not None
-        assert pictures._process.wait(120) == 0
+        assert pictures._process.wait() == 0
     assert {path.name for path in saved.iterdir()} == {"front.json", "map.png"}
 
 

@@ -230,22 +230,34 @@ def test_a_pool_needs_workers(workers: Any) -> None:
 
 
 LEAVING = """
-import os, signal, threading, time
+import os, signal, sys, threading, time
 from hpop.sweep import processes
+
+def work(gate):
+    while not os.path.exists(gate):
+        time.sleep(0.01)
+
+def interrupt(pool, gate):
+    while not pool._shutdown_thread:
+        time.sleep(0.01)
+    for _ in range(2):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)  # lets the main thread take it
+    open(gate, "w").close()
 
 if __name__ == "__main__":
     with processes(2) as pool:
-        jobs = [pool.submit(time.sleep, seconds) for seconds in (0, 0, 3, 3)]
+        jobs = [pool.submit(work, path) for path in (__file__, __file__, sys.argv[1], sys.argv[1])]
         jobs[0].result(), jobs[1].result()
-        for wait in (0.5, 1.0):
-            threading.Timer(wait, os.kill, (os.getpid(), signal.SIGINT)).start()
+        threading.Thread(target=interrupt, args=(pool, sys.argv[1])).start()
 """
 
 
 def test_ctrl_c_while_workers_are_waited_for_ends_when_they_do(tmp_path: Path) -> None:
+    """They end no sooner than Ctrl-C has come, twice."""
     script = tmp_path / "leaving.py"
     script.write_text(LEAVING)
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, script, tmp_path / "gate"], capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert done.stderr.rstrip().endswith("KeyboardInterrupt")
 

@@ -98,7 +98,7 @@ def test_lists_show_no_markup_of_docstrings(run: Callable[..., Result]) -> None:
 
 def python(*arguments: str, code: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 HEAVY = {"numpy", "scipy", "numba", "casadi", "cvxpy", "matplotlib", "pydantic", "shapely", "networkx", "rich", "yaml"}

@@ -84,7 +84,7 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     with PicturesBeside(room / "out", [str(mine / "ways.py")]) as pictures:
         pictures.start()
         assert pictures._process is not None
-        assert pictures._process.wait(120) == 0
+        assert pictures._process.wait() == 0
     assert (room / "out" / "map.png").exists()
 
     without = hpop("show", "out", cwd=room)
