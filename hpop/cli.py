@@ -346,13 +346,15 @@ def _solved(
 ) -> tuple[list[Front], Front | None]:
     """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
 
-    So are the fronts of a planner's stages; of one that stands for a while another process draws the map.
+    So are the fronts of a planner's stages; of one that stands for a while another process draws the map. Where
+    kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
+    that imports serves for the last pictures too.
     """
     from hpop import report
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with report.progress_bar() as progress, PicturesBeside(out, imports, waits=waits) as pictures:
+    with report.progress_bar() as progress, PicturesBeside(out, imports) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()
@@ -360,8 +362,13 @@ def _solved(
             say(front)
 
         def stage(front: Front) -> None:
+            is_first = say.last is None
             keep(front)
-            pictures.stage()
+            if waits and is_first:
+                with suppress(OutputError):  # which the last pictures will meet as well; the search goes on
+                    results.draw(scenario.problem, front, out, map_alone=True)
+            else:
+                pictures.stage()
 
         try:
             for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor, stage=stage):

@@ -2,7 +2,7 @@
 
 Drawing takes seconds of Python, which would stand in the way of a search that goes on, and of a user who has stopped
 one. The other process reads what is saved, a front with its problem, so it needs nothing else but the user's own code,
-if there is any; ``python -P -m hpop.pictures all|map|first FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the
+if there is any; ``python -P -m hpop.pictures all|map FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the
 current folder (-P).
 """
 
@@ -29,13 +29,11 @@ class PicturesBeside:
     """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops.
 
     imports  files and modules that register what the front was planned with
-    waits    whether the search has to wait for something else as soon as a first front is saved
     """
 
-    def __init__(self, folder: Path, imports: Sequence[str] = (), *, waits: bool = False) -> None:
+    def __init__(self, folder: Path, imports: Sequence[str] = ()) -> None:
         self.folder = folder
         self.imports = imports
-        self.waits = waits
         self._timer: Timer | None = None
         self._process: Popen[Any] | None = None
         matplotlib_folder.provide()
@@ -51,9 +49,6 @@ class PicturesBeside:
     def stage(self) -> None:
         """Draw the map alone, if no better front comes soon."""
         self.stop()
-        if self.waits:
-            self._begin("first")
-            return
         self._timer = Timer(STANDS, self._begin, ["map"])
         self._timer.daemon = True
         self._timer.start()
@@ -85,20 +80,17 @@ class PicturesBeside:
 
 
 def draw(which: str, folder: Path, imports: Sequence[str]) -> None:
-    """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures.
-
-    The ``first`` map is drawn at once: a user waits for it.
-    """
+    """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
     from hpop import own_code
     from hpop.front import Front
     from hpop.problem import Problem
     from hpop.view import save_pictures
 
-    if which != "first" and hasattr(os, "nice"):
+    if hasattr(os, "nice"):
         os.nice(NICENESS)
     own_code.register(imports)
     front = Front.load(folder / "front.json")
-    save_pictures(Problem.from_description(front.problem or {}), front, folder, map_alone=which != "all")
+    save_pictures(Problem.from_description(front.problem or {}), front, folder, map_alone=which == "map")
 
 
 if __name__ == "__main__":

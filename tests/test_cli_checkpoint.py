@@ -35,7 +35,7 @@ SCENARIO = {
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
 
 

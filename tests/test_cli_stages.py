@@ -65,7 +65,7 @@ def slowly(last: Callable[[Candidates], Candidates]) -> Callable[..., Iterator[C
 
 @pytest.fixture
 def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     (tmp_path / "room.yaml").write_text(SCENARIO)
     return tmp_path

@@ -38,7 +38,7 @@ planner:
 @pytest.fixture
 def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A room and two planners; pictures are tested elsewhere."""
-    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     (tmp_path / "room.yaml").write_text(SCENARIO)
     return tmp_path / "room.yaml"
@@ -62,7 +62,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Any:
     scenario = tmp_path_factory.mktemp("alone") / "room.yaml"
     scenario.write_text(SCENARIO)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+        patch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
         patch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
         assert plan(scenario, "out").exit_code == 0
     return points(scenario, "out")

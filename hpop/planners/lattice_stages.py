@@ -24,7 +24,7 @@ from hpop.planners.graph_query import TURNS, GraphQuery
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.planners.search.beside import compiling_beside, first_is_awaited, is_compiling
+from hpop.planners.search.beside import begin, compiling_beside, first_is_awaited, is_compiling
 from hpop.planners.search.first_paths import first_paths
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -71,6 +71,7 @@ def _stages(
             yield first
         if first.status is Status.INTERRUPTED:
             return
+        begin()
     covered = math.inf
     if large and planner.eps < COARSE:
         coarse = query.exact("lattice", _share(purse, query.build_seconds), progress, eps=COARSE, stage=True)

@@ -71,7 +71,7 @@ def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., No
 @pytest.fixture
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are tested elsewhere and take a second each."""
-    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder: [])
+    monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
 
 

@@ -130,8 +130,8 @@ def test_ctrl_c_while_drawing_begins_leaves_no_process_behind(tmp_path: Path, mo
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(subprocess.Popen, "_execute_child", interrupted)
-    with pytest.raises(KeyboardInterrupt), PicturesBeside(tmp_path, waits=True) as pictures:
-        pictures.stage()
+    with pytest.raises(KeyboardInterrupt), PicturesBeside(tmp_path) as pictures:
+        pictures.start()
     with pytest.raises(ProcessLookupError):
         os.kill(begun[0], 0)
 

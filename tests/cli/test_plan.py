@@ -249,7 +249,7 @@ def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
 ) -> None:
     plan(room)
 
-    def broken(*arguments: object) -> None:
+    def broken(*arguments: object, **options: object) -> None:
         raise ValueError("no ink")
 
     monkeypatch.setattr(hpop.view, "save_pictures", broken)
@@ -262,7 +262,7 @@ def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
 def test_an_interruption_while_drawing_leaves_the_pictures_to_another_process(
     plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*arguments: object) -> None:
+    def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
     begun: list[tuple[Path, str]] = []

@@ -1,4 +1,4 @@
-"""Kernels that other processes compile while this one has something else to do; numba's cache is where they meet.
+"""Kernels that other processes compile beside this one, once a first answer is out; numba's cache is where they meet.
 
 Threads would not help: numba compiles under Python's lock. What to compile is found by a rehearsal
 (:mod:`.rehearsal`), and a process says on its output which kernel it is at. Whoever needs that one waits, all others
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
-from typing import Any
+from typing import Any, NamedTuple
 
 from hpop.interrupts import interrupts_held
 
@@ -41,7 +41,7 @@ main()
 POLL = 0.02  # s between two looks at what a process says
 
 _processes: list[_Process] = []
-_first: list[Any] = []  # the kernel of a first answer, while processes compile
+_awaited: list[_Awaited] = []  # while there is something to compile
 
 
 class _Process:
@@ -81,9 +81,19 @@ class _Process:
         self._said.close()
 
 
+class _Awaited(NamedTuple):
+    """What is to be compiled: for which costs, and the kernel that a first answer would take."""
+
+    aggregates: Sequence[str]
+    turns: int
+    first: Any
+
+
 @contextmanager
 def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
     """Compile the kernels of a search beside what is done in a ``with``, unless they are kept; tells whether.
+
+    That begins with :func:`begin`: who waits for a first answer and its picture has the machine for these.
 
     turns  the cost that counts turns, -1 for none
     """
@@ -93,16 +103,23 @@ def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
     longest = main_kernel(aggregates, turns)
     first = longest if "max" in aggregates else weighted_path
     if can_be_kept(longest) and not is_kept(longest):
-        with suppress(OSError), interrupts_held():  # where no process can be had, this one compiles
-            count = 2 if (os.cpu_count() or 1) > 2 else 1
-            _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
-            _first.append(first)
+        _awaited.append(_Awaited(aggregates, turns, first))
     try:
-        yield bool(_first)
+        yield bool(_awaited)
     finally:
-        _first.clear()
+        _awaited.clear()
         while _processes:
             _processes.pop().stop()
+
+
+def begin() -> None:
+    """Begin to compile, if there is anything to compile: a first answer is out."""
+    if not _awaited or _processes:
+        return
+    aggregates, turns, _ = _awaited[0]
+    with suppress(OSError), interrupts_held():  # where no process can be had, this one compiles
+        count = 2 if (os.cpu_count() or 1) > 2 else 1
+        _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
 
 
 def main_kernel(aggregates: Sequence[str], turns: int) -> Any:
@@ -116,16 +133,16 @@ def main_kernel(aggregates: Sequence[str], turns: int) -> Any:
 
 def is_compiling() -> bool:
     """Whether something that the search takes was not compiled when this began."""
-    return bool(_processes)
+    return bool(_awaited)
 
 
 def first_is_awaited() -> bool:
     """Whether what a first answer takes is compiled beside: then one is sought without."""
-    if not _first:
+    if not _awaited:
         return False
     from hpop.compiled import is_kept
 
-    return not is_kept(_first[0])
+    return not is_kept(_awaited[0].first)
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:

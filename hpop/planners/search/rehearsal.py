@@ -6,6 +6,7 @@ plain Python, since the process that plans compiles these meanwhile.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ from hpop.status import Budget
 SIDE, HEADINGS = 3, 8  # of the lattice
 FAR = 2000  # a move costs at least so much: only turns are a small whole number
 NICENESS = 5
+OBJECTS = 100_000  # new ones between two collections of garbage, which else take a tenth of the time
 
 
 class _Rehearsal(Clock):
@@ -97,6 +99,7 @@ def main() -> None:
     """Compile the parts that the command line names, for the costs that it describes."""
     if os.cpu_count() == 1 and hasattr(os, "nice"):  # elsewhere a search waits for this, and nothing stands in its way
         os.nice(NICENESS)
+    gc.set_threshold(OBJECTS)
     parts, turns, *aggregates = sys.argv[1:]
     for part in parts.split(","):
         rehearse(part, aggregates, int(turns))

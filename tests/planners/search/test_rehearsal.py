@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
 import shapely
 
 import hpop
+import hpop.compiled
 from hpop.planners.base import edge_objectives
 from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice import Lattice
-from hpop.planners.search import pareto_paths, supported_paths
+from hpop.planners.search import beside, pareto_paths, supported_paths
 from hpop.planners.search.beside import ORDER, PARTS, first_is_awaited, words
 from hpop.planners.search.kernels import signature
 from hpop.planners.search.rehearsal import _Rehearsal, rehearse
@@ -58,9 +60,9 @@ def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monk
     planner = Lattice(step=0.5)
     query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
     search = taken(query, monkeypatch)
-    beside = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
-    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along", "weighted_path"} <= beside.keys()
-    for name, types in beside.items():
+    ahead = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
+    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along", "weighted_path"} <= ahead.keys()
+    for name, types in ahead.items():
         assert types & search[name], name
     assert set(search) <= {*ORDER, "build", "sweep", "order_chains", "arcs_onward", "reduce_costs", "weighted_path"}
 
@@ -72,4 +74,29 @@ def test_what_is_compiled_is_told_with_how_far_it_is() -> None:
 
 
 def test_nothing_is_compiled_beside_unless_asked_for() -> None:
+    beside.begin()
     assert not first_is_awaited()
+    assert not beside._processes
+
+
+def test_what_is_compiled_beside_begins_after_a_first_answer_and_ends_with_the_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiling: list[str] = []
+
+    class Process:
+        def __init__(self, parts: Sequence[str], *costs: object) -> None:
+            self.parts = list(parts)
+            compiling.extend(self.parts)
+
+        def stop(self) -> None:
+            compiling.clear()
+
+    monkeypatch.setattr(beside, "_Process", Process)
+    monkeypatch.setattr(hpop.compiled, "is_kept", lambda made: False)
+    with beside.compiling_beside(["sum", "sum", "sum"], 1) as awaited:
+        assert (awaited, first_is_awaited(), compiling) == (True, True, [])
+        beside.begin()
+        beside.begin()
+        assert sorted(compiling) == sorted(PARTS)
+    assert (first_is_awaited(), compiling) == (False, [])
