@@ -89,11 +89,15 @@ class Bearings:
         return plain + share * (blurred - plain)
 
     def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
-        """What reads a field on this grid at points; where these are symbols, their places are written down once."""
-        if not (is_symbolic(x) or is_symbolic(y)):
-            return lambda field: field(x, y)
-        places = self._distances(0).places(x, y)
-        return lambda field: field.at(places)
+        """What reads a field on this grid at points; where these are MX, their places are written down once.
+
+        On SX each field has its own: programs are known to converge with derivatives that add up in that order.
+        """
+        if is_symbolic(x) or is_symbolic(y):
+            places = self._distances(0).places(x, y)
+            if places.points is not None:
+                return lambda field: field.at(places)
+        return lambda field: field(x, y)
 
     def _distances(self, bearing: int) -> Field:
         return self._field((bearing, None), lambda: self.distances[..., bearing])
