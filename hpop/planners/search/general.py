@@ -37,7 +37,7 @@ from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.kernels import WORD_BITS, drop_first, push
-from hpop.planners.search.labels import Nodes, Unsound, retrace
+from hpop.planners.search.labels import Nodes, check_solutions, enter_each, retrace
 from hpop.planners.search.slices import (
     CLOSED,
     DONE,
@@ -288,21 +288,19 @@ class General(HeapSearch):
         )
         return int(code)
 
-    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Nodes (n,) and estimates (n, k) of labels."""
-        at, n = np.zeros(len(values), np.int32), len(values)
-        while True:
-            narrow = self.dtype is np.int32
-            f = np.zeros((n, len(self.order)), self.dtype)
-            most = np.full(f.shape[1], INT32_LIMIT if narrow else MAX_KEY)
-            graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
-            reached = clock.call(retrace, values, closed, *graph, self.source, most, at, f)
-            if reached == n:
-                return at, f
-            if reached >= 0 or not narrow:
-                raise Unsound("a label is no path of this graph")
-            while self.dtype is np.int32:
-                self._widen_keys()
+        f = np.zeros((len(values), len(self.order)), self.dtype)
+        most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
+        graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
+        return clock.call(retrace, values, closed, *graph, self.source, most, at, f), f
+
+    def widen(self) -> bool:
+        """Take 64 bits for costs that have outgrown 32."""
+        narrow = self.dtype is np.int32
+        while self.dtype is np.int32:
+            self._widen_keys()
+        return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
         """Fill the sets of the nodes and that of the targets."""
@@ -310,18 +308,16 @@ class General(HeapSearch):
         reach = np.zeros_like(solved)
         for j in range(solved.shape[1]):
             reach[:, j] = [least_covered(int(cost), eps, int(tolerance[j])) for cost in solved[:, j]]
-        if self.is_target[nodes].any() or not self.is_target[ends].all() or (solved[:, :1] > self.most).any():
-            raise Unsound("a solution is none")
-        goals = np.full(len(ends), len(self.sets) - 1, np.int32)
-        for where, vectors, asked in ((nodes, closed, closed[:0]), (goals, reach, solved)):
-            begin = 0
-            while begin < len(where):
-                new = (where, vectors, asked, begin)
-                begin = clock.call(enter_all, self.sets, self.pool, *new, self.counters, N_ROWS)
-                if begin < 0:
-                    raise Unsound("a solution is covered by one before it")
-                if begin < len(where):
-                    self._grow_pool()
+        check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
+        self._enter_sets(nodes, closed, closed[:0], clock)
+        self._enter_sets(np.full(len(ends), len(self.sets) - 1, np.int32), reach, solved, clock)
+
+    def _enter_sets(self, at: Nodes, vectors: NDArray[Any], asked: NDArray[Any], clock: Clock) -> None:
+        def enter(begin: int) -> int:
+            new = (at, vectors, asked, begin)
+            return int(clock.call(enter_all, self.sets, self.pool, *new, self.counters, N_ROWS))
+
+        enter_each(len(at), enter, self._grow_pool)
 
     def weight_of_sets(self, clock: Clock) -> int:
         """A sum over the members of all sets."""

@@ -14,6 +14,7 @@ What is not asked, for it would be to search again, is whether labels are missin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Self, TypeAlias
 
@@ -95,6 +96,26 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         _ordered(np.concatenate([closed[-1:, :1], first[:, :1]])) and _ordered(np.concatenate([solved[-1:], first]))
     ):
         raise Unsound("an open label should have come before those that have")
+
+
+def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
+    """Raise Unsound where closed labels are at targets, or solutions are not, or exceed the bound on the first cost."""
+    if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
+        raise Unsound("a solution is none")
+
+
+def enter_each(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
+    """Let a kernel enter so many labels into sets, from a place on until there is no more room, which is then made.
+
+    Raises Unsound where the kernel returns what is negative: a label that would not have been closed.
+    """
+    begin = 0
+    while begin < count:
+        begin = enter(begin)
+        if begin < 0:
+            raise Unsound("a label is covered by one before it")
+        if begin < count:
+            grow()
 
 
 def _ordered(rows: NDArray[Any]) -> bool:

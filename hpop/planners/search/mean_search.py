@@ -12,7 +12,7 @@ from hpop.arrays import IntArray
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
-from hpop.planners.search.labels import Nodes, Unsound, retrace
+from hpop.planners.search.labels import Nodes, Unsound, enter_each, retrace
 from hpop.planners.search.mean_kernel import advance, enter_all, weigh
 from hpop.planners.search.mean_limits import Limits
 from hpop.planners.search.slices import N_FRONT, ROWS, Clock
@@ -81,27 +81,27 @@ class CappedMean(HeapSearch):
         """None: closed labels at targets are solutions."""
         return self.solutions[:0]
 
-    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Nodes (n,) and estimates (n, k) of labels."""
-        at, f = np.zeros(len(values), np.int32), np.zeros((len(values), len(self.order)), np.int64)
+        f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
-        if clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f) != len(values):
-            raise Unsound("a label is no walk of this graph within the limits")
-        return at, f
+        return clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f), f
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
         """Fill the blocks and the front."""
         if len(ends):
             raise Unsound("a solution is none")
-        begin = 0
-        while begin < len(nodes):
+
+        def enter(begin: int) -> int:
             tables = (self.is_target, self.blocks, self.vectors, self.front, self.solutions, self.counters)
-            begin = clock.call(enter_all, nodes, closed, begin, *tables)
-            if self.counters[N_FRONT] == len(self.solutions):
-                self._grow_front()
-            elif begin < len(nodes):
-                self._grow_rows()
+            return int(clock.call(enter_all, nodes, closed, begin, *tables))
+
+        def grow() -> None:
+            full = self.counters[N_FRONT] == len(self.solutions)
+            (self._grow_front if full else self._grow_rows)()
+
+        enter_each(len(nodes), enter, grow)
 
     def weight_of_sets(self, clock: Clock) -> int:
         """A sum over the rows of all blocks."""

@@ -231,7 +231,7 @@ class Search(ABC):
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
             raise Unsound("a label is there twice, or none begins")
-        nodes, costs = self.retraced(values, c, clock)
+        nodes, costs = self._retraced(values, c, clock)
         closed, opened, solved = costs[:c], costs[c : c + o], costs[c + o :]
         check_order(closed, opened, solved)
         self.enter(nodes[:c], closed, nodes[c + o :], solved, clock)
@@ -260,9 +260,26 @@ class Search(ABC):
         front = weight(self.solutions[:n], self.front[:n])
         return np.array([opened, front, self.weight_of_sets(clock)], np.int64)
 
+    def _retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, k) of labels (n,), the closed ones first."""
+        at = np.zeros(len(values), np.int32)
+        while True:
+            reached, f = self.retrace(values, closed, at, clock)
+            if reached == len(values):
+                return at, f
+            if reached >= 0 or not self.widen():
+                raise Unsound("a label is no path of this graph")
+
     @abstractmethod
-    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
-        """Nodes (n,) and estimates (n, k) of labels (n,), the closed ones first; raises Unsound."""
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
+        """Fill in the nodes (n,) of labels (n,), the closed ones first; their number, and their estimates (n, k).
+
+        The place of a label that is none; minus one and its place where its costs are too large.
+        """
+
+    def widen(self) -> bool:
+        """Take more bits for costs; False where there are no more."""
+        return False
 
     @abstractmethod
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:

@@ -38,7 +38,7 @@ from hpop.planners.search.bucket_search import BucketSearch
 from hpop.planners.search.corners import Corners
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.labels import Nodes, Unsound
+from hpop.planners.search.labels import Nodes, Unsound, check_solutions, enter_each
 from hpop.planners.search.slices import (
     BUCKETS,
     CHUNKS,
@@ -354,37 +354,33 @@ class Staircase(BucketSearch):
         empty = int(self._empty(1)[0])
         return int(clock.call(weigh, self.stairs, self.group_table, self.width, empty))
 
-    def retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Nodes (n,) and estimates (n, 3) of labels."""
-        at, f = np.zeros(len(values), np.int32), np.zeros((len(values), 3), np.int64)
+        f = np.zeros((len(values), 3), np.int64)
         tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
-        while True:
-            most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
-            about = (self._tables(), self.turn, tails, most)
-            reached = clock.call(retrace, values, closed, self.root, *about, at, f)
-            if reached == len(values):
-                return at, f
-            if reached >= 0 or self.dtype is np.int64:
-                raise Unsound("a label is no path of this graph")
+        most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
+        return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
+
+    def widen(self) -> bool:
+        """Take 64 bits for costs that have outgrown 32."""
+        narrow = self.dtype is np.int32
+        if narrow:
             self._widen_costs()
+        return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
         """Fill the staircases of the groups and that of the targets."""
-        if self.is_target[nodes].any() or not self.is_target[ends].all() or (solved[:, :1] > self.most).any():
-            raise Unsound("a solution is none")
+        check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
         while closed[:, 1].max(initial=0) >= self.width:
             self._grow_width()
-        begin = 0
-        while begin < len(nodes):
+
+        def enter(begin: int) -> int:
             tables = (self._tables(), self.turn, self.stairs, self.share, self.width)
-            begin = clock.call(enter_all, nodes, closed, begin, self.counters, *tables)
-            if 0 <= begin < len(nodes):
-                self._grow_rows()
-            elif begin < 0:
-                break
-        solutions = (solved, float(self.precision.eps), self.tolerance)
-        if begin < 0 or clock.call(enter_goal, self.goal, *solutions) < 0:
-            raise Unsound("a label is covered by one before it")
+            return int(clock.call(enter_all, nodes, closed, begin, self.counters, *tables))
+
+        enter_each(len(nodes), enter, self._grow_rows)
+        if clock.call(enter_goal, self.goal, solved, float(self.precision.eps), self.tolerance) < 0:
+            raise Unsound("a solution is covered by one before it")
 
     def found(self) -> tuple[IntArray, IntArray, int, int, int]:
         """As of any search; a solution known before may be worse than one found later."""
