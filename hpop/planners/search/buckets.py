@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 
 CHUNK = 32  # entries
 # State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.
@@ -65,7 +65,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
     return int(size)
 
 
-@kernel
+@lean
 def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
     """Let entry i of a 4-ary heap sink to its place."""
     key, value = keys[i], values[i]

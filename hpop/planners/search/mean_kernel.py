@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.kernels import drop_first, push
 from hpop.planners.search.mean_limits import INTEGRAL, OTHERS, TIME
@@ -48,6 +48,15 @@ from hpop.planners.search.slices import (
 START, SIZE, ROOM = range(3)  # columns of the table of blocks
 
 
+@lean
+def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
+    """Whether row i of rows (n, k) is nowhere larger than f (k,) in the other costs."""
+    j = OTHERS
+    while j < len(f) and rows[i, j] <= f[j]:
+        j += 1
+    return j >= len(f)
+
+
 @kernel
 def bar(front: IntArray, size: int, f: IntArray) -> int:
     """Find the mean on the front that f must beat: of the first row nowhere larger in the other costs, or the last.
@@ -55,12 +64,7 @@ def bar(front: IntArray, size: int, f: IntArray) -> int:
     front (size, k) is sorted by the mean.
     """
     for i in range(size - 1):
-        covers = True
-        for j in range(OTHERS, len(f)):
-            if front[i, j] > f[j]:
-                covers = False
-                break
-        if covers:
+        if is_nowhere_larger(front, i, f):
             return i
     return size - 1
 
@@ -88,12 +92,7 @@ def is_useless(
     for a in range(last, begin - 1, -1):
         if (vectors[a, INTEGRAL] - f[INTEGRAL]) * time > total * (vectors[a, TIME] - f[TIME]):
             continue
-        covers = True
-        for j in range(OTHERS, len(f)):
-            if vectors[a, j] > f[j]:
-                covers = False
-                break
-        if covers:  # where one that dominates moves to is where the next scan begins
+        if is_nowhere_larger(vectors, a, f):  # where one that dominates moves to is where the next scan begins
             for j in range(len(f)):
                 vectors[a, j], vectors[last, j] = vectors[last, j], vectors[a, j]
             return True, i + 2 + last - a
@@ -137,12 +136,7 @@ def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: 
     time = max(1, f[TIME])
     place = 0  # behind all rows with no larger a mean
     while place < size and front[place, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[place, TIME]):
-        covers = True
-        for j in range(OTHERS, len(f)):
-            if front[place, j] > f[j]:
-                covers = False
-                break
-        if covers:
+        if is_nowhere_larger(front, place, f):
             return size
         place += 1
     kept, behind = 0, place

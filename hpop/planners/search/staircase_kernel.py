@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel
-from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next
+from hpop.compiled import lean
+from hpop.planners.search.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next, sift_down
 from hpop.planners.search.corners import may_improve
 from hpop.planners.search.covered import least_covered
 from hpop.planners.search.slices import (
@@ -32,6 +32,7 @@ from hpop.planners.search.slices import (
 )
 from hpop.planners.search.staircase_tables import (
     BEGIN,
+    BELOW,
     DEAREST,
     FIRST,
     GROUP,
@@ -43,13 +44,12 @@ from hpop.planners.search.staircase_tables import (
     REST,
     ROW,
     SLOTS,
+    lower,
 )
 from hpop.planners.search.turns import TURNS
 
-BELOW = 0x7FFFFFFF  # an index masked with this is not negative: numba then leaves out wrapping
 
-
-@kernel
+@lean
 def advance(
     counters: IntArray,
     work: int,
@@ -130,29 +130,9 @@ def advance(
         work -= 1
         count -= 1
         value = values[0]
-        # The last entry takes the place of the first and sinks. (Not in a function: numba would count references to
-        # the arrays at every call.)
         size -= 1
-        sinking, its = keys[size], values[size]
-        i = 0
-        while True:
-            child = 4 * i + 1
-            if child >= size:
-                break
-            least = keys[child]
-            best = child
-            for j in range(child + 1, min(child + 4, size)):
-                if keys[j] < least:
-                    least = keys[j]
-                    best = j
-            if least >= sinking:
-                break
-            keys[i] = least
-            values[i] = values[best]
-            i = best
-        keys[i] = sinking
-        values[i] = its
-
+        keys[0], values[0] = keys[size], values[size]
+        sift_down(keys, values, 0, size)
         if hull is not None:  # where it is None, numba leaves this out
             h_layers, h_weights, corners, last_corner, ahead, reached, scratch = hull
             while reached[0] < len(ahead) and ahead[reached[0], 0] <= f0:
@@ -199,11 +179,8 @@ def advance(
                 continue
         counters[N_EXPANDED] += 1
         if final:
-            covered = least_covered(f2, eps, tolerance[2])
-            for i in range(least_covered(f1, eps, tolerance[1]), len(goal)):
-                if goal[i] <= covered:
-                    break
-                goal[i] = covered
+            first_covered = least_covered(f1, eps, tolerance[1])
+            lower(goal, first_covered, 1, len(goal) - first_covered, least_covered(f2, eps, tolerance[2]))
             at = counters[N_FRONT]
             front[at, 0] = f0
             front[at, 1] = f1
@@ -215,12 +192,7 @@ def advance(
             base = counters[N_ROWS]
             counters[N_ROWS] = base + width * slots
             groups[group, ROW] = base
-        at = (base + n * slots + slot) & BELOW
-        for _ in range(n, width):
-            if stairs[at] <= d:
-                break
-            stairs[at] = d
-            at += slots
+        lower(stairs, base + n * slots + slot, slots, width - n, d)
         for i in range(n, width):
             if share[group, i] <= d:
                 break
@@ -258,12 +230,7 @@ def advance(
                         made += 1
                     continue
                 if shared and not alike:  # whoever arrives here no better has no use: what follows is made now
-                    at = (above + slot + u - v) & BELOW
-                    for _ in range(un, width):
-                        if stairs[at] <= ud:
-                            break
-                        stairs[at] = ud
-                        at += slots
+                    lower(stairs, above + slot + u - v, slots, width - un, ud)
             for a in range(start[u], start[u + 1]):
                 work -= 1
                 x = np.int64(arcs[a, HEAD]) & BELOW

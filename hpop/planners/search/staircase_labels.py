@@ -23,6 +23,7 @@ from hpop.planners.search.staircase_tables import (
     REST,
     ROW,
     SLOTS,
+    lower,
 )
 from hpop.planners.search.turns import TURNS
 
@@ -158,28 +159,14 @@ def enter_all(
 
 
 @kernel
-def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None:
-    """Lower a staircase to d from one of its steps on."""
-    for _ in range(steps):
-        if stairs[at] <= d:
-            break
-        stairs[at] = d
-        at += slots
-
-
-@kernel
 def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: IntArray) -> int:
     """Lower the staircase of the targets by solutions (n, 3); minus one and the place of one that it covers, or n."""
     end = len(goal) - 1
     for i in range(len(solved)):
         if goal[solved[i, 1] if solved[i, 1] < end else end] <= solved[i, 2]:
             return -1 - i
-        covered = least_covered(solved[i, 2], eps, tolerance[2])
         first = least_covered(solved[i, 1], eps, tolerance[1])
-        for j in range(first, len(goal)):
-            if goal[j] <= covered:
-                break
-            goal[j] = covered
+        lower(goal, first, 1, len(goal) - first, least_covered(solved[i, 2], eps, tolerance[2]))
     return len(solved)
 
 

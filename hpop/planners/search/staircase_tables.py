@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 from hpop.planners.search.bounds import UNREACHABLE
 from hpop.planners.search.turns import OFFSET, SIZE
 
@@ -18,6 +18,7 @@ HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
 H_FIRST, H_INDEX, H_REST, GROUP, NODE_COLUMNS = range(5)
 # Columns of the table of groups: where the staircases begin (-1: nowhere yet), first node, nodes, dearest turn.
 ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
+BELOW = 0x7FFFFFFF  # an index masked with this is not negative: numba then leaves out wrapping
 
 
 @kernel
@@ -63,6 +64,17 @@ def fill_tables(
                 m += 1
     start[len(nodes)] = m
     return m
+
+
+@lean
+def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None:
+    """Lower a staircase to d from one of its steps on."""
+    at &= BELOW
+    for _ in range(steps):
+        if stairs[at] <= d:
+            break
+        stairs[at] = d
+        at += slots
 
 
 @kernel
