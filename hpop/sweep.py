@@ -15,20 +15,19 @@ import platform
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
-    FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
     Executor,
     Future,
     InvalidStateError,
     ProcessPoolExecutor,
-    wait,
 )
 from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from mmap import ACCESS_COPY, mmap
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from threading import Thread
 from types import TracebackType
@@ -154,19 +153,26 @@ class Sweep(Generic[S, T, R]):
             yield i, self.job(self.shared, tasks[i])
 
     def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
-        """Results that the executor brings; the places of those that it does not are added to ``lost``."""
+        """Results that the executor brings; the places of those that it does not are added to ``lost``.
+
+        Ctrl-C is held wherever a future's lock is taken: one that comes just then would leave it locked, and a pool's
+        own thread, which asks for it next, waiting for ever. (`concurrent.futures.wait` takes the locks of all.)
+        """
+        ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}
         supplies: dict[Future[Any], str] = {}  # those of them that bring the shared data, and who asked for these
         waiting: list[range] = []  # for the data to arrive
 
         def send(places: range, worker: str | None = None) -> None:
-            future = self._submit([tasks[i] for i in places], with_shared=worker is not None)
-            if future is None:
-                lost.extend(places)
-                return
-            pending[future] = places
-            if worker is not None:
-                supplies[future] = worker
+            with interrupts_held():
+                future = self._submit([tasks[i] for i in places], with_shared=worker is not None)
+                if future is None:
+                    lost.extend(places)
+                    return
+                pending[future] = places
+                if worker is not None:
+                    supplies[future] = worker
+                future.add_done_callback(ended.put)
 
         try:
             sent = 0
@@ -175,16 +181,16 @@ class Sweep(Generic[S, T, R]):
                 send(range(sent, sent + more))
                 sent += more
             while pending and not stop():
-                done, _ = wait(pending, timeout=POLL, return_when=FIRST_COMPLETED)
-                done |= {future for future in pending if future.cancelled()}  # a pool shut down does not tell wait()
-                for future in sorted(done, key=supplies.__contains__):  # a worker asked before its data arrived
+                # A worker asked before its data arrived.
+                for future in sorted(_all_in(ended), key=supplies.__contains__):
                     places = pending.pop(future)
                     if supplies.pop(future, None) is not None:
                         for others in waiting:
                             send(others)
                         waiting.clear()
                     try:
-                        worker, results = future.result()
+                        with interrupts_held():
+                            worker, results = future.result()
                     except (Exception, CancelledError) as error:
                         self._failed(error)
                         lost.extend(places)
@@ -196,8 +202,9 @@ class Sweep(Generic[S, T, R]):
                     else:
                         send(places, worker)
         finally:
-            for future in pending:
-                future.cancel()
+            with interrupts_held():
+                for future in pending:
+                    future.cancel()
         lost.sort()
 
     def _submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
@@ -228,6 +235,17 @@ class Sweep(Generic[S, T, R]):
         )
         if note not in self.notes:
             self.notes.append(note)
+
+
+def _all_in(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
+    """The futures that have ended since; waits a little for the first."""
+    try:
+        found = [ended.get(timeout=POLL)]
+    except Empty:
+        return []
+    while not ended.empty():
+        found.append(ended.get())
+    return found
 
 
 class _Processes(ProcessPoolExecutor):

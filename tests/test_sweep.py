@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -159,18 +159,15 @@ class InTurn(Elsewhere):
 
 
 @pytest.mark.parametrize("together", range(1, 12))
-def test_answers_from_before_the_shared_data_came_do_not_bring_them_again(
-    together: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_answers_from_before_the_shared_data_came_do_not_bring_them_again(together: int) -> None:
     far = InTurn()
 
-    def wait_for_some(futures: Any, **how: Any) -> Any:
+    def work_a_little() -> bool:
         far.work(together)
-        return wait(futures, **how)
+        return False
 
-    monkeypatch.setattr(module, "wait", wait_for_some)
     with Sweep(operator.mul, 7, far) as sweep:
-        assert dict(sweep.run(TASKS)) == EXPECTED
+        assert dict(sweep.run(TASKS, stop=work_a_little)) == EXPECTED
     assert far.sent == 1
 
 
@@ -221,6 +218,54 @@ def test_a_sweep_stops_when_told() -> None:
             with Sweep(operator.mul, 7, where) as sweep:
                 results = sweep.run(TASKS, stop=lambda: True)
                 assert list(results) == []
+
+
+class Interrupted(threading.Condition):
+    """A future's lock; Ctrl-C comes into the main thread just after it has taken a lock for the nth time."""
+
+    def __init__(self, left: list[int]) -> None:
+        super().__init__()
+        self.left, self.take = left, self.acquire
+        self.acquire = self.__enter__  # type: ignore[method-assign]
+
+    def __enter__(self) -> bool:
+        taken = self.take()
+        if threading.current_thread() is threading.main_thread():
+            self.left[0] -= 1
+            if self.left[0] == 0:
+                signal.raise_signal(signal.SIGINT)
+        return taken
+
+
+class Slow(ThreadPoolExecutor):
+    """One thread, and futures whose locks are such."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(1)
+        self.left, self.futures = [number], list[Future[Any]]()
+
+    def submit(self, fn: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
+        inside = super().submit(fn, *arguments, **named)
+        future: Future[Any] = Future()
+        future._condition = Interrupted(self.left)  # type: ignore[attr-defined]
+        self.futures.append(future)
+        inside.add_done_callback(
+            lambda done: future.set_running_or_notify_cancel() and future.set_result(done.result())
+        )
+        return future
+
+
+@pytest.mark.parametrize("number", range(1, 60, 3))
+def test_ctrl_c_that_comes_as_a_lock_is_taken_leaves_none_locked(number: int) -> None:
+    """The thread of a pool asks for it next; a pool that waits for it never ends."""
+    with Slow(number) as pool:
+        with pytest.raises(KeyboardInterrupt), Sweep(operator.mul, 7, pool) as sweep:
+            list(sweep.run(range(50)))
+        locks = [future._condition for future in pool.futures]  # type: ignore[attr-defined]
+        ours = [lock for lock in locks if lock._is_owned()]
+        for lock in ours:
+            lock.release()
+    assert ours == []
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, True])
