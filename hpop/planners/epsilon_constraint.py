@@ -15,7 +15,7 @@ import numpy as np
 
 from hpop.errors import HpopWarning, OptionError
 from hpop.options import MOST_COUNTED, real, set_wholes
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
+from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.epsilon_job import PolylineJob, Task
 from hpop.planners.nlp import require_ipopt
@@ -23,7 +23,7 @@ from hpop.planners.outcome import Outcome
 from hpop.planners.straightened import straightened
 from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import Polyline
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, status_after, warm_planner_of
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 from hpop.text import shown
@@ -94,7 +94,7 @@ class EpsilonConstraint:
             for name, bound in self.epsilon.items():
                 real(f"epsilon, the bound on {name},", bound, 0, MOST_COUNTED)
         Budget(self.time_limit)
-        self._warm_planner(None)
+        warm_planner_of(self)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -110,22 +110,14 @@ class EpsilonConstraint:
         objectives = edge_objectives(problem.criteria, "epsilon-constraint")
         roles = Roles.of(objectives.optimised, self.minimise, problem)
         limits = roles.limits(self.epsilon or {}, problem)
-        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
+        first = plan_warm_starts(self, problem, progress, executor)
         warm, notes = _warm_starts(problem, roles, first)
         run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, warm, limits, self.divisions), began)
         run.warn_of_tight_bounds()
         status = first.status
         if warm and status is not Status.INTERRUPTED:
-            try:
-                ended = run.go(progress, executor)
-            except KeyboardInterrupt:  # what is finished is kept
-                ended = Status.INTERRUPTED
-            status = status if ended is Status.COMPLETE else ended
+            status = status_after(status, lambda: run.go(progress, executor))
         return run.candidates(status, objectives, notes)
-
-    def _warm_planner(self, seconds: float | None) -> Planner:
-        """The planner of the warm starts, with the options that it shares with this one."""
-        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 def _warm_starts(problem: Problem, roles: Roles, first: Candidates) -> tuple[list[Known], list[str]]:

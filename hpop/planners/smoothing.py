@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.options import set_wholes
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
+from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.driven_program import FLAT
 from hpop.planners.nlp import require_ipopt
 from hpop.planners.outcome import Outcome
@@ -20,7 +20,7 @@ from hpop.planners.smoothing_job import Smoothed, SmoothingJob
 from hpop.planners.straightened import straightened
 from hpop.planners.treatable import minimised, smooth_places
 from hpop.planners.trust import judge
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, status_after, warm_planner_of
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 from hpop.trajectory import Trajectory
@@ -68,7 +68,7 @@ class Smoothing:
     def __post_init__(self) -> None:
         set_wholes(self, "intervals", least=1, most=MOST_INTERVALS)
         Budget(self.time_limit)
-        self._warm_planner(None)
+        warm_planner_of(self)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -86,23 +86,15 @@ class Smoothing:
         smooth_places(criteria, problem, "smoothing")
         place = None if self.minimise is None else minimised(self.minimise, criteria)
         job = SmoothingJob(problem, criteria, place, self.intervals)
-        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
+        first = plan_warm_starts(self, problem, progress, executor)
         trajectories, curves = straightened(problem.front(first).trajectories if first.trajectories else (), problem)
         run = _Run(job, trajectories, began, self.time_limit)
         status = first.status
         if trajectories and status is not Status.INTERRUPTED:
-            try:
-                ended = run.go(progress, executor)
-            except KeyboardInterrupt:  # what is finished is kept
-                ended = Status.INTERRUPTED
-            status = status if ended is Status.COMPLETE else ended
+            status = status_after(status, lambda: run.go(progress, executor))
         stopped = () if first.status.is_final else (f"the polylines are not all there are: {first.status}",)
         none = () if first.trajectories else (f"nothing to smooth: {first.status}", *first.notes)
         return run.candidates(status, objectives, (*objectives.notes, *stopped, *curves, *none))
-
-    def _warm_planner(self, seconds: float | None) -> Planner:
-        """The planner of the polylines, with the options that it shares with this one."""
-        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 @dataclass(eq=False)

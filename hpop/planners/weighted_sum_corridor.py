@@ -13,7 +13,7 @@ import numpy as np
 
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.errors import UnsupportedCriterion
-from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives, planner
+from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
@@ -22,7 +22,7 @@ from hpop.planners.straightened import straightened
 from hpop.planners.treatable import settled
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner
+from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner_of
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
@@ -72,7 +72,7 @@ class WeightedSumCorridor:
 
     def __post_init__(self) -> None:
         Budget(self.time_limit)
-        self._warm_planner(None)
+        warm_planner_of(self)
         if not (isinstance(self.solver, str) and self.solver == SOLVER):
             solvers_from(self.solver)
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
@@ -89,7 +89,7 @@ class WeightedSumCorridor:
         objectives = edge_objectives(problem.criteria, NAME)
         run = _Run(problem, objectives, self, _convex(objectives, problem), began)
         shared = run.shared()
-        first = plan_warm_starts(self._warm_planner(self.time_limit), problem, progress, executor)
+        first = plan_warm_starts(self, problem, progress, executor)
         run.learn(first)
         if not run.corridors or first.status is Status.INTERRUPTED:
             run.notes += [*(() if first.trajectories else (f"no warm start: {first.status}",)), *first.notes]
@@ -109,10 +109,6 @@ class WeightedSumCorridor:
                 f"{status}: {len(run.corridors) - len(run.found)} of {len(run.corridors)} corridors were not tried"
             )
         return run.candidates(status)
-
-    def _warm_planner(self, seconds: float | None) -> Planner:
-        """The planner of the warm starts, with the options that it shares with this one."""
-        return warm_planner(self.warm_start, step=self.step, headings=self.headings, time_limit=seconds)
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:

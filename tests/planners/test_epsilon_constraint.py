@@ -357,9 +357,3 @@ def test_solutions_that_collide_are_dropped_and_counted(monkeypatch):
     candidates = EpsilonConstraint(step=0.5, max_points=3).solve(PAPER)
     assert candidates.trajectories == ()
     assert sum(candidates.stats["failed"].values()) == 3
-
-
-def test_the_lattice_itself_is_the_default_warm_start():
-    ours = EpsilonConstraint(step=0.5, headings=16)._warm_planner(7.0)
-    assert ours == Lattice(step=0.5, headings=16, time_limit=7.0)
-    assert EpsilonConstraint(warm_start={"lattice": {"step": 1.0}})._warm_planner(None) == Lattice(step=1.0)

@@ -18,7 +18,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead
 from hpop.motions import States
-from hpop.planners import Lattice, driven_guess, driven_program, smoothing_job, trust
+from hpop.planners import driven_guess, driven_program, smoothing_job, trust
 from hpop.planners.driven_interval import Forward
 from hpop.planners.driven_program import DrivenProgram
 from hpop.planners.driven_structure import Structure
@@ -395,7 +395,3 @@ def test_what_cannot_be_treated_is_refused_by_name():
     for criteria, message in ((["length", OrientationRetention()], "orientation_retention"), (["turns"], "'length'")):
         with pytest.raises(UnsupportedCriterion, match=message):
             Smoothing().solve(dataclasses.replace(ROUND, criteria=criteria))
-
-
-def test_the_lattice_is_the_default_warm_start():
-    assert Smoothing(step=0.5, headings=16)._warm_planner(7.0) == Lattice(step=0.5, headings=16, time_limit=7.0)

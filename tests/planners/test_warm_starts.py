@@ -3,10 +3,16 @@
 import pytest
 
 from hpop.errors import OptionError
-from hpop.planners import RRT, Lattice, Roadmap
-from hpop.planners.warm_starts import warm_planner
+from hpop.planners import RRT, EpsilonConstraint, Lattice, Roadmap, Smoothing, WeightedSumCorridor
+from hpop.planners.warm_starts import warm_planner, warm_planner_of
 
 SHARED = {"step": 0.5, "headings": 16, "time_limit": 7.0}
+
+
+@pytest.mark.parametrize("starting", [EpsilonConstraint, Smoothing, WeightedSumCorridor])
+def test_planners_start_from_the_lattice_with_the_options_that_they_share(starting):
+    assert warm_planner_of(starting(step=0.5, headings=16), time_limit=7.0) == Lattice(**SHARED)
+    assert warm_planner_of(starting(warm_start={"lattice": {"step": 1.0}})) == Lattice(step=1.0)
 
 
 def test_a_planner_that_is_named_shares_the_options_that_it_has():
