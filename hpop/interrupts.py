@@ -1,6 +1,7 @@
 """Ctrl-C where it must wait.
 
-CasADi takes it for a failed evaluation and goes on, LLVM loses it or frees twice, a pool that is left never ends.
+CasADi takes it for a failed evaluation and goes on, LLVM loses it or frees twice, a pool that is left never ends. Where
+it comes just as Python's futures have taken a lock, nobody gives that back: threads that ask for it wait for ever.
 """
 
 from __future__ import annotations

@@ -155,8 +155,8 @@ class Sweep(Generic[S, T, R]):
     def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
         """Results that the executor brings; the places of those that it does not are added to ``lost``.
 
-        Ctrl-C is held wherever a future's lock is taken: one that comes just then would leave it locked, and a pool's
-        own thread, which asks for it next, waiting for ever. (`concurrent.futures.wait` takes the locks of all.)
+        Ctrl-C is held wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
+        this waits for one to end.
         """
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}

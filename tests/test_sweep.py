@@ -22,6 +22,7 @@ from hpop.errors import OptionError
 from hpop.planners.search import Graph, SupportedPaths, supported_paths
 from hpop.status import Progress
 from hpop.sweep import Sweep, dask, processes
+from tests.interrupted import interrupted_locks
 
 TASKS = list(range(10))
 EXPECTED = {i: 7 * i for i in TASKS}
@@ -220,52 +221,12 @@ def test_a_sweep_stops_when_told() -> None:
                 assert list(results) == []
 
 
-class Interrupted(threading.Condition):
-    """A future's lock; Ctrl-C comes into the main thread just after it has taken a lock for the nth time."""
-
-    def __init__(self, left: list[int]) -> None:
-        super().__init__()
-        self.left, self.take = left, self.acquire
-        self.acquire = self.__enter__  # type: ignore[method-assign]
-
-    def __enter__(self) -> bool:
-        taken = self.take()
-        if threading.current_thread() is threading.main_thread():
-            self.left[0] -= 1
-            if self.left[0] == 0:
-                signal.raise_signal(signal.SIGINT)
-        return taken
-
-
-class Slow(ThreadPoolExecutor):
-    """One thread, and futures whose locks are such."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(1)
-        self.left, self.futures = [number], list[Future[Any]]()
-
-    def submit(self, fn: Any, /, *arguments: Any, **named: Any) -> Future[Any]:
-        inside = super().submit(fn, *arguments, **named)
-        future: Future[Any] = Future()
-        future._condition = Interrupted(self.left)  # type: ignore[attr-defined]
-        self.futures.append(future)
-        inside.add_done_callback(
-            lambda done: future.set_running_or_notify_cancel() and future.set_result(done.result())
-        )
-        return future
-
-
 @pytest.mark.parametrize("number", range(1, 60, 3))
-def test_ctrl_c_that_comes_as_a_lock_is_taken_leaves_none_locked(number: int) -> None:
-    """The thread of a pool asks for it next; a pool that waits for it never ends."""
-    with Slow(number) as pool:
-        with pytest.raises(KeyboardInterrupt), Sweep(operator.mul, 7, pool) as sweep:
-            list(sweep.run(range(50)))
-        locks = [future._condition for future in pool.futures]  # type: ignore[attr-defined]
-        ours = [lock for lock in locks if lock._is_owned()]
-        for lock in ours:
-            lock.release()
-    assert ours == []
+def test_ctrl_c_that_comes_as_a_lock_is_taken_leaves_none_taken(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thread of a pool asks for it next, and a pool waits for its threads."""
+    pool, told = ThreadPoolExecutor(1), pytest.raises(KeyboardInterrupt)
+    with pool, interrupted_locks(number, monkeypatch), told, Sweep(operator.mul, 7, pool) as sweep:
+        list(sweep.run(range(50)))
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, True])

@@ -20,6 +20,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates, Objectives
 from hpop.status import Budget, Status
 
@@ -101,19 +102,26 @@ class Purse:
             yield work(block)
             self.check(doing)
         waiting: deque[Future[B]] = deque()
+
+        def first() -> B:
+            with interrupts_held():
+                return waiting.popleft().result()
+
         with ThreadPoolExecutor(CORES) as threads:
             try:
                 for block in rest:
-                    waiting.append(threads.submit(work, block))
+                    with interrupts_held():
+                        waiting.append(threads.submit(work, block))
                     if len(waiting) > CORES:
-                        yield waiting.popleft().result()
+                        yield first()
                         self.check(doing)
                 while waiting:
-                    yield waiting.popleft().result()
+                    yield first()
                     self.check(doing)
             finally:  # after Ctrl-C, a limit or an error nobody waits for blocks that have not begun
-                for future in waiting:
-                    future.cancel()
+                with interrupts_held():
+                    for future in waiting:
+                        future.cancel()
 
 
 def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) -> Candidates:

@@ -16,6 +16,7 @@ from hpop.planners.roadmap import Roadmap
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.registry import criteria
 from hpop.status import Budget
+from tests.interrupted import interrupted_locks
 
 COUNTED: list[int] = []
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -82,6 +83,13 @@ def test_an_interruption_ends_building_at_the_next_block():
     with pytest.raises(KeyboardInterrupt):
         asked({"watched": {"interrupted": 3}}).solve(Lattice(step=0.25))
     assert len(COUNTED) <= 3 + 2 * 2 * (purse.CORES + 1)  # of some 40 blocks, of turns and moves each
+
+
+@pytest.mark.parametrize("number", range(1, 40, 3))
+def test_ctrl_c_that_comes_as_a_lock_is_taken_leaves_none_taken(number, monkeypatch):
+    """The threads that work on blocks ask for it next, and are waited for."""
+    with interrupted_locks(number, monkeypatch), pytest.raises(KeyboardInterrupt):
+        list(Purse(Budget()).each(abs, range(60), "a sum was made"))
 
 
 def test_the_graph_is_the_same_whatever_the_number_of_cores(monkeypatch):

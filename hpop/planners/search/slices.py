@@ -92,7 +92,7 @@ class Clock:
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
         """Call a kernel with each of some lists of arguments, all of the same types, on all cores."""
         self.prepare(compiled, *calls[0])
-        with ThreadPoolExecutor() as threads:  # kernels run without Python's lock
+        with interrupts_held(), ThreadPoolExecutor() as threads:  # kernels run without Python's lock
             return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel, lean
+from hpop.interrupts import interrupts_held
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.staircase_tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST
 from hpop.planners.search.turn_bounds import chain_order
@@ -105,14 +106,16 @@ def turn_hull(
     near = np.array([enough[0] * weights[0, 0], enough[1] * weights[1, 1]])
     last = 1
     with ThreadPoolExecutor(1) as beside:  # a layer is kept while the next one is swept
-        kept = beside.submit(keep, now, least, layers[0])
+        with interrupts_held():
+            kept = beside.submit(keep, now, least, layers[0])
         while last < most - 1 and (now[source, :2] > near).any():
             before, now = now, before
             clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
             first = chains.begin(last)
             sweep_moves(now, order[first:], onward[first:], move[first:], moved[last, first:])
-            kept.result()
-            kept = beside.submit(keep, now, least, layers[last])
+            with interrupts_held():
+                kept.result()
+                kept = beside.submit(keep, now, least, layers[last])
             last += 1
             if clock.exceeded(0, 0, record=False) is not None:
                 return None
