@@ -9,17 +9,13 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
-import threading
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
 from shlex import quote
-from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
@@ -28,7 +24,6 @@ from hpop import __version__, results
 from hpop.errors import (
     CriterionError,
     HpopError,
-    HpopWarning,
     OptionError,
     OutputError,
     OwnCodeError,
@@ -36,11 +31,11 @@ from hpop.errors import (
     own_failure,
     own_place,
 )
-from hpop.interrupts import ENDING, SIGNALS
+from hpop.interrupts import endings_interrupt, stopping_told
 from hpop.options import MOST_WORKERS
 from hpop.pictures import PicturesBeside
 from hpop.results import SAVED
-from hpop.text import printable
+from hpop.terminal import Commands, echo, warnings_as_notes
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -67,18 +62,13 @@ _imports = click.option(
 )
 
 
-def echo(text: str, *, err: bool = False) -> None:
-    """Print what may hold names and values out of files, so that they cannot steer the terminal."""
-    click.echo(printable(text, newlines=True), err=err)
-
-
 def _user_errors(command: F) -> F:
     """A user's mistake ends in one message and its exit code, never in a traceback."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
         try:
-            with _endings_interrupt(), _warnings_as_notes():
+            with endings_interrupt(), warnings_as_notes():
                 return command(*args, **kwargs)
         except HpopError as error:
             code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
@@ -103,62 +93,7 @@ def _folder(context: click.Context, option: click.Parameter, given: str) -> Path
     return Path(given)
 
 
-@contextmanager
-def _endings_interrupt() -> Iterator[None]:
-    """SIGTERM (kill, timeout) and SIGHUP (a closed terminal) do what Ctrl-C does: hours of search are not lost.
-
-    One that is ignored, as by nohup, stays so.
-    """
-    numbers = [number for number in ENDING if signal.getsignal(number) == signal.SIG_DFL]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []
-    for number in numbers:
-        signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
-
-
-@contextmanager
-def _warnings_as_notes() -> Iterator[None]:
-    """What hpop warns of is a note to whoever reads a terminal, without the line of Python that it comes from."""
-    with warnings.catch_warnings():
-        usual = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
-            if issubclass(category, HpopWarning):
-                echo(f"note: {message}", err=True)
-            else:
-                usual(message, category, *rest)
-
-        setattr(warnings, "showwarning", show)  # noqa: B010  (its type names arguments that are only handed on)
-        yield
-
-
-class _Commands(click.Group):
-    """Commands of which a wrong one is quoted as text that cannot steer the terminal."""
-
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        with _quoted():
-            return super().make_context(*args, **kwargs)
-
-    def invoke(self, context: click.Context) -> Any:
-        with _quoted():
-            return super().invoke(context)
-
-
-@contextmanager
-def _quoted() -> Iterator[None]:
-    try:
-        yield
-    except click.ClickException as error:
-        vars(error)["message"] = printable(error.message, newlines=True)
-        raise
-
-
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hpop")
 def main() -> None:
     """Plan how a robot should move when a human watches through its camera: every optimal trade-off."""
@@ -205,14 +140,20 @@ def plan(
     compiling = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if compiling:
         echo(COMPILING, err=True)
-    with _executor(workers, dask) as executor, _stopping_told():
+    with _executor(workers, dask) as executor, stopping_told():
         fronts, first = _solved(loaded, out, executor, imports, waits=compiling)
     front = fronts[-1]
-    report.print_front(loaded.problem, front, saved=out / SAVED)
-    report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
-    if checkpoint is not None:
-        _tidy(checkpoint, front)
-    _draw(loaded.problem, front, out, imports)
+    try:
+        report.print_front(loaded.problem, front, saved=out / SAVED)
+        report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
+        if checkpoint is not None:
+            _tidy(checkpoint, front)
+        _draw(loaded.problem, front, out, imports)
+    except KeyboardInterrupt:  # nothing that was found is lost
+        what = "complete and saved" if _is_complete(front) else "saved"
+        left = f"the pictures were left out; `hpop show {quote(str(out))}` prints the front"
+        echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
+        sys.exit(INTERRUPTED)
     if front.status == Status.NO_PATH:
         sys.exit(NO_PATH)
     if Status.INTERRUPTED in front.status:
@@ -303,30 +244,6 @@ def planners(imports: tuple[str, ...]) -> None:
 
 
 @contextmanager
-def _stopping_told() -> Iterator[None]:
-    """Answer a first Ctrl-C at once: to keep what millions of labels have found takes seconds."""
-    told: list[int] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        if not told:
-            with suppress(OSError):  # a terminal that was closed; and no lock of a stream
-                os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")
-        told.append(number)
-        signal.default_int_handler(number, frame)
-
-    numbers = [number for number in SIGNALS if signal.getsignal(number) is signal.default_int_handler]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []
-    for number in numbers:
-        signal.signal(number, stop)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            signal.signal(number, signal.default_int_handler)
-
-
-@contextmanager
 def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
     """Where sweeps run: processes, a Dask cluster, or None for here."""
     from hpop import sweep
@@ -387,18 +304,14 @@ def _solved(
 
 
 def _draw(problem: Problem, front: Front, out: Path, imports: Sequence[str]) -> None:
-    """Draw the pictures; who has pressed Ctrl-C gets the prompt back, and another process draws them."""
+    """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
     from hpop.status import Status
 
-    try:
-        if Status.INTERRUPTED in front.status:
-            raise KeyboardInterrupt
-        echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
-    except KeyboardInterrupt:
+    if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports).start()
         echo(f"written to {out}: {SAVED}; pictures follow")
-        if Status.INTERRUPTED not in front.status:
-            raise
+    else:
+        echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
@@ -421,15 +334,20 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 def _tidy(checkpoint: str, front: Front) -> None:
     """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
-    from hpop.frontier.union import JOINT
-    from hpop.status import Status
-
     file = Path(checkpoint).resolve()
-    if set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}:
+    if _is_complete(front):
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
         echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
+
+
+def _is_complete(front: Front) -> bool:
+    """Whether nothing is missing of what its planners can find."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def _why_nothing(status: str) -> str:

@@ -220,18 +220,15 @@ class GraphQuery:
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(adds_up, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
         blocked = (blocks or self._what_blocks(),) if paths.status is Status.NO_PATH else ()
-        origins, options = provenance or [{} for _ in nodes], space.options
+        options = space.options
         return Candidates(
             objectives=objectives.optimised,
-            trajectories=tuple(space.trajectory(n) for n in nodes),
+            trajectories=space.trajectories(nodes),
             planned=paths.costs * self.quanta,
             tolerance=rounds * self.quanta,
             status=paths.status,
             certificate=f"{name}: {claim}{objectives.certificate}",
-            provenance=tuple(
-                {"planner": name, **options, "edges": int(n.size - 1), **origin}
-                for n, origin in zip(nodes, origins, strict=True)
-            ),
+            provenance=_origins({"planner": name, **options}, [n.size - 1 for n in nodes], provenance),
             notes=(*objectives.notes, *self.notes, *blocked, *self._coarse(paths, rounds), *notes),
             filters=objectives.filters,
             stats={
@@ -273,3 +270,13 @@ class GraphQuery:
             for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
             if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
         ]
+
+
+def _origins(
+    common: Mapping[str, Any], edges: Sequence[int], own: Sequence[Mapping[str, Any]] | None
+) -> tuple[dict[str, Any], ...]:
+    """Where each path comes from; of thousands most are alike, and those are one object."""
+    if own is not None:
+        return tuple({**common, "edges": count, **each} for count, each in zip(edges, own, strict=True))
+    alike = {count: {**common, "edges": count} for count in set(edges)}
+    return tuple(alike[count] for count in edges)

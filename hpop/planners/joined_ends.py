@@ -25,7 +25,7 @@ from hpop.motions import Motions, States
 from hpop.planners.base import quantised
 from hpop.planners.search import Graph
 from hpop.planners.state_graph import StateGraph
-from hpop.trajectory import Trajectory
+from hpop.planners.stretches import Stretch
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -178,12 +178,12 @@ class Joins:
                 costs[rows, j] = np.maximum(costs[rows, j], paid) if worst else costs[rows, j] + paid
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
-    def trajectory(self, row: int) -> Trajectory:
-        """One of them, as a trajectory that is checked as part of a whole one."""
+    def stretch(self, row: int) -> Stretch:
+        """One of them, to be checked as part of a whole trajectory."""
         kept = [i for i in range(len(KINDS)) if self.present[i][row]]
         corners = [self.corners[i] for i in (0, *(i + 1 for i in kept))]
-        columns = {name: np.array([getattr(states, name)[row] for states in corners]) for name in ("x", "y", "yaw")}
-        return Trajectory.of_checked(self.graph.model, States(**columns), tuple(KINDS[i] for i in kept))
+        x, y, yaw = (np.array([getattr(states, name)[row] for states in corners]) for name in ("x", "y", "yaw"))
+        return Stretch(x, y, yaw, tuple(KINDS[i] for i in kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,27 +318,29 @@ class JoinedEnds(StateGraph):
         start = self.inner.arcs.start
         return np.append(start, np.full(len(self.ends), start[-1]))
 
-    def trajectory(self, ids: IntArray) -> Trajectory:
-        """The trajectory through states (n+1,), the motions of joins written out."""
-        inside = ids < self.inner.size
-        beside = np.flatnonzero(~(inside[1:] & inside[:-1])).tolist()
-        pieces = [self._join(*ids[i : i + 2].tolist()) for i in beside]
-        if inside.any():
-            pieces.insert(int(not inside[0]), self.inner.trajectory(ids[inside]))
-        columns = {"x": [pieces[0].states.x], "y": [pieces[0].states.y], "yaw": [pieces[0].states.yaw]}
-        for piece in pieces[1:]:
-            apart = columns["yaw"][-1][-1] - piece.states.yaw[0]
-            whole = 2 * np.pi * np.round(apart / (2 * np.pi))  # so half a turn stays the way round that was checked
-            for name, offset in (("x", 0.0), ("y", 0.0), ("yaw", whole)):
-                columns[name].append(getattr(piece.states, name)[1:] + offset)
-        x, y, yaw = (np.concatenate(column) for column in columns.values())
-        kinds = tuple(kind for piece in pieces for kind in piece.kinds)
-        return Trajectory(self.model, States(x=x, y=y, yaw=yaw), kinds)
+    def stretches(self, paths: Sequence[IntArray]) -> list[Stretch]:
+        """Through the states (n+1,) of each path, the motions of joins written out."""
+        inside = [path < self.inner.size for path in paths]
+        through = [path[own] for path, own in zip(paths, inside, strict=True)]
+        inner = iter(self.inner.stretches([path for path in through if path.size]))
+        joins: dict[tuple[int, int], Stretch] = {}
+        found = []
+        for path, own in zip(paths, inside, strict=True):
+            beside = np.flatnonzero(~(own[1:] & own[:-1])).tolist()
+            pairs = [(int(path[i]), int(path[i + 1])) for i in beside]
+            for pair in pairs:
+                if pair not in joins:
+                    joins[pair] = self._join(*pair)
+            parts = [joins[pair] for pair in pairs]
+            if own.any():
+                parts.insert(int(not own[0]), next(inner))
+            found.append(Stretch.joined(parts))
+        return found
 
-    def _join(self, tail: int, head: int) -> Trajectory:
-        """The trajectory of the join between two nodes."""
+    def _join(self, tail: int, head: int) -> Stretch:
+        """The join between two nodes."""
         row = np.flatnonzero((self.joins.tails == tail) & (self.joins.heads == head))[0]
-        return self.joins.trajectory(int(row))
+        return self.joins.stretch(int(row))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """What the inner graph says of the states to which the ends are joined, in words."""

@@ -24,6 +24,7 @@ from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import quantised
 from hpop.planners.purse import Purse
 from hpop.planners.search import Graph
+from hpop.planners.stretches import Stretch, stretches, trajectories
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -191,12 +192,17 @@ class StateGraph(ABC):
         return columns
 
     def trajectory(self, ids: IntArray) -> Trajectory:
-        """The trajectory through states (n+1,): one motion an edge, yaw continuous."""
-        states = self.states(ids)
-        yaw = states.yaw[0] + np.concatenate([[0.0], np.cumsum(wrap(np.diff(states.yaw)))])
-        same = np.diff(self.places(ids)) == 0
-        kinds = tuple("turn" if turned else "move" for turned in same)
-        return Trajectory(self.model, States(x=states.x, y=states.y, yaw=yaw), kinds)
+        """The trajectory through states (n+1,)."""
+        return self.trajectories([ids])[0]
+
+    def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
+        """The trajectories through the states (n+1,) of each path: one motion an edge, yaw continuous."""
+        return trajectories(self.model, self.stretches(paths))
+
+    def stretches(self, paths: Sequence[IntArray]) -> list[Stretch]:
+        """The same, not yet checked."""
+        ids = np.concatenate([np.zeros(0, np.int64), *paths])
+        return stretches(self.states(ids), self.places(ids), [path.size for path in paths])
 
 
 def _name(criterion: Criterion) -> Hashable:

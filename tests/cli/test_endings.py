@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from hpop.cli import _endings_interrupt
 from hpop.errors import OutputError
-from hpop.interrupts import ENDING
+from hpop.interrupts import ENDING, endings_interrupt
 from hpop.pictures import PicturesBeside
 from hpop.results import check_writable
 
@@ -29,7 +28,7 @@ main()
 """
 JOBS = """\
 import os, signal, sys, time
-from hpop.cli import _endings_interrupt
+from hpop.interrupts import endings_interrupt
 from hpop.sweep import Sweep, processes
 
 def job(planning, task):
@@ -39,7 +38,7 @@ def job(planning, task):
     return task
 
 if __name__ == "__main__":
-    with _endings_interrupt(), processes(2) as pool, Sweep(job, os.getpid(), pool) as sweep:
+    with endings_interrupt(), processes(2) as pool, Sweep(job, os.getpid(), pool) as sweep:
         try:
             for _ in sweep.run(range(100)):
                 pass
@@ -92,10 +91,10 @@ def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
 def test_what_ends_a_process_interrupts_a_command_unless_it_is_ignored(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_DFL)  # whoever runs the tests may have it ignored
     try:
-        with pytest.raises(KeyboardInterrupt), _endings_interrupt():
+        with pytest.raises(KeyboardInterrupt), endings_interrupt():
             signal.raise_signal(number)
         signal.signal(number, signal.SIG_IGN)  # as nohup does
-        with _endings_interrupt():
+        with endings_interrupt():
             signal.raise_signal(number)
     finally:
         signal.signal(number, before)

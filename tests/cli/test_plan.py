@@ -259,8 +259,16 @@ def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
     assert [path.name for path in (room / "out").iterdir()] == ["front.json"]  # no picture of an earlier front
 
 
-def test_an_interruption_while_drawing_leaves_the_pictures_to_another_process(
-    plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("limit", "said"), [("", "complete and saved"), (", max_labels: 1", "saved")], ids=["complete", "at a limit"]
+)
+def test_an_interruption_while_drawing_says_where_the_front_is_and_that_pictures_are_left_out(
+    plan: Callable[..., Result],
+    room: Path,
+    write: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: str,
+    said: str,
 ) -> None:
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
@@ -268,11 +276,26 @@ def test_an_interruption_while_drawing_leaves_the_pictures_to_another_process(
     begun: list[tuple[Path, str]] = []
     monkeypatch.setattr(hpop.view, "save_pictures", interrupted)
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: begun.append((pictures.folder, which)))
+    write(room, ("step: 0.5", f"step: 0.5{limit}"))
+    result = plan(room)
+    assert (result.exit_code, begun) == (130, [])
+    assert result.stderr == (
+        f"interrupted: the front is {said} in {room / 'out' / 'front.json'}; the pictures were left out; "
+        f"`hpop show {room / 'out'}` prints the front\n"
+    )
+    assert len(Front.load(room / "out" / "front.json")) > 0
+
+
+def test_an_interruption_while_the_table_is_printed_says_where_the_front_is(
+    plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hpop.report.print_front", interrupted)
     result = plan(room)
     assert result.exit_code == 130
-    assert result.stdout.endswith(f"written to {room / 'out'}: front.json; pictures follow\n")
-    assert result.stderr == "error: interrupted\n"
-    assert begun == [(room / "out", "all")]
+    assert "the front is complete and saved in" in result.stderr
     assert len(Front.load(room / "out" / "front.json")) > 0
 
 

@@ -23,11 +23,13 @@ from hpop.planners.joined_ends import with_ends
 from hpop.planners.lattice import Lattice
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.roadmap import Roadmap
+from hpop.planners.search import pareto_paths
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import Groups
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
 from hpop.status import Budget, Status
+from hpop.trajectory import Trajectory
 from hpop.verify import verify
 from hpop.world import World
 
@@ -380,3 +382,29 @@ def test_half_a_turn_of_a_join_goes_the_way_round_that_was_checked(heading):
     for row in half.tolist():
         states = space.trajectory(np.array([space.joins.tails[row], goals[0]])).states
         assert states.yaw[-1] - states.yaw[0] == pytest.approx(end.yaw[row] - start.yaw[row])
+
+
+def test_trajectories_made_together_are_those_made_one_by_one():
+    problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length", "turns", "exposure"])
+    for planner in (Lattice(step=0.4), Lattice(step=0.4, headings=16)):
+        query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
+        paths = pareto_paths(query.graph, query.start, query.goals)
+        nodes = [paths.nodes(i) for i in range(len(paths))]
+        assert len(nodes) > 3
+        for path, together in zip(nodes, query.space.trajectories(nodes), strict=True):
+            alone = query.space.trajectory(path)
+            checked = Trajectory(alone.model, alone.states, alone.kinds)  # looks at each motion by itself
+            assert together.kinds == checked.kinds
+            for name in ("x", "y", "yaw"):
+                column = getattr(together.states, name)
+                assert column.tobytes() == getattr(checked.states, name).tobytes()
+                assert not column.flags.writeable
+
+
+def test_all_motions_of_a_law_are_checked_at_once(monkeypatch):
+    checks = []
+    monkeypatch.setattr("hpop.planners.stretches.refuse_impossible", lambda *motions: checks.append(motions[-1].size))
+    problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length", "turns", "exposure"])
+    found = Lattice(step=0.4).solve(problem)
+    assert len(checks) == 2  # turns and moves
+    assert sum(checks) == sum(map(len, found.trajectories))

@@ -287,6 +287,26 @@ def test_ctrl_c_while_the_gap_is_proven_keeps_what_was_found(method, monkeypatch
     check_paths(graph, kept, 0, {60})
 
 
+def test_after_ctrl_c_nobody_waits_for_the_gap_of_very_many_open_labels(monkeypatch):
+    module, proven = sys.modules[pareto_paths.__module__], []
+    gap = module.proven_gap
+    monkeypatch.setattr(module, "proven_gap", lambda *arrays: proven.append(len(arrays[1])) or gap(*arrays))
+
+    def interrupt(progress: Progress) -> None:
+        if progress.labels > 50_000:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "MOST_COMPARED", 1000)
+    many = pareto_paths(hard(60), 0, 60, progress=interrupt)
+    assert (many.status, many.gap, proven) == (Status.INTERRUPTED, np.inf, [])
+    assert many.stats.labels_open * many.costs.shape[1] > 1000
+    limited = pareto_paths(hard(60), 0, 60, budget=Budget(max_labels=50_000))
+    assert limited.stats.labels_open == proven.pop()  # a limit that was set is no one who waits
+    monkeypatch.setattr(module, "MOST_COMPARED", 10**9)
+    pareto_paths(hard(60), 0, 60, progress=interrupt)
+    assert len(proven) == 1
+
+
 def test_progress_tells_open_labels_and_memory():
     seen: list[Progress] = []
     graph = hard()
