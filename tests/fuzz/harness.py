@@ -26,7 +26,7 @@ import numpy as np
 PROCESSOR_SECONDS = 20  # of one input: none needs one
 MEMORY = 2 * 1024**3  # bytes that inputs may add to what is imported
 WAITS = 120  # s without an outcome, nor processor time: it waits for something
-OK = {"accepted", "refused", "another front"}  # the last of a forged checkpoint, which is no file from a stranger
+OK = {"accepted", "refused"}
 
 Attempt = Callable[[np.random.Generator, Path], str]
 
