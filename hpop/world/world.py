@@ -20,10 +20,11 @@ from hpop.text import shown
 from hpop.world.cache import Cache
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
+from hpop.world.extent import check_area, check_size, extent_of
 from hpop.world.field import Field
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
-from hpop.world.shapes import LARGEST, Obstacle, Raster, check_coordinates, check_heights, check_prisms, overlaps
+from hpop.world.shapes import Obstacle, Raster, check_heights, check_prisms, overlaps
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -70,27 +71,10 @@ class World:
             raise MapError(
                 f"raster must be a hpop.world.Raster; got {shown(self.raster)}. See World.from_cells(cells)."
             )
-        extent = self.extent
-        if _is_empty(extent):
-            if self.raster is not None:
-                extent = self.raster.rectangle()
-            elif self.obstacles:
-                extent = shapely.box(*shapely.total_bounds([o.polygon for o in self.obstacles]))
-            else:
-                raise MapError("a world without obstacles needs extent=, where the robot must stay.")
-        for name, shape in (("extent", extent), ("keep_out", self.keep_out)):
-            if not isinstance(shape, Polygon | MultiPolygon):
-                raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(shape)}.")
-            check_coordinates(shape, name)
-            check_joinable([shape], name)
-            if not shape.is_valid:
-                raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(shape)}.")
-        x_min, y_min, x_max, y_max = extent.bounds
-        if max(x_max - x_min, y_max - y_min) > LARGEST:
-            raise MapError(
-                f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m; expected metres, at most "
-                f"{LARGEST:,.0f} across."
-            )
+        extent = extent_of(self.obstacles, self.raster) if _is_empty(self.extent) else self.extent
+        check_area("extent", extent)
+        check_area("keep_out", self.keep_out)
+        check_size(extent)
         areas = [zone.area for zone in self.content.zones]
         check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
         object.__setattr__(self, "extent", extent)
