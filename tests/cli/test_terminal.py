@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import shapely
 from click.testing import CliRunner, Result
+from matplotlib.text import Text
 
 from hpop import DifferentialDrive, Front, Problem, World
 from hpop.cli import main
@@ -104,6 +105,10 @@ def test_pictures_show_dollars_and_leave_out_control_characters(front: Front) ->
             draw_where(problem, trajectory, name=DOLLARS),
         ):
             figure.canvas.draw()
+            texts = figure.findobj(Text)
+            assert any(DOLLARS in text.get_text() for text in texts)
+            assert not any(text.get_parse_math() for text in texts if "$" in text.get_text())  # shown, no formula
+            assert not any(HARMFUL.search(line) for text in texts for line in lines(text.get_text()))
 
 
 def test_umlauts_accents_and_other_scripts_are_printed_as_they_are() -> None:
