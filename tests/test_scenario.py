@@ -255,7 +255,7 @@ def test_two_unknown_names_are_one_error_of_that_kind(tmp_path: Path) -> None:
 def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
 
     @criterion("lamplight", group="P", unit="1", aggregate="sum")
     @dataclass(frozen=True)

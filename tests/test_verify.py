@@ -157,7 +157,7 @@ def test_wrong_declarations_are_found(changes: dict[str, object], said: str) -> 
 
 
 def test_criteria_with_memory_are_verified_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
 
     @criterion("elapsed", group="C", unit="s", aggregate="trajectory")
     @dataclass(frozen=True)

@@ -37,7 +37,7 @@ number = 3
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
     return tmp_path
 
 

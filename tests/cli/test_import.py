@@ -177,12 +177,14 @@ def test_an_error_in_cost_is_told_with_file_and_line(
     write(room, *OWN)
     own = ("--import", "mine/ways.py")
     assert hpop("plan", "room.yaml", "--out", "out", *own, cwd=room).returncode == 0
-    (mine / "ways.py").write_text(WAY.replace("m.base.length", "m.base.lenght"))
+    (mine / "ways.py").write_text(WAY.replace("m.base.length", "m.base.lengths"))
     for command in (["plan", "room.yaml", "--out", "again", "--workers", "2"], ["show", "out"]):
         done = hpop(*command, *own, cwd=room)
         assert done.returncode == 8
         assert "criterion 'my_way' failed (" in done.stderr
-        assert "ways.py, line 8): AttributeError: 'Body' object has no attribute 'lenght'; `hpop check /" in done.stderr
+        assert (
+            "ways.py, line 8): AttributeError: 'Body' object has no attribute 'lengths'; `hpop check /" in done.stderr
+        )
         assert "mine/ways.py:Way` tests it\n" in done.stderr
 
 

@@ -351,7 +351,7 @@ def test_a_criterion_with_a_cost_that_is_none_is_named(
     monkeypatch: pytest.MonkeyPatch,
     cost: float,
 ) -> None:
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
 
     @criterion("mood", group="C", unit="1", aggregate="sum")
     @dataclass(frozen=True)
@@ -371,7 +371,7 @@ def test_seven_costs_are_more_than_the_exact_search_takes(
     room: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
     names = [f"mood{i}" for i in range(7)]
     for name in names:
 

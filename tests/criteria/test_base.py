@@ -24,7 +24,7 @@ GOOD = {"group": "C", "unit": "1", "aggregate": "sum"}
 @pytest.fixture(autouse=True)
 def _the_registry_stays_as_it_was(monkeypatch):
     len(criteria)
-    monkeypatch.setattr(criteria, "_types", dict(criteria._types))
+    monkeypatch.setattr(criteria, "_types", dict(criteria))
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def test_other_names_and_numbers_are_refused(quanta: Any, said: str) -> None:
 
 
 def test_a_class_that_cannot_take_another_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria._types))
+    monkeypatch.setattr(registry.criteria, "_types", dict(registry.criteria))
 
     @criterion("slotted", group="C", unit="m", aggregate="sum")
     @dataclass(frozen=True, slots=True)

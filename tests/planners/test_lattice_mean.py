@@ -32,7 +32,7 @@ Vector = tuple[Fraction | int, ...]
 @pytest.fixture
 def gloom(monkeypatch):
     """A time-mean that names no integral, of another quantum."""
-    monkeypatch.setattr(registered, "_types", dict(registered._types))
+    monkeypatch.setattr(registered, "_types", dict(registered))
 
     @criterion("gloom", group="P", unit="lux", aggregate="time-mean", quantum=1e-5)
     @dataclass(frozen=True)
