@@ -69,7 +69,7 @@ def test_ones_own_criterion_is_planned_with(capsys):
 
 def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both."""
-    trajectories = example("04_study.py").main(tmp_path, runs=4)
+    trajectories = example("04_study.py").main(tmp_path, runs=2)
     states = {name: trajectory.states for name, trajectory in trajectories.items()}
     length = {name: np.hypot(np.diff(s.x), np.diff(s.y)).sum() for name, s in states.items()}
     turns = {name: int((np.abs(np.diff(s.yaw)) > 0.1).sum()) for name, s in states.items() if name != "RRT"}

@@ -29,7 +29,7 @@ TIMELESS = {  # asked on graphs without time, or in a frame in which velocities 
 
 
 def walking(rng):
-    """The random world, and four people who walk through it for a minute, two of them side by side."""
+    """The random world, three people who walk through it for a minute, two of them side by side, and one who stands."""
     world = random_world(rng)
     slow = (0.04, -0.03)
     people = [
@@ -37,7 +37,6 @@ def walking(rng):
         Person(5, 3.5, -2.0, velocity=slow),
         Person(9, 2, velocity=(-0.1, 0.05)),
         Person(6, 7, 1.0),
-        Person(2, 6, velocity=(0.1, -0.02)),
     ]
     return world.with_content(people=people, groups=[(0, 1), (2, 3)])
 
