@@ -22,46 +22,6 @@ def _primitive(t: float, d: float, r: float, a: float) -> float:
 
 
 @kernel
-def _edge(px: float, py: float, qx: float, qy: float, r: float, c: float) -> float:
-    """Volume between the heights 0 and c <= r of the ball part over the triangle (origin, p, q), signed."""
-    cross = px * qy - py * qx
-    length = math.hypot(qx - px, qy - py)
-    if cross == 0.0 or length == 0.0:
-        return 0.0
-    d = abs(cross) / length
-    far = 0.5 * c * r * r - c * c * c / 6.0
-    volume = far * math.atan2(abs(cross), px * qx + py * qy)
-    if d < r:
-        t0 = (px * (qx - px) + py * (qy - py)) / length
-        t1 = t0 + length
-        a = math.sqrt(r * r - d * d)
-        lo, hi = max(t0, -a), min(t1, a)
-        if lo < hi:
-            psi = math.atan2(hi, d) - math.atan2(lo, d)
-            above = _primitive(hi, d, r, a) - _primitive(lo, d, r, a)
-            rho2 = r * r - c * c
-            if d * d < rho2:
-                b = math.sqrt(rho2 - d * d)
-                near_lo, near_hi = max(lo, -b), min(hi, b)
-                if near_lo < near_hi:
-                    near = math.atan2(near_hi, d) - math.atan2(near_lo, d)
-                    above -= _primitive(near_hi, d, r, a) - _primitive(near_lo, d, r, a)
-                    volume += 0.5 * c * d * (near_hi - near_lo) - far * near
-                    psi -= near
-            volume += (0.5 * c * rho2 + c * c * c / 3.0 - far) * psi - above / 3.0
-    return math.copysign(volume, cross)
-
-
-@kernel
-def _up_to(px: float, py: float, qx: float, qy: float, r: float, z: float) -> float:
-    """`_edge` for a height of either sign: odd in z."""
-    if z == 0.0:
-        return 0.0
-    volume: float = _edge(px, py, qx, qy, r, abs(z))
-    return volume if z > 0.0 else -volume
-
-
-@kernel
 def ball_volumes(
     edges: FloatArray,
     slab: IntArray,
@@ -76,6 +36,10 @@ def ball_volumes(
 
     edges (E, 4) m: x0, y0, x1, y1, outer rings counter-clockwise, holes clockwise, sorted by slab
     slab (S + 1,): the edges of slab s are slab[s]:slab[s + 1]; heights (S, 2) m: its bottom and top
+
+    An edge from p to q adds, signed as the triangle (camera, p, q) is, the ball part over that triangle from the
+    bottom to the top: the volume between the heights 0 and c, odd in c, at the one less that at the other. What depends
+    on no height is common to both.
     """
     for k in range(x.size):
         total = 0.0
@@ -87,8 +51,37 @@ def ball_volumes(
             for e in range(slab[s], slab[s + 1]):
                 px, py = edges[e, 0] - x[k], edges[e, 1] - y[k]
                 qx, qy = edges[e, 2] - x[k], edges[e, 3] - y[k]
-                if bottom == -top:
-                    total += 2.0 * _edge(px, py, qx, qy, r, top)
-                else:
-                    total += _up_to(px, py, qx, qy, r, top) - _up_to(px, py, qx, qy, r, bottom)
+                cross = px * qy - py * qx
+                length = math.hypot(qx - px, qy - py)
+                if cross == 0.0 or length == 0.0:
+                    continue
+                d = abs(cross) / length
+                seen = math.atan2(abs(cross), px * qx + py * qy)
+                lo, hi, swept, whole = 0.0, 0.0, 0.0, 0.0
+                if d < r:
+                    t0 = (px * (qx - px) + py * (qy - py)) / length
+                    a = math.sqrt(r * r - d * d)
+                    lo, hi = max(t0, -a), min(t0 + length, a)
+                    if lo < hi:
+                        swept = math.atan2(hi, d) - math.atan2(lo, d)
+                        whole = _primitive(hi, d, r, a) - _primitive(lo, d, r, a)
+                between = 0.0
+                for level in (top, -bottom):
+                    c = abs(level)
+                    far = 0.5 * c * r * r - c * c * c / 6.0
+                    volume = far * seen
+                    if lo < hi:
+                        psi, above = swept, whole
+                        rho2 = r * r - c * c
+                        if d * d < rho2:
+                            b = math.sqrt(rho2 - d * d)
+                            near_lo, near_hi = max(lo, -b), min(hi, b)
+                            if near_lo < near_hi:
+                                near = math.atan2(near_hi, d) - math.atan2(near_lo, d)
+                                above -= _primitive(near_hi, d, r, a) - _primitive(near_lo, d, r, a)
+                                volume += 0.5 * c * d * (near_hi - near_lo) - far * near
+                                psi -= near
+                        volume += (0.5 * c * rho2 + c * c * c / 3.0 - far) * psi - above / 3.0
+                    between += math.copysign(volume, level)
+                total += between if cross > 0.0 else -between
         out[k] += total

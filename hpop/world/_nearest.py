@@ -7,20 +7,7 @@ import math
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 
-
-@kernel
-def _squared(x: float, y: float, edges: FloatArray, e: int) -> float:
-    """Squared distance of a point to an edge, m^2."""
-    px, py = edges[e, 0], edges[e, 1]
-    dx, dy = edges[e, 2] - px, edges[e, 3] - py
-    wx, wy = x - px, y - py
-    length2 = dx * dx + dy * dy
-    if length2 > 0.0:
-        t = min(max((wx * dx + wy * dy) / length2, 0.0), 1.0)
-        wx -= t * dx
-        wy -= t * dy
-    squared: float = wx * wx + wy * wy
-    return squared
+# A first answer waits for this to be compiled, which takes longer for each function that is called.
 
 
 @kernel
@@ -47,20 +34,29 @@ def nearest(
         if math.isnan(x[n]) or math.isnan(y[n]):
             out[n] = math.nan
             continue
-        u = min(max((x[n] - corner_x) / side, 0.0), float(columns))
-        v = min(max((y[n] - corner_y) / side, 0.0), float(rows))
-        j, i = min(int(u), columns - 1), min(int(v), rows - 1)
-        own = min(min(u - j, j + 1 - u), min(v - i, i + 1 - v))
+        u = min(max((x[n] - corner_x) / side, 0.0), columns)
+        v = min(max((y[n] - corner_y) / side, 0.0), rows)
+        j, i = int(min(u, columns - 0.5)), int(min(v, rows - 0.5))
+        own = min(u - j, j + 1.0 - u, v - i, i + 1.0 - v)
         best = math.inf
         k = rings[i, j]
         while k <= rows + columns:
             for a in range(max(i - k, 0), min(i + k, rows - 1) + 1):
                 # Whole rows at the top and bottom of the ring, else its two ends.
-                step = 1 if a == i - k or a == i + k else max(2 * k, 1)
+                step = 1 if abs(a - i) == k else 2 * k
                 for b in range(j - k, j + k + 1, step):
-                    if 0 <= b < columns:
-                        for m in range(start[a * columns + b], start[a * columns + b + 1]):
-                            best = min(best, _squared(x[n], y[n], edges, members[m]))
+                    if b < 0 or b >= columns:
+                        continue
+                    for m in range(start[a * columns + b], start[a * columns + b + 1]):
+                        e = members[m]
+                        wx, wy = x[n] - edges[e, 0], y[n] - edges[e, 1]
+                        dx, dy = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
+                        length2 = dx * dx + dy * dy
+                        if length2 > 0.0:
+                            t = min(max((wx * dx + wy * dy) / length2, 0.0), 1.0)
+                            wx -= t * dx
+                            wy -= t * dy
+                        best = min(best, wx * wx + wy * wy)
             bound = (k + own) * side
             if best <= bound * bound:
                 break

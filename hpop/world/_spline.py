@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 
 Four = tuple[float, float, float, float]
@@ -26,40 +26,22 @@ def _slopes(s: float) -> Four:
 
 
 @kernel
-def spline(coefficients: FloatArray, u: FloatArray, v: FloatArray, out: FloatArray) -> None:
-    """Cubic B-spline at (u, v) in grid steps, clamped to [1, n - 2].
+def spline(
+    coefficients: FloatArray, row: IntArray, column: IntArray, up: FloatArray, right: FloatArray, out: FloatArray
+) -> None:
+    """Add to out (M,) the cubic B-spline at places inside the grid.
 
-    coefficients (H, W); u, v (M,); out (M, 3) receives the value, d/du and d/dv. NaN gives NaN.
+    coefficients (H, W); row, column (M,) of the sample before a place, within [1, n - 3]; up, right (M,) of a step from
+    there on, from 0 to 1. NaN gives NaN. (A first answer waits for this to be compiled, which takes as long as the text
+    is: what arrays can do is done before.)
     """
-    rows, columns = coefficients.shape
-    for k in range(u.size):
-        a, b = u[k], v[k]
-        if math.isnan(a) or math.isnan(b):
-            out[k, 0] = out[k, 1] = out[k, 2] = math.nan
-            continue
-        inside_u = 1.0 <= a <= columns - 2.0
-        inside_v = 1.0 <= b <= rows - 2.0
-        a = min(max(a, 1.0), columns - 2.0)
-        b = min(max(b, 1.0), rows - 2.0)
-        j = min(int(a), columns - 3)
-        i = min(int(b), rows - 3)
-        wu, wv, du, dv = _weights(a - j), _weights(b - i), _slopes(a - j), _slopes(b - i)
-        value = 0.0
-        gu = 0.0
-        gv = 0.0
+    for k in range(row.size):
+        across, along = _weights(right[k]), _weights(up[k])
         for p in range(4):
-            row = 0.0
-            drow = 0.0
+            value = 0.0
             for q in range(4):
-                c = coefficients[i - 1 + p, j - 1 + q]
-                row += wu[q] * c
-                drow += du[q] * c
-            value += wv[p] * row
-            gu += wv[p] * drow
-            gv += dv[p] * row
-        out[k, 0] = value
-        out[k, 1] = gu if inside_u else 0.0
-        out[k, 2] = gv if inside_v else 0.0
+                value += across[q] * coefficients[row[k] - 1 + p, column[k] - 1 + q]
+            out[k] += along[p] * value
 
 
 @kernel

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
 from hpop.world.looks import look
 from hpop.world.shapes import rotate
@@ -89,7 +89,7 @@ class Field:
             return self.at(self.places(x, y))
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         # Rounded weights may sum to 1 + 4e-16: keep the range exactly.
-        return np.clip(self._evaluate(x, y)[..., 0], *self.__dict__["_range"])
+        return np.clip(self._evaluate(x, y), *self.__dict__["_range"])
 
     @property
     def coefficients(self) -> FloatArray:
@@ -99,9 +99,17 @@ class Field:
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
+        from hpop.world._spline import quadratics
+
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        out = self._evaluate(x, y) / self.spacing
-        slopes: tuple[FloatArray, FloatArray] = rotate(out[..., 1], out[..., 2], self.origin[2])
+        u, v = (np.ravel(at) for at in self._grid(x, y))
+        coefficients, at = self._coefficients_at(u, v), np.stack([u, v], axis=1)
+        last = np.array(coefficients.shape[::-1]) - 2.0
+        out = np.empty((u.size, 8))
+        quadratics(coefficients, np.clip(at, 1.0, last), out)
+        rise = out[:, 3:5] * ((at >= 1.0) & (at <= last)) / self.spacing  # (M, 2)
+        du, dv = rise.T.reshape(2, *x.shape)
+        slopes: tuple[FloatArray, FloatArray] = rotate(du, dv, self.origin[2])
         return slopes
 
     def _grid(self, x: Any, y: Any) -> tuple[Any, Any]:
@@ -111,10 +119,13 @@ class Field:
 
     def _evaluate(self, x: FloatArray, y: FloatArray) -> FloatArray:
         u, v = self._grid(x, y)
-        out = np.empty((u.size, 3))
         u, v, shape = np.ravel(u), np.ravel(v), u.shape
-        _kernel()(self._coefficients_at(u, v), u, v, out)
-        return out.reshape(*shape, 3)
+        coefficients = self._coefficients_at(u, v)
+        rows, columns = coefficients.shape
+        (row, up), (column, right) = _step(v, rows), _step(u, columns)
+        out = np.zeros(u.size)
+        _kernel()(coefficients, row, column, up, right, out)
+        return out.reshape(shape)
 
     def _coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """The coefficients; those at points (M,) in grid steps must be there."""
@@ -157,9 +168,16 @@ class Field:
         return casadi.Function.bspline("field", knots, self.coefficients.ravel(), [3, 3], 1, lookup)
 
 
+def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """The sample (M,) before places along an axis of so many, and the part of a step from there; see `spline`."""
+    at = np.minimum(np.maximum(at, 1.0), count - 2.0)
+    before = np.fmin(at, count - 3.0).astype(np.int64)  # of NaN too
+    return before, at - before
+
+
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
-    """Compile, or load from the cache, the NumPy side: value, d/du and d/dv of each point."""
+    """Compile, or load from the cache, the NumPy side: the value at each point."""
     from hpop.world._spline import spline
 
     return spline

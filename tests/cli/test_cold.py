@@ -30,7 +30,7 @@ planner:
   lattice: {step: 0.25, time_limit: 5}
 """
 #: What the first answer takes, what the exact front does, and what later first answers do, as far as it is compiled.
-FIELDS = {"nearest", "_squared", "ball_volumes", "_edge", "_primitive", "_up_to", "spline", "_weights", "_slopes"}
+FIELDS = {"nearest", "ball_volumes", "_primitive", "spline", "_weights"}
 SEARCH = {"number_groups", "part_arcs", "tell_turns", "no_dearer_than_two", "fill_tables", "advance", "trace", "widen"}
 SEARCH |= {"reverse", "cost_to_go", "enter", "leave", "bits", "cost_along", "open_next", "sift_down", "least_covered"}
 SEARCH |= {"lower"}
