@@ -27,14 +27,13 @@ from hpop.entry import main
 main()
 """
 JOBS = """\
-import os, signal, sys, time
+import os, signal, sys
 from hpop.interrupts import endings_interrupt
 from hpop.sweep import Sweep, processes
 
 def job(planning, task):
     if task == 3:
         os.killpg(planning, signal.SIGTERM)
-        time.sleep(0.2)
     return task
 
 if __name__ == "__main__":
