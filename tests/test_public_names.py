@@ -1,0 +1,88 @@
+"""What is public: names that the README, docs/ and examples/ import or mention. They stay where they are."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from pathlib import Path
+
+import pytest
+
+import hpop
+
+ROOT = Path(__file__).parents[1]
+NAMES = """
+hpop.criteria
+hpop.criteria.base.Criterion
+hpop.criteria.comfort.svc
+hpop.criteria.convex.ConvexCost
+hpop.criteria.others.metrics.zone_fractions
+hpop.errors.CriterionError
+hpop.errors.HpopError
+hpop.errors.MapError
+hpop.errors.OptionError
+hpop.frontier.Front
+hpop.frontier.FrontError
+hpop.history.History
+hpop.math.hypot
+hpop.models.DifferentialDrive
+hpop.models.driven.driven
+hpop.motions.Curve
+hpop.motions.Law
+hpop.motions.Motions
+hpop.options
+hpop.planners.Candidates
+hpop.planners.base.edge_objectives
+hpop.planners.lattice.Lattice
+hpop.planners.planner
+hpop.planners.search.Graph
+hpop.planners.search.pareto_paths
+hpop.planners.trust.judge
+hpop.problem.Problem
+hpop.registry.readers
+hpop.scenario.load_scenario
+hpop.status.Progress
+hpop.status.Status
+hpop.sweep.Sweep
+hpop.testing.check_criterion
+hpop.trajectory.Trajectory
+hpop.verify
+hpop.view.save_pictures
+hpop.world.World
+hpop.world.bearings
+hpop.world.content.Landmark
+hpop.world.content.Person
+hpop.world.content.Zone
+hpop.world.field.Field
+hpop.world.geojson_content.read
+hpop.world.readers.read_world
+hpop.world.visibility
+"""
+PUBLIC = [*NAMES.split(), *(f"hpop.{name}" for name in hpop.__all__)]
+IMPORTED = re.compile(r"^\s*(?:>>> )?from (hpop[\w.]*) import (\([^)]*\)|[^\n#`]+)", re.MULTILINE)
+DOTTED = re.compile(r"\bhpop((?:\.[A-Za-z_]\w*)+)\b")
+GROUPS = {"hpop.criteria", "hpop.models", "hpop.planners", "hpop.readers"}  # entry points: no modules, or packages
+
+
+def mentioned() -> set[str]:
+    """Every name below ``hpop`` in the documents and the examples, as one dotted path."""
+    found = set()
+    files = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    files += [file for kind in ("*.py", "*.md") for file in (ROOT / "examples").rglob(kind)]
+    for file in files:
+        text = file.read_text()
+        for module, names in IMPORTED.findall(text):
+            found |= {f"{module}.{name}" for name in re.findall(r"\w+", re.sub(r"\bas \w+", "", names))}
+        found |= {f"hpop{path}" for path in DOTTED.findall(text)}
+    return found - GROUPS
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_name_is_where_it_was(name: str) -> None:
+    assert pkgutil.resolve_name(name) is not None
+
+
+def test_documents_and_examples_use_public_names_alone() -> None:
+    within = {".".join(name.split(".")[:n]) for name in PUBLIC for n in range(2, name.count(".") + 2)}
+    others = {name for name in mentioned() - within if not any(name.startswith(f"{known}.") for known in PUBLIC)}
+    assert others == set()
