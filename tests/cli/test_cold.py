@@ -33,7 +33,7 @@ planner:
 FIELDS = {"nearest", "ball_volumes", "_primitive", "spline", "_weights"}
 SEARCH = {"number_groups", "part_arcs", "tell_turns", "no_dearer_than_two", "fill_tables", "advance", "trace", "widen"}
 SEARCH |= {"reverse", "cost_to_go", "enter", "leave", "bits", "cost_along", "open_next", "sift_down", "least_covered"}
-SEARCH |= {"lower"}
+SEARCH |= {"lower", "enter_stairs"}
 AHEAD = {"arcs_onward", "reduce_costs", "weighted_path", "push", "drop_first", "precedes", "compare", "weigh"}
 
 

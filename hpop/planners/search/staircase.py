@@ -253,17 +253,10 @@ class Staircase(BucketSearch):
 
     def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
         """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
-        graph = self.graph
         nodes = np.sort(self.groups.nodes[passed])
-        place = np.full(graph.nodes, -1)
-        place[nodes] = np.arange(len(nodes))
-        arcs = np.concatenate([np.arange(graph.indptr[u], graph.indptr[u + 1]) for u in nodes])
-        tails = np.repeat(np.arange(len(nodes)), graph.indptr[nodes + 1] - graph.indptr[nodes])
-        heads = place[graph.heads[arcs]]
-        arcs, tails, heads = arcs[heads >= 0], tails[heads >= 0], heads[heads >= 0]
-        part = Graph.from_arcs(len(nodes), tails, heads, graph.costs[arcs])
-        source, targets = int(place[self.groups.nodes[self.source]]), place[self.groups.nodes[self.is_target > 0]]
-        targets = targets[targets >= 0]
+        part = self.graph.among(nodes)
+        source = int(np.searchsorted(nodes, self.groups.nodes[self.source]))
+        targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
         memory = self.memory()
         silent = clock.silent(int(self.counters[N_GENERATED]), memory)
         groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
@@ -276,7 +269,7 @@ class Staircase(BucketSearch):
         costs, labels, generated, expanded, _ = search.found()
         self.counters[N_GENERATED] += generated
         self.counters[N_EXPANDED] += expanded
-        ways = [arcs[part.arc[way]] for way in search.paths(labels, silent)]
+        ways = [part.arc[way].astype(np.int64) for way in search.paths(labels, silent)]
         clock.compiled += silent.compiled
         clock.peak = max(clock.peak, memory + silent.peak)
         return costs, ways

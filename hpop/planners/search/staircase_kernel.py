@@ -44,6 +44,7 @@ from hpop.planners.search.staircase_tables import (
     REST,
     ROW,
     SLOTS,
+    enter_stairs,
     lower,
 )
 from hpop.planners.search.turns import TURNS
@@ -188,15 +189,7 @@ def advance(
             solutions[at] = value
             counters[N_FRONT] = at + 1
             continue
-        if base < 0:
-            base = counters[N_ROWS]
-            counters[N_ROWS] = base + width * slots
-            groups[group, ROW] = base
-        lower(stairs, base + n * slots + slot, slots, width - n, d)
-        for i in range(n, width):
-            if share[group, i] <= d:
-                break
-            share[group, i] = d
+        base = enter_stairs(stairs, share, groups, counters, group, slot, n, d, width)
         closed[done] = value
         done += 1
 

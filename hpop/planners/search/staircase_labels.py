@@ -23,6 +23,7 @@ from hpop.planners.search.staircase_tables import (
     REST,
     ROW,
     SLOTS,
+    enter_stairs,
     lower,
 )
 from hpop.planners.search.turns import TURNS
@@ -133,17 +134,9 @@ def enter_all(
         slot = v - np.int64(groups[group, BEGIN])
         if base >= 0 and stairs[base + n * slots + slot] <= d:
             return -1 - i
-        if base < 0:
-            if counters[N_ROWS] + width * slots > len(stairs):
-                return i
-            base = counters[N_ROWS]
-            counters[N_ROWS] = base + width * slots
-            groups[group, ROW] = base
-        lower(stairs, base + n * slots + slot, slots, width - n, d)
-        for j in range(n, width):
-            if share[group, j] <= d:
-                break
-            share[group, j] = d
+        if base < 0 and counters[N_ROWS] + width * slots > len(stairs):
+            return i
+        base = enter_stairs(stairs, share, groups, counters, group, slot, n, d, width)
         if not shared or alike:
             continue
         above = base + (n + step if n + step < last else last) * slots

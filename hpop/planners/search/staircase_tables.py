@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hpop.arrays import IntArray
 from hpop.compiled import kernel, lean
 from hpop.planners.search.bounds import UNREACHABLE
+from hpop.planners.search.slices import N_ROWS
 from hpop.planners.search.turns import OFFSET, SIZE
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
@@ -75,6 +76,34 @@ def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None
             break
         stairs[at] = d
         at += slots
+
+
+@lean
+def enter_stairs(
+    stairs: NDArray[Any],
+    share: NDArray[Any],
+    groups: NDArray[Any],
+    counters: IntArray,
+    group: int,
+    slot: int,
+    n: int,
+    d: int,
+    width: int,
+) -> int:
+    """Lower the staircase of a node, and what its group shares, to d from n on; where the group's staircases begin."""
+    group, n = group & BELOW, n & BELOW
+    slots = np.int64(groups[group, SLOTS]) & BELOW
+    base = np.int64(groups[group, ROW])
+    if base < 0:
+        base = counters[N_ROWS]
+        counters[N_ROWS] = base + width * slots
+        groups[group, ROW] = base
+    lower(stairs, base + n * slots + slot, slots, width - n, d)
+    for i in range(n, width):
+        if share[group, i] <= d:
+            break
+        share[group, i] = d
+    return int(base)
 
 
 @kernel
