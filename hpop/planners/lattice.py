@@ -45,7 +45,7 @@ class Lattice:
     time_limit      s      to read the map, build the lattice and search, not to compile; what is found until then is
                            returned and called incomplete
     max_labels      count  partial paths kept by the search
-    max_memory      bytes  of the lattice's graph and of the search
+    max_memory      bytes  of the fields that are made, of the lattice's graph and of the search
     checkpoint      file in which the search keeps its state, and from which it goes on if it is there
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is

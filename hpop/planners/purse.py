@@ -23,6 +23,7 @@ import numpy as np
 from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates, Objectives
 from hpop.status import Budget, Status
+from hpop.world import limits
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
@@ -95,11 +96,17 @@ class Purse:
     def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
         """The results of ``work`` on each block, in order; raises Exhausted between blocks.
 
-        The first is done alone: it makes the fields that all read, and compiles.
+        The first is done alone: it makes the fields that all read, and compiles. Fields keep the limits themselves, and
+        count as memory.
         """
         rest = iter(blocks)
+
+        def limited(block: A) -> B:
+            with limits.within(self):
+                return work(block)
+
         for block in islice(rest, 1):
-            yield work(block)
+            yield limited(block)
             self.check(doing)
         waiting: deque[Future[B]] = deque()
 
@@ -111,7 +118,7 @@ class Purse:
             try:
                 for block in rest:
                     with interrupts_held():
-                        waiting.append(threads.submit(work, block))
+                        waiting.append(threads.submit(limited, block))
                     if len(waiting) > CORES:
                         yield first()
                         self.check(doing)

@@ -42,7 +42,7 @@ class Roadmap:
     time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
                        returned and called incomplete
     max_labels  count  partial paths kept by the search
-    max_memory  bytes  of the roadmap's graph and of the search
+    max_memory  bytes  of the fields that are made, of the roadmap's graph and of the search
     checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
                 front is safe
 

@@ -18,6 +18,7 @@ from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.text import shown
+from hpop.world import limits
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import PAD, Field, grid_points
@@ -32,6 +33,11 @@ MAX_NODES = 250_000
 """Grid nodes of the distances per bearing: a larger world is sampled more coarsely."""
 
 
+CAST = 4096
+"""Nodes from which distances are looked for together."""
+SAMPLE = 8
+"""Bytes of a sample."""
+DISTANCES = "the distances along bearings were sampled"
 LINEAR = 1e-6
 """Metres of second difference up to which distances are linear."""
 
@@ -72,6 +78,7 @@ class Bearings:
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]
+            limits.hold(DISTANCES, 3 * self.distances.nbytes, 4 * self.distances.nbytes)
             layers = np.concatenate([sampled, 1.0 / np.maximum(sampled, nearest), _near_jumps(sampled)], axis=2)
             self._layers[nearest] = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
         return self._layers[nearest]
@@ -184,6 +191,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
         border = FreeSpace(without(world.extent, solid) if walled else solid)
         spacing = _spacing(world)
         xs, ys = grid_points(world.bounds, spacing)
+        limits.hold(DISTANCES, xs.size * ys.size * count * SAMPLE, xs.size * ys.size * (count + 2) * SAMPLE)
         x, y = (np.ascontiguousarray(c.ravel()) for c in np.meshgrid(xs, ys))
         angles = 2 * np.pi * np.arange(count) / count
         directions = np.ascontiguousarray(np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 15))
@@ -217,7 +225,11 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
         grid = EdgeGrid.build(edges)
         shape = (int(grid.rings.shape[0]), int(grid.rings.shape[1]))
-        cast(grid.edges, grid.start, grid.members, shape, grid.corner, grid.side, x, y, directions, REACH, out)
+        index = (grid.edges, grid.start, grid.members, shape, grid.corner, grid.side)
+        for begin in range(0, x.size, CAST):
+            limits.check(DISTANCES)
+            part = slice(begin, begin + CAST)
+            cast(*index, x[part], y[part], directions, REACH, out[part])
     return out
 
 

@@ -68,6 +68,8 @@ def nbytes(value: Any) -> int:
         return size
     if isinstance(value, tuple | list):
         return sum(map(nbytes, value))
+    if isinstance(value, dict):
+        return sum(map(nbytes, value.values()))
     if type(value).__module__.startswith("hpop."):
         return sum(map(nbytes, vars(value).values()))
     return 0

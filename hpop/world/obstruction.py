@@ -17,6 +17,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import Column, FloatArray, IntArray
+from hpop.world import limits
 from hpop.world.shapes import Obstacle, Raster, overlaps
 
 NOISE = 1e-9
@@ -146,6 +147,7 @@ def prism_obstruction(
         return volume
     tree = shapely.STRtree(parts)
     for points, box in _tiles(x, y, radius):
+        limits.check("the obstruction was sampled")
         found = np.sort(tree.query(box, predicate="intersects"))
         if not found.size:
             continue

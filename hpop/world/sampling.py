@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
+from hpop.world import limits
 from hpop.world.field import Field, grid_points
 from hpop.world.lazy_field import LazyField, TiledField
 from hpop.world.obstruction import RasterBalls, disjoint_prisms, prism_obstruction
@@ -29,6 +30,12 @@ FINENESS = 10
 MAX_HEIGHTS = 16
 """Distinct camera heights that one call of `World.obstruction` may ask for."""
 PAD = 3
+SAMPLE = 8
+"""Bytes of a sample."""
+ROWS = 1 << 16
+"""Samples of the clearance that are looked for together."""
+CLEARANCE = "the clearance was sampled"
+OBSTRUCTION = "the obstruction was sampled"
 
 
 def sample_clearance(world: World, free: FreeSpace) -> Field:
@@ -37,8 +44,13 @@ def sample_clearance(world: World, free: FreeSpace) -> Field:
     border = max(4 * spacing, 0.5)
     x0, y0, x1, y1 = world.bounds
     xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
-    x, y = np.meshgrid(xs, ys)
-    values = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
+    limits.hold(CLEARANCE, xs.size * ys.size * SAMPLE, 2 * xs.size * ys.size * SAMPLE)
+    values = np.empty((ys.size, xs.size))
+    step = max(1, ROWS // xs.size)
+    for begin in range(0, ys.size, step):
+        limits.check(CLEARANCE)
+        x, y = np.meshgrid(xs, ys[begin : begin + step])
+        values[begin : begin + step] = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
     limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
     return Field(np.clip(values, -limit, limit), spacing, (float(xs[0]), float(ys[0]), 0.0))
 
@@ -85,6 +97,7 @@ def _spacing(world: World, limit: float) -> float:
 def _sample_polygons(world: World, radius: float, z: float) -> Field:
     spacing = _spacing(world, radius / FINENESS)
     xs, ys = grid_points(world.bounds, spacing)
+    limits.hold(OBSTRUCTION, xs.size * ys.size * (SAMPLE + 1))
     obstacles = list(world.obstacles)
     if world.outside_is_obstacle:
         inside = [(shapely.intersection(o.polygon, world.extent), o) for o in obstacles]
@@ -99,6 +112,7 @@ def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Fie
     finest = int(math.sqrt(MAX_NODES / raster.cells.size))
     split = max(1, min(math.ceil(FINENESS * raster.resolution / radius), finest))
     fine = raster
+    limits.hold(OBSTRUCTION, raster.cells.size * split**2 * (SAMPLE + (split > 1)))
     if split > 1:
         cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
         fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
@@ -107,6 +121,7 @@ def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Fie
     prisms = disjoint_prisms(beside)
 
     def sample(rows: slice, columns: slice) -> FloatArray:
+        limits.check(OBSTRUCTION)
         values = balls.values(rows, columns)
         if beside:
             column, row = np.meshgrid(*(np.arange(s.start, s.stop) + 0.5 - PAD for s in (columns, rows)))

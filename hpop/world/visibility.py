@@ -26,6 +26,7 @@ from hpop.arrays import Column, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
 from hpop.text import shown
+from hpop.world import limits
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
 from hpop.world.sampling import MAX_HEIGHTS
@@ -48,6 +49,12 @@ COARSEST = 0.2
 """Spacing, m, beyond which openness is not made coarser for that."""
 BEYOND = 1.0
 """Metres of obstacle round a world whose outside is obstacle, and two samples more."""
+SAMPLE = 8
+"""Bytes of a sample."""
+SCRATCH = 9 * SAMPLE
+"""Bytes beside it while a line of sight or an isovist is looked for."""
+SIGHT = "the visibility of landmarks was sampled"
+OPENNESS = "the openness was sampled"
 ALL_ROUND = 2 * math.pi - 1e-3
 """Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
 
@@ -188,6 +195,7 @@ def _fields(world: World, z: float, near: float, far: float) -> list[Field]:
 def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
     def make() -> Field:
         xs, ys, spacing = _grid(world)
+        limits.hold(SIGHT, xs.size * ys.size * SAMPLE, xs.size * ys.size * (SCRATCH + SAMPLE))
         seen = np.zeros((ys.size, xs.size))
         for share, landmark in zip(_shares(world), world.content.landmarks, strict=True):
             window = _seen(world, landmark, z, near, far)
@@ -210,6 +218,9 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
     from hpop.world._sight import unseen
 
     def make() -> tuple[FloatArray, IntArray]:
+        sizes = [_part(world, landmark, far) for landmark in world.content.landmarks]
+        samples = [(r.stop - r.start) * (c.stop - c.start) for r, c in sizes]
+        limits.hold(SIGHT, sum(samples) * SAMPLE, 2 * sum(samples) * SAMPLE + max(samples) * SCRATCH)
         seen = [_seen(world, landmark, z, near, far) for landmark in world.content.landmarks]
         begin = np.cumsum([0, *(window.values.size for window in seen)])
         boxes = [(w.rows.start, w.values.shape[0], w.columns.start, w.values.shape[1]) for w in seen]
@@ -242,8 +253,9 @@ def _lit(world: World, landmark: Landmark, camera_z: float, far: float) -> Windo
     """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
     from hpop.world._sight import lit, shadows
 
+    limits.check(SIGHT)
     xs, ys, spacing = _grid(world)
-    rows, columns = _within(ys, landmark.y, far), _within(xs, landmark.x, far)
+    rows, columns = _part(world, landmark, far)
     edges, bottom, top = _outlines(world)
     near, beyond = _hiding(bottom, top, landmark.z, camera_z)
     hides = near < beyond
@@ -260,6 +272,12 @@ def _lit(world: World, landmark: Landmark, camera_z: float, far: float) -> Windo
     out = np.zeros(shape)
     lit(turns, SPLIT, out)
     return Window(rows, columns, np.clip(out, 0.0, 1.0))
+
+
+def _part(world: World, landmark: Landmark, far: float) -> tuple[slice, slice]:
+    """Rows and columns of the samples that are looked at."""
+    xs, ys, _ = _grid(world)
+    return _within(ys, landmark.y, far), _within(xs, landmark.x, far)
 
 
 def _within(places: FloatArray, centre: float, far: float) -> slice:
@@ -295,6 +313,7 @@ def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
     from hpop.world._sight import isovists
 
     xs, ys, spacing = _grid(world, min(radius / FINENESS, COARSEST))
+    limits.hold(OPENNESS, xs.size * ys.size * SAMPLE, xs.size * ys.size * SCRATCH)
     x, y = (c.ravel() for c in np.meshgrid(xs, ys))
     solid = world.solid(camera_z, camera_z)
     bottom, top = _outside_heights(world)
@@ -306,6 +325,7 @@ def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
     share = np.empty(x.size)
     low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
     for points in _tiles(x, y, 0.5 * radius):
+        limits.check(OPENNESS)
         corner = np.array([x[points].min(), y[points].min()]) - radius
         other = np.array([x[points].max(), y[points].max()]) + radius
         close = np.flatnonzero((low <= other).all(axis=1) & (high >= corner).all(axis=1))

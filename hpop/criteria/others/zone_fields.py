@@ -9,11 +9,15 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
-from hpop.world import World
+from hpop.world import World, limits
 from hpop.world.content import Zone
 from hpop.world.field import Field, grid_points
 
 MAX_SAMPLES = 4_000_000
+ROWS = 1 << 16  # samples whose squares are looked at together
+SAMPLE = 8  # bytes
+POINT = 200  # bytes beside it of a place on a path
+ZONES = "zones were sampled"
 SAME_PLACE = 1e-9  # share of a path's length within which its nearest point is a corner
 
 
@@ -52,6 +56,7 @@ def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
 def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     xs, ys = _grid(world, zone.area)
     shares = _shares(zone.area, xs, ys)
+    limits.hold(ZONES, xs.size * ys.size * SAMPLE, xs.size * ys.size * POINT)
     corners = shapely.get_coordinates(zone.path)
     steps = np.diff(corners, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
@@ -85,10 +90,16 @@ def _field(xs: FloatArray, ys: FloatArray, values: FloatArray) -> Field:
 def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
     """Share (H, W) of the square about each sample that lies in an area."""
     half = 0.5 * float(xs[1] - xs[0])
-    x, y = np.meshgrid(xs, ys)
-    squares = shapely.box(x - half, y - half, x + half, y + half)
+    limits.hold(ZONES, xs.size * ys.size * SAMPLE)
     shapely.prepare(area)
-    shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
-    border = shapely.intersects(area, squares) & (shares == 0)
-    shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
-    return np.clip(shares, 0.0, 1.0)
+    found = np.empty((ys.size, xs.size))
+    step = max(1, ROWS // xs.size)
+    for begin in range(0, ys.size, step):
+        limits.check(ZONES)
+        x, y = np.meshgrid(xs, ys[begin : begin + step])
+        squares = shapely.box(x - half, y - half, x + half, y + half)
+        shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
+        border = shapely.intersects(area, squares) & (shares == 0)
+        shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
+        found[begin : begin + step] = np.clip(shares, 0.0, 1.0)
+    return found

@@ -1,0 +1,48 @@
+"""What making a world's fields may take: whoever plans has limits, and what takes long or much asks them.
+
+A field is made when a criterion first asks for it, far from whoever plans; so the limits hold for all that is done
+within a block, in this thread. A field is made in parts, and asks between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol
+
+
+class Limits(Protocol):
+    """Time and memory of whoever plans; each raises where a limit is passed."""
+
+    def check(self, doing: str, memory: int = 0) -> None:
+        """Look at the time, and whether there is room for so many bytes more."""
+
+    def hold(self, memory: int, doing: str) -> None:
+        """Charge bytes that stay, before they are taken."""
+
+
+_LIMITS: ContextVar[Limits | None] = ContextVar("limits", default=None)
+
+
+@contextmanager
+def within(limits: Limits) -> Iterator[None]:
+    """What is made in the block keeps these limits."""
+    token = _LIMITS.set(limits)
+    try:
+        yield
+    finally:
+        _LIMITS.reset(token)
+
+
+def hold(doing: str, stays: int, beside: int = 0) -> None:
+    """Before a field is made: it takes so many bytes that stay, and others until it is done."""
+    if (limits := _LIMITS.get()) is not None:
+        limits.check(doing, stays + beside)
+        limits.hold(stays, doing)
+
+
+def check(doing: str) -> None:
+    """Between two parts of what is made."""
+    if (limits := _LIMITS.get()) is not None:
+        limits.check(doing)
