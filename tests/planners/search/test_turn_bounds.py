@@ -85,3 +85,15 @@ def test_a_search_that_looks_ahead_finds_the_same_front(lattice, seed, monkeypat
     paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
     assert paths.costs.tolist() == pareto_paths(graph, 0, graph.nodes - 1, method="general").costs.tolist()
     assert any(looked) or len(paths) == 0
+
+
+def test_a_search_that_looks_ahead_expands_fewer_labels(lattice, monkeypatch):
+    monkeypatch.setattr(slices, "WORK", 200)  # it is asked often whether it is long
+    expanded = []
+    for long in (0, staircase.LONG):
+        monkeypatch.setattr(staircase, "LONG", long)
+        graphs = [lattice(seed, 10) for seed in range(12)]
+        paths = [pareto_paths(graph, 0, graph.nodes - 1, method="staircase") for graph in graphs]
+        expanded.append([found.stats.labels_expanded for found in paths])
+    assert all(ahead <= not_ahead for ahead, not_ahead in zip(*expanded, strict=True))
+    assert sum(expanded[0]) < sum(expanded[1])
