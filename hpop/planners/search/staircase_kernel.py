@@ -133,7 +133,7 @@ def advance(
         value = values[0]
         size -= 1
         keys[0], values[0] = keys[size], values[size]
-        sift_down(keys, values, 0, size)
+        sift_down(keys, values, np.int64(0), size)  # of a literal numba makes a variant of its own
         if hull is not None:  # where it is None, numba leaves this out
             h_layers, h_weights, corners, last_corner, ahead, reached, scratch = hull
             while reached[0] < len(ahead) and ahead[reached[0], 0] <= f0:
@@ -181,7 +181,7 @@ def advance(
         counters[N_EXPANDED] += 1
         if final:
             first_covered = least_covered(f1, eps, tolerance[1])
-            lower(goal, first_covered, 1, len(goal) - first_covered, least_covered(f2, eps, tolerance[2]))
+            lower(goal, first_covered, np.int64(1), len(goal) - first_covered, least_covered(f2, eps, tolerance[2]))
             at = counters[N_FRONT]
             front[at, 0] = f0
             front[at, 1] = f1

@@ -159,7 +159,7 @@ def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: 
         if goal[solved[i, 1] if solved[i, 1] < end else end] <= solved[i, 2]:
             return -1 - i
         first = least_covered(solved[i, 1], eps, tolerance[1])
-        lower(goal, first, 1, len(goal) - first, least_covered(solved[i, 2], eps, tolerance[2]))
+        lower(goal, first, np.int64(1), len(goal) - first, least_covered(solved[i, 2], eps, tolerance[2]))
     return len(solved)
 
 
