@@ -23,22 +23,8 @@ from hpop.planners.base import Candidates
 from hpop.planners.lattice import Lattice
 from hpop.problem import Problem
 from hpop.status import ProgressCallback, Status
+from tests.rooms import TWO_WALLS
 
-SCENARIO = """\
-world:
-  polygons:
-    extent: [[0, 0], [7, 0], [7, 5], [0, 5]]
-    obstacles:
-      - {corners: [[2, 0], [2.3, 0], [2.3, 3.2], [2, 3.2]]}
-      - {corners: [[4.4, 1.6], [4.8, 1.6], [4.8, 5], [4.4, 5]]}
-model:
-  differential_drive: {radius: 0.25}
-start: [1, 1, 0]
-goal: [6, 4, any]
-criteria: [obstruction, turns, length]
-planner:
-  lattice: {step: 0.25}
-"""
 LINE = re.compile(
     r"^(\d+\.\d\d) s  (\S+): ([\d,]+) traject(?:ory|ories), hypervolume (\d+\.\d{4}), (.*)$", re.MULTILINE
 )
@@ -67,7 +53,7 @@ def slowly(last: Callable[[Candidates], Candidates]) -> Callable[..., Iterator[C
 def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
-    (tmp_path / "room.yaml").write_text(SCENARIO)
+    (tmp_path / "room.yaml").write_text(TWO_WALLS)
     return tmp_path
 
 

@@ -14,21 +14,9 @@ from pathlib import Path
 import pytest
 
 from hpop.front import Front
+from tests.rooms import ONE_WALL
 
-ROOM = """\
-world:
-  polygons:
-    extent: [[0, 0], [7, 0], [7, 5], [0, 5]]
-    obstacles:
-      - {corners: [[2, 0], [2.3, 0], [2.3, 3.2], [2, 3.2]]}
-model:
-  differential_drive: {radius: 0.25}
-start: [1, 1, 0]
-goal: [6, 4, any]
-criteria: [obstruction, turns, length]
-planner:
-  lattice: {step: 0.25, time_limit: 5}
-"""
+ROOM = ONE_WALL.replace("step: 0.25", "step: 0.25, time_limit: 5")
 #: What the first answer takes, what the exact front does, and what later first answers do, as far as it is compiled.
 FIELDS = {"nearest", "ball_volumes", "_primitive", "spline", "_weights"}
 SEARCH = {"number_groups", "part_arcs", "tell_turns", "no_dearer_than_two", "fill_tables", "advance", "trace", "widen"}

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hpop.errors import GraphError, OptionError
 from hpop.planners.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
 from hpop.status import Budget, Progress, Status
+from tests.walks import check_walks
 
 S, T = 0, 1  # columns of the integral and the duration in all graphs here
 Vector = tuple[Fraction | int, ...]
@@ -36,18 +37,9 @@ def vectors(paths: MeanPaths) -> list[Vector]:
 
 
 def check(graph: Graph, paths: MeanPaths, source: int, targets: set[int], cap: int) -> None:
-    """Each walk runs along arcs of the graph from source to a target, costs what is claimed and keeps the cap."""
-    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
-    place = np.argsort(graph.arc)
-    for i in range(len(paths)):
-        nodes, at = paths.nodes(i), place[paths.arcs(i)]
-        assert nodes[0] == source
-        assert nodes[-1] in targets
-        assert (tails[at] == nodes[:-1]).all()
-        assert (graph.heads[at] == nodes[1:]).all()
-        columns = zip(graph.costs[at].T, graph.aggregates, strict=True)
-        assert [c.max(initial=0) if how == "max" else c.sum() for c, how in columns] == paths.costs[i].tolist()
-        assert paths.costs[i, T] <= cap
+    """Each walk is one, costs what is claimed and keeps the cap."""
+    check_walks(graph, paths, source, targets)
+    assert paths.costs[:, T].max(initial=0) <= cap
     assert list(paths.means) == pytest.approx([float(v[0]) for v in vectors(paths)])
 
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from hpop.arrays import IntArray
-from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.planners.search import Graph, pareto_paths
 from hpop.planners.search.bounds import lower_bounds
 from hpop.planners.search.general import General
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import Groups
 from hpop.status import Budget, Status
+from tests.walks import check_walks
 
 FREE = 2  # column of the lattice's length, which turns do not raise
 TURNS = 1
@@ -36,18 +37,6 @@ def dearer(full: Graph, seed: int, free: bool) -> Graph:
     return Graph.from_csr(full.indptr, full.heads, costs[:, order], aggregates=[how[j] for j in order])
 
 
-def check_paths(graph: Graph, paths: ParetoPaths, source: int, targets: set[int]) -> None:
-    """Each path runs from the source to a target and costs what is claimed."""
-    is_sum = np.array([how == "sum" for how in graph.aggregates])
-    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
-    for i in range(len(paths)):
-        nodes, arcs = paths.nodes(i), paths.arcs(i)
-        assert (nodes[0], nodes[-1] in targets) == (source, True)
-        assert (tails[arcs].tolist(), graph.heads[arcs].tolist()) == (nodes[:-1].tolist(), nodes[1:].tolist())
-        costs = graph.costs[arcs]
-        assert np.where(is_sum, costs.sum(axis=0), costs.max(axis=0, initial=0)).tolist() == paths.costs[i].tolist()
-
-
 @pytest.mark.parametrize("free", [True, False])
 @pytest.mark.seeds(6, of=range(1, 20))
 def test_fronts_of_lattices_with_four_to_six_costs_are_those_of_the_closure(closure, lattice, seed, free):
@@ -55,7 +44,7 @@ def test_fronts_of_lattices_with_four_to_six_costs_are_those_of_the_closure(clos
     source, targets = seed % 4, [graph.nodes - 1 - seed % 4, graph.nodes - 29]
     paths = pareto_paths(graph, source, targets)
     assert [tuple(row) for row in paths.costs.tolist()] == closure(graph, source, set(targets))
-    check_paths(graph, paths, source, set(targets))
+    check_walks(graph, paths, source, set(targets))
 
 
 def searched(graph: Graph, targets: IntArray, groups: Groups, clock: Clock) -> tuple[IntArray, int]:

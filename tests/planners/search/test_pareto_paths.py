@@ -13,6 +13,7 @@ from hpop.errors import OptionError, QueryError
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.moa_star import namoa_star
 from hpop.status import Budget, Progress, Status
+from tests.walks import check_walks
 
 
 @st.composite
@@ -34,23 +35,6 @@ def queries(draw, **options):
     return graph, draw(node), draw(st.sets(node, min_size=1, max_size=2))
 
 
-def check_paths(graph: Graph, paths: ParetoPaths, source: int, targets: set[int]) -> None:
-    """Each path runs along arcs of the graph, from source to a target, and costs what is claimed."""
-    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
-    place = np.argsort(graph.arc)
-    for i in range(len(paths)):
-        nodes, at = paths.nodes(i), place[paths.arcs(i)]
-        assert nodes[0] == source
-        assert nodes[-1] in targets
-        assert (tails[at] == nodes[:-1]).all()
-        assert (graph.heads[at] == nodes[1:]).all()
-        added = [
-            c.max(initial=0) if how == "max" else c.sum()
-            for c, how in zip(graph.costs[at].T, graph.aggregates, strict=True)
-        ]
-        assert added == paths.costs[i].tolist()
-
-
 def front(paths: ParetoPaths) -> list[tuple[int, ...]]:
     return [tuple(row) for row in paths.costs.tolist()]
 
@@ -62,7 +46,7 @@ def test_general_finds_the_front_of_the_closure(closure, query):
     expected = closure(graph, source, targets)
     assert front(paths) == expected
     assert paths.status is (Status.COMPLETE if expected else Status.NO_PATH)
-    check_paths(graph, paths, source, targets)
+    check_walks(graph, paths, source, targets)
 
 
 @given(queries())
@@ -80,7 +64,7 @@ def test_staircase_finds_the_front_of_the_closure(closure, query):
         return
     paths = pareto_paths(graph, source, sorted(targets), method="staircase")
     assert front(paths) == closure(graph, source, targets)
-    check_paths(graph, paths, source, targets)
+    check_walks(graph, paths, source, targets)
 
 
 @pytest.mark.parametrize("turn_rest", [0, 1, 3])
@@ -92,7 +76,7 @@ def test_methods_agree_on_lattices_with_turns(closure, lattice, seed, turn_rest)
     for method in ("staircase", "general"):
         paths = pareto_paths(graph, source, sorted(targets), method=method)
         assert front(paths) == expected
-        check_paths(graph, paths, source, targets)
+        check_walks(graph, paths, source, targets)
 
 
 @pytest.mark.parametrize("turns", ["uniform", "free", "dear", "uneven", "broken"])
@@ -116,7 +100,7 @@ def test_staircase_and_general_agree_whatever_turns_cost(lattice, seed, turns):
     source, targets = int(rng.integers(graph.nodes)), set(rng.integers(0, graph.nodes, 3).tolist())
     paths = pareto_paths(graph, source, sorted(targets), method="staircase")
     assert front(paths) == front(pareto_paths(graph, source, sorted(targets), method="general"))
-    check_paths(graph, paths, source, targets)
+    check_walks(graph, paths, source, targets)
 
 
 @pytest.mark.parametrize("columns", [(0, 1), (1, 2), (2, 1, 0), (1, 0, 2)])
@@ -127,7 +111,7 @@ def test_turns_and_maxima_in_any_column(closure, lattice, columns, how):
     for target in (5, graph.nodes - 2):
         paths = pareto_paths(graph, 0, target, method="staircase")
         assert front(paths) == closure(graph, 0, {target})
-        check_paths(graph, paths, 0, {target})
+        check_walks(graph, paths, 0, {target})
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -140,7 +124,7 @@ def test_turns_that_break_the_triangle_are_taken_twice(closure, lattice, seed):
     graph = Graph.from_csr(full.indptr, full.heads, costs)
     paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
     assert front(paths) == closure(graph, 0, {graph.nodes - 1})
-    check_paths(graph, paths, 0, {graph.nodes - 1})
+    check_walks(graph, paths, 0, {graph.nodes - 1})
 
 
 @pytest.mark.parametrize("method", ["staircase", "general"])
@@ -185,7 +169,7 @@ def test_costs_too_large_for_one_key_word(closure, lattice, method, scale):
     graph = Graph.from_csr(full.indptr, full.heads, costs)
     paths = pareto_paths(graph, 0, graph.nodes - 1, method=method)
     assert front(paths) == closure(graph, 0, {graph.nodes - 1})
-    check_paths(graph, paths, 0, {graph.nodes - 1})
+    check_walks(graph, paths, 0, {graph.nodes - 1})
 
 
 @pytest.mark.parametrize("method", ["staircase", "general"])
@@ -235,7 +219,7 @@ def test_a_label_limit_leaves_a_subset_of_the_front(small_hard, method):
         assert limit <= paths.stats.labels_generated < limit + 64
         found = set(front(paths))
         assert found < exact
-        check_paths(graph, paths, 0, {40})
+        check_walks(graph, paths, 0, {40})
     assert found
 
 
@@ -284,7 +268,7 @@ def test_ctrl_c_while_the_gap_is_proven_keeps_what_was_found(method, monkeypatch
     assert len(kept) > 0
     assert kept.costs.tolist() == whole.costs.tolist()
     assert (kept.status, kept.gap) == (Status.INTERRUPTED, np.inf)
-    check_paths(graph, kept, 0, {60})
+    check_walks(graph, kept, 0, {60})
 
 
 def test_after_ctrl_c_nobody_waits_for_the_gap_of_very_many_open_labels(monkeypatch):
