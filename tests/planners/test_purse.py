@@ -1,50 +1,32 @@
 """A planner's limits hold while its graph is built, and building is the same whatever the number of cores."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import shapely
 
 import hpop
 from hpop import compiled
-from hpop.criteria.base import criterion
 from hpop.planners import arcs, purse
 from hpop.planners.lattice import Lattice
 from hpop.planners.purse import Exhausted, Purse
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.registry import criteria
 from hpop.status import Budget
 from tests.interrupted import interrupted_locks
+from tests.watched import watched
 
-COUNTED: list[int] = []
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
 ROUND = hpop.DifferentialDrive(radius=0.3)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def watched():
-    """A criterion that counts the motions it is asked for."""
-
-    @criterion("watched", group="C", unit="m", aggregate="sum")
-    @dataclass(frozen=True)
-    class Watched:
-        interrupted: int = 0
-
-        def cost(self, m):
-            COUNTED.append(len(m))
-            if self.interrupted and len(COUNTED) == self.interrupted:
-                raise KeyboardInterrupt
-            return m.base.length
-
-    yield
-    del criteria._types["watched"]
+@pytest.fixture(autouse=True)
+def costed():
+    with watched() as asked_for:
+        yield asked_for
 
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    COUNTED.clear()
     monkeypatch.setattr(arcs, "BLOCK", 1000)
 
 
@@ -53,9 +35,9 @@ def asked(*names, world=WORLD):
 
 
 @pytest.mark.parametrize("planner", [Lattice, WeightedSum, Roadmap])
-def test_a_limit_that_ends_while_the_graph_is_built_is_a_result(planner):
+def test_a_limit_that_ends_while_the_graph_is_built_is_a_result(planner, costed):
     front = asked().solve(planner(time_limit=1e-9))
-    assert (front.status, len(front), COUNTED) == ("time limit", 0, [])
+    assert (front.status, len(front), costed) == ("time limit", 0, [])
     (note,) = (note for note in front.runs[-1]["notes"] if note.startswith("time limit"))
     assert "take a larger step" in note
     assert "raise time_limit" in note
@@ -63,9 +45,9 @@ def test_a_limit_that_ends_while_the_graph_is_built_is_a_result(planner):
 
 
 @pytest.mark.parametrize("planner", [Lattice, Roadmap])
-def test_a_graph_too_large_for_the_memory_is_refused_before_it_is_costed(planner):
+def test_a_graph_too_large_for_the_memory_is_refused_before_it_is_costed(planner, costed):
     front = asked().solve(planner(max_memory=300_000))
-    assert (front.status, len(front), COUNTED) == ("memory limit", 0, [])
+    assert (front.status, len(front), costed) == ("memory limit", 0, [])
     assert any("MB" in note and "raise max_memory" in note for note in front.runs[-1]["notes"])
 
 
@@ -79,10 +61,10 @@ def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypa
     assert len(front) > 0
 
 
-def test_an_interruption_ends_building_at_the_next_block():
+def test_an_interruption_ends_building_at_the_next_block(costed):
     with pytest.raises(KeyboardInterrupt):
         asked({"watched": {"interrupted": 3}}).solve(Lattice(step=0.25))
-    assert len(COUNTED) <= 3 + 2 * 2 * (purse.CORES + 1)  # of some 40 blocks, of turns and moves each
+    assert len(costed) <= 3 + 2 * 2 * (purse.CORES + 1)  # of some 40 blocks, of turns and moves each
 
 
 @pytest.mark.parametrize("number", range(1, 40, 3))

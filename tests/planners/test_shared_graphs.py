@@ -2,43 +2,30 @@
 
 import gc
 import weakref
-from collections import Counter
 from dataclasses import dataclass, field
 
 import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import criterion
 from hpop.planners.lattice import Lattice
-from hpop.registry import criteria
 from hpop.world import cache
+from tests.watched import watched
 
-CRITERIA = ({"seen": {"weight": 1.0}}, "length", "turns")
-COSTED: Counter[float] = Counter()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def seen():
-    """A criterion that counts the motions of which graphs are made, by its parameter."""
-
-    @criterion("seen", group="C", unit="m", aggregate="sum")
-    @dataclass(frozen=True)
-    class Seen:
-        weight: float = 1.0
-
-        def cost(self, m):
-            if len(m) > 200:  # trajectories are shorter
-                COSTED[self.weight] += len(m)
-            return self.weight * m.base.length
-
-    yield
-    del criteria._types["seen"]
+CRITERIA = ({"watched": {"weight": 1.0}}, "length", "turns")
 
 
 @pytest.fixture(autouse=True)
-def uncounted():
-    COSTED.clear()
+def asked_for():
+    with watched() as costed:
+        yield costed
+
+
+def weights(asked_for):
+    """Weights with which graphs were costed since it was asked last."""
+    found = {weight for weight, motions in asked_for if motions > 200}  # trajectories are shorter
+    asked_for.clear()
+    return found
 
 
 def world():
@@ -53,28 +40,26 @@ def built(problem):
     return Lattice(step=0.5).lattice(problem).graph(problem.criteria)
 
 
-def test_another_goal_and_another_planner_cost_nothing_again():
+def test_another_goal_and_another_planner_cost_nothing_again(asked_for):
     room = world()
     first = asked(room).solve("lattice", step=0.5)
-    assert COSTED[1.0] > 0
-    COSTED.clear()
+    assert weights(asked_for) == {1.0}
     again = asked(room).solve("lattice", step=0.5)
     asked(room, goal=(6.0, 4.0, None)).solve("lattice", step=0.5, eps=0.1)
     asked(room).solve("weighted-sum", step=0.5)
     list(asked(room).fronts(["lattice"], step=0.5, stage=lambda front: None))
-    assert not COSTED
+    assert weights(asked_for) == set()
     assert again.costs.tolist() == first.costs.tolist()
 
 
-def test_another_criterion_costs_itself_alone():
+def test_another_criterion_costs_itself_alone(asked_for):
     room = world()
     built(asked(room))
-    COSTED.clear()
-    built(asked(room, names=({"seen": {"weight": 2.0}}, "length")))
-    assert set(COSTED) == {2.0}
-    COSTED.clear()
-    built(asked(room, names=("turns", {"seen": {"weight": 1.0}}, "exposure")))
-    assert not COSTED
+    assert weights(asked_for) == {1.0}
+    built(asked(room, names=({"watched": {"weight": 2.0}}, "length")))
+    assert weights(asked_for) == {2.0}
+    built(asked(room, names=("turns", {"watched": {"weight": 1.0}}, "exposure")))
+    assert weights(asked_for) == set()
 
 
 @pytest.mark.parametrize(
@@ -82,12 +67,12 @@ def test_another_criterion_costs_itself_alone():
     [{}, {"radius": 0.45}, {"start": (1.1, 1.0, 0.0)}],
     ids=["world", "model", "anchor"],
 )
-def test_another_world_model_or_anchor_costs_anew(changed):
+def test_another_world_model_or_anchor_costs_anew(changed, asked_for):
     room = world()
     asked(room).solve("lattice", step=0.5)
-    COSTED.clear()
+    assert weights(asked_for) == {1.0}
     found = asked(room if changed else world(), **changed).solve("lattice", step=0.5)
-    assert COSTED[1.0] > 0
+    assert weights(asked_for) == {1.0}
     assert found.costs.tolist() == asked(world(), **changed).solve("lattice", step=0.5).costs.tolist()
 
 
