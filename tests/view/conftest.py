@@ -40,6 +40,12 @@ def world() -> hpop.World:
     )
 
 
+@pytest.fixture(scope="session")
+def trajectory() -> hpop.Trajectory:
+    """Round the wall, with a turn at each corner and at both ends."""
+    return hpop.Trajectory.from_poses(hpop.DifferentialDrive(), [(1, 1, 0), (1, 6, 0), (9, 6, 0), (9, 1, 0)])
+
+
 MakeProblem = Callable[..., hpop.Problem]
 MakeFront = Callable[..., hpop.Front]
 

@@ -19,11 +19,6 @@ def problem(make_problem):
     return make_problem(NAMES)
 
 
-@pytest.fixture
-def trajectory(problem):
-    return hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (1, 6, 0), (9, 6, 0), (9, 1, 0)])
-
-
 @dataclass(frozen=True)
 class Moves:
     """The number of motions that are moves: cutting a move in two would change it."""

@@ -36,11 +36,6 @@ def problem(make_problem):
     return make_problem(NAMES)
 
 
-@pytest.fixture
-def trajectory(problem):
-    return hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (1, 6, 0), (9, 6, 0), (9, 1, 0)])
-
-
 def maps(figure):
     return [axes for axes in figure.axes if axes.get_xlabel() == "x (m)"]
 
