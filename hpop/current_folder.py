@@ -15,8 +15,10 @@ CONFIGURATIONS = (".numba_config.yaml", "matplotlibrc")
 def distrust() -> None:
     """Read no modules and no configuration from the current folder, in this process and those that it starts.
 
-    Both libraries ask whether their file exists, when they are imported and numba whenever it compiles; neither has
-    a switch. ``--import`` finds modules there all the same: that is the user's own word.
+    Both libraries ask ``os.path.exists`` for their file by its bare name, when they are imported and numba whenever it
+    compiles, before they look at any variable; neither has a switch. So the question is answered here. (To change
+    the folder meanwhile would move the files that threads open.) ``--import`` finds modules there all the same: that
+    is the user's own word.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if getattr(os.path.exists, "__module__", "") == __name__:
