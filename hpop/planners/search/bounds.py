@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.compiled import lean
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.slices import Clock
 from hpop.planners.search.turns import OFFSET, SIZE, TURNS, Groups
@@ -29,19 +29,25 @@ ARC, COST = 4, 8  # bytes of a reversed arc, and of each of its costs
 NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node, dearest turn, 9 of the search backward
 
 
-@kernel
+@lean
 def reverse(
-    start: IntArray, heads: NDArray[np.int32], origin: NDArray[np.int32], costs: IntArray
-) -> tuple[IntArray, NDArray[np.int32], IntArray]:
-    """Sort arcs by head (a counting sort): offsets (n + 1,), tails (m,), costs (k, m) in that order."""
+    start: IntArray,
+    heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    costs: IntArray,
+    first: IntArray,
+    tails: NDArray[np.int32],
+    weights: IntArray,
+) -> None:
+    """Sort arcs by head (a counting sort): write their tails (m,) and costs (k, m) in that order.
+
+    first (n + 2,) is 0 before; its first n + 1 are then the offsets.
+    """
     n, m = len(start) - 1, len(heads)
-    first = np.zeros(n + 2, np.int64)
     for a in range(m):
         first[heads[a] + 2] += 1
     for v in range(n):
         first[v + 2] += first[v + 1]
-    tails = np.empty(m, np.int32)
-    weights = np.empty((costs.shape[1], m), np.int64)
     for u in range(n):
         for a in range(start[u], start[u + 1]):
             place = first[heads[a] + 1]
@@ -49,7 +55,6 @@ def reverse(
             tails[place] = u
             for j in range(costs.shape[1]):
                 weights[j, place] = costs[origin[a], j]
-    return first[: n + 1], tails, weights
 
 
 @lean
@@ -79,7 +84,7 @@ def leave(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: ND
         above[below[v]] = above[v]
 
 
-@kernel
+@lean
 def cost_to_go(
     start: IntArray,
     tails: NDArray[np.int32],
@@ -93,19 +98,22 @@ def cost_to_go(
     targets: IntArray,
     out: IntArray,
     parent: NDArray[np.int32],
+    turned: NDArray[np.uint8],
+    turning: NDArray[np.uint8],
+    tops: IntArray,
+    above: NDArray[np.int32],
+    below: NDArray[np.int32],
 ) -> None:
     """Search backward from the targets in one cost; out and parent (n,) receive cost and next node.
+
+    turned, of groups, and turning (n,), whether the way on begins with a turn, are 0, and tops (PILES,) -1 before;
+    above and below (n,) are scratch.
 
     Open nodes lie in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has those whose cost differs from
     the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty d becomes the least cost
     of the next pile, which is dealt anew.
     """
     n = len(start) - 1
-    turned = np.zeros(len(rows), np.uint8)
-    turning = np.zeros(n, np.uint8)  # whether the way on begins with a turn
-    tops = np.full(PILES, -1)
-    above = np.empty(n, np.int32)
-    below = np.empty(n, np.int32)
     lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
     for v in range(n):
         out[v] = UNREACHABLE
@@ -161,7 +169,7 @@ def cost_to_go(
                 enter(u, bits(far ^ d), tops, above, below)
 
 
-@kernel
+@lean
 def cost_along(
     indptr: IntArray,
     heads: NDArray[np.int32],
@@ -171,10 +179,10 @@ def cost_along(
     h: IntArray,
     parent: NDArray[np.int32],
     source: int,
-) -> IntArray:
-    """Cost vector (k,) of the path that is least in one cost, following `parent` from the source."""
+    total: IntArray,
+) -> None:
+    """Add up in total (k,) the costs of the path that is least in one cost, following `parent` from the source."""
     k = costs.shape[1]
-    total = np.zeros(k, np.int64)
     u = source
     while parent[u] >= 0:
         v = parent[u]
@@ -190,7 +198,6 @@ def cost_along(
             w = costs[chosen, j]
             total[j] = max(total[j], w) if is_max[j] else total[j] + w
         u = v
-    return total
 
 
 def lower_bounds(
@@ -212,7 +219,8 @@ def lower_bounds(
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
-    begin, tails, weights = clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs)
+    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
+    clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
     same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
     parents = np.empty((k, n), np.int32)
@@ -221,10 +229,12 @@ def lower_bounds(
 
     def arguments(j: int) -> tuple[Any, ...]:
         turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
-        return (begin, tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j])
+        piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32))
+        marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
+        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j], *marks, *piles)
 
     clock.call_all(cost_to_go, [arguments(j) for j in range(k)])
-    samples = []
+    vectors = np.zeros((k, k), np.int64)
     for j in range(k):
         onward = parents[j]
         if not same:
@@ -232,6 +242,5 @@ def lower_bounds(
             onward = np.where(onward < 0, -1, groups.nodes[onward]).astype(np.int32)[groups.place]
         if h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, is_max)
-            samples.append(clock.call(cost_along, *arrays, j, h[j], onward, source))
-    vectors = np.array(samples, np.int64).reshape(len(samples), k)
-    return h, vectors, clock.exceeded(0, memory)
+            clock.call(cost_along, *arrays, j, h[j], onward, source, vectors[j])
+    return h, vectors[h[:, source] < UNREACHABLE], clock.exceeded(0, memory)

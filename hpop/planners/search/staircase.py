@@ -68,6 +68,7 @@ from hpop.planners.search.turn_bounds import LAYERS, costs_by_turns
 from hpop.planners.search.turn_hull import LANES, ROOM, directions, turn_hull
 from hpop.planners.search.turns import OFFSET, SIZE, Groups
 
+STEPS = 64  # arcs a path for which there is room at first
 INDEX_BITS = 14
 KEY_BITS = 62
 BUCKET_BITS = 15  # the first cost of the whole way, or of a long arc, is so many bits of buckets
@@ -386,7 +387,13 @@ class Staircase(BucketSearch):
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""
         graph, groups = self.graph, self.groups
-        arrays = (self.start, self.heads, self.origin, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
-        ends, steps = clock.call(trace, graph.indptr, graph.heads, graph.costs, self.order[1], *arrays)
-        ways = [part[::-1] for part in np.split(steps, ends)[:-1]]
+        tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
+        arcs = (graph.indptr, graph.heads, graph.costs, self.order[1], tails, self.heads, self.origin)
+        arrays = (*arcs, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
+        ends, steps = np.empty(len(labels), np.int64), np.empty(STEPS * len(labels), np.int64)
+        size = clock.call(trace, *arrays, ends, steps)
+        if size > len(steps):
+            steps = np.empty(size, np.int64)
+            clock.call(trace, *arrays, ends, steps)
+        ways = [part[::-1] for part in np.split(steps[:size], ends)[:-1]]
         return [self.ways[-1 - label] if label < 0 else way for label, way in zip(labels, ways, strict=True)]

@@ -122,50 +122,46 @@ def widen(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int
     return int(used)
 
 
-@kernel
+@lean
 def trace(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
     index: int,
-    start: IntArray,
+    arc_tails: NDArray[np.int32],
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
     nodes: IntArray,
     closed: IntArray,
     source: int,
     labels: IntArray,
-) -> tuple[IntArray, IntArray]:
+    ends: IntArray,
+    steps: IntArray,
+) -> int:
     """Follow labels back to the source; where the arcs do not join, the turn between them is put in.
 
-    Returns where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on.
+    Writes where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on, and
+    these arcs as far as there is room; returns how many they are.
     """
-    ends = np.empty(len(labels), np.int64)
-    steps = np.empty(1024, np.int64)
     size = 0
-    tails = np.empty(len(arc_heads), np.int32)
-    for u in range(len(nodes)):
-        for a in range(start[u], start[u + 1]):
-            tails[a] = u
     for i in range(len(labels)):
         label = labels[i]
         while label != 0:
-            if size + 2 > len(steps):
-                steps = np.concatenate((steps, np.empty_like(steps)))
             a = (label & 0xFFFFFFFF) - 1
             if a >= len(arc_heads):
                 tail = a - len(arc_heads)
             else:
-                steps[size] = origin[a]
+                if size < len(steps):
+                    steps[size] = origin[a]
                 size += 1
-                tail = np.int64(tails[a])
+                tail = np.int64(arc_tails[a])
             label = closed[(label >> 32) - 1]
             at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
             if at != tail:
                 u, v = nodes[at], nodes[tail]
                 for b in range(indptr[u], indptr[u + 1]):
-                    if heads[b] == v and costs[b, index] > 0:
+                    if size < len(steps) and heads[b] == v and costs[b, index] > 0:
                         steps[size] = b
                 size += 1
         ends[i] = size
-    return ends, steps[:size]
+    return size

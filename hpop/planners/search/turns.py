@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.slices import PARTS, Clock
 
@@ -76,9 +76,11 @@ class Groups:
     @classmethod
     def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """The groups that the turns of a column make; None where they make none."""
-        group = np.empty(graph.nodes, np.int64)
-        tables = (graph.indptr, graph.heads, graph.costs)
-        count, step, turns = clock.call(number_groups, *tables, column, group)
+        group = np.full(graph.nodes, -1)
+        entered = np.zeros(graph.nodes, np.bool_)
+        entered[graph.heads] = True
+        tables = (graph.indptr, graph.heads, graph.costs, column, entered)
+        count, step, turns = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
         if step == 0:
             return None
         nodes = np.argsort(group, kind="stable") if (np.diff(group) < 0).any() else np.arange(graph.nodes)
@@ -121,21 +123,24 @@ def _parts(rows: IntArray) -> list[IntArray]:
     return np.array_split(rows, PARTS)
 
 
-@kernel
+@lean
 def number_groups(
-    indptr: IntArray, heads: NDArray[np.int32], costs: IntArray, index: int, group: IntArray
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    entered: NDArray[np.bool_],
+    group: IntArray,
+    size: IntArray,
+    seen: IntArray,
 ) -> tuple[int, Any, int]:
-    """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many."""
-    n = len(indptr) - 1
-    entered = np.zeros(n, np.bool_)
-    for a in range(len(heads)):
-        entered[heads[a]] = True
-    group[:] = -1
-    size = np.zeros(n, np.int64)
+    """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many.
+
+    entered (n,) says where arcs lead; size (n,) of the groups is 0, group and seen (n,) are -1 before.
+    """
     count, turns = 0, 0
     step: Any = np.int64(0)
-    seen = np.full(n, -1, np.int64)
-    for u in range(n):
+    for u in range(len(group)):
         new = group[u] < 0
         if new:
             group[u] = count
