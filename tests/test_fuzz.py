@@ -62,10 +62,11 @@ def targets(harness: ModuleType) -> ModuleType:
 
 
 @pytest.mark.parametrize("text", ["\x1b[31mred", "\u202eexe", "a\x07", "x" * 5000])
-def test_what_nobody_should_be_shown_is_a_failure(targets: ModuleType, harness: ModuleType, text: str) -> None:
+def test_what_nobody_should_be_shown_is_a_failure(harness: ModuleType, text: str) -> None:
+    shown = importlib.import_module("verdicts").shown
     with pytest.raises(harness.Wrong):
-        targets.shown(text)
-    assert targets.shown("two lines\nwith Umläute and a\ttab") == "refused"
+        shown(text)
+    assert shown("two lines\nwith Umläute and a\ttab") == "refused"
 
 
 def test_an_input_is_the_same_whenever_it_is_made(targets: ModuleType, harness: ModuleType, mutations: Any) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
-import re
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -19,11 +18,10 @@ from click.testing import CliRunner
 from harness import Attempt, Target, Wrong
 from mutations import Rng, bent_bytes, bent_tree, hostile
 from PIL import Image
+from verdicts import CONTROLS, asked, shown, verdict
 
 import hpop
 from hpop.cli import main
-from hpop.errors import HpopError
-from hpop.frontier.errors import FrontError
 from hpop.planners.search import Graph, pareto_paths
 from hpop.planners.search.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.registry import criteria, models, planners
@@ -31,9 +29,6 @@ from hpop.scenario import load_scenario
 from hpop.status import Budget, Status
 from hpop.verify import verify
 
-REFUSALS = (HpopError, FrontError)
-LONGEST = 4000  # characters of a message
-CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 SOFTEST = 0.5  # share of inputs whose bytes are bent; the others' structure is
 
 ROOM: dict[str, Any] = {
@@ -81,38 +76,6 @@ ROS_MAP = {
     "free_thresh": 0.196,
     "mode": "trinary",
 }
-
-
-def refused(error: BaseException) -> str:
-    """A refusal whose message a person can be shown."""
-    return shown(str(error))
-
-
-def shown(text: str) -> str:
-    """A refusal, if its text is short and says nothing to the terminal but words."""
-    if len(text) > LONGEST:
-        raise Wrong("a message of thousands of characters")
-    found = CONTROLS.search(text)
-    if found:
-        raise Wrong(f"the control character {found[0]!r} in a message")
-    return "refused"
-
-
-def asked(question: Callable[[], Any]) -> str:
-    """What becomes of a question: an answer, or an error meant for the user."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            question()
-    except REFUSALS as error:
-        return str(error)
-    return ""
-
-
-def verdict(question: Callable[[], Any]) -> str:
-    """ "accepted", or "refused" with a message that can be shown."""
-    message = asked(question)
-    return shown(message) if message else "accepted"
 
 
 # Readers
