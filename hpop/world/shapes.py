@@ -204,11 +204,36 @@ class Raster:
         ends = np.nonzero(edges == -1)[1]
         if rows.size == 0:
             return MultiPolygon()
-        union = shapely.union_all(shapely.box(starts, rows, ends, rows + 1))
-        return self._placed(union.simplify(0.0))
+        return self._placed(_straightened(shapely.union_all(shapely.box(starts, rows, ends, rows + 1))))
 
     def _placed(self, geometry: BaseGeometry) -> BaseGeometry:
         def place(points: FloatArray) -> FloatArray:
             return np.stack(self.to_world(points[:, 0], points[:, 1]), axis=1)
 
         return shapely.transform(geometry, place)
+
+
+def _straightened(union: BaseGeometry) -> BaseGeometry:
+    """Polygons along the axes without the points at which they do not turn.
+
+    What ``simplify(0.0)`` gives, which takes longer than the union itself where there are very many.
+    """
+    rings, polygon = shapely.get_rings(shapely.get_parts(union), return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    closing = np.append(ring[1:] != ring[:-1], True)
+    points, ring = points[~closing], ring[~closing]
+    first = np.flatnonzero(np.append(True, ring[1:] != ring[:-1]))
+    last = np.append(first[1:], ring.size) - 1
+    before, after = np.arange(ring.size) - 1, np.arange(ring.size) + 1
+    before[first], after[last] = last, first
+    turns = (points[before] != points[after]).all(axis=1)
+    kept, moved = np.flatnonzero(turns), ~turns[first]
+    # A ring that began where it does not turn begins at its last turn.
+    begin = np.searchsorted(kept, first)
+    sizes = np.diff(np.append(begin, kept.size))
+    place = np.arange(kept.size) - np.repeat(begin, sizes)
+    shifted = (place - np.repeat(moved, sizes)) % np.repeat(sizes, sizes)
+    order = kept[np.repeat(begin, sizes) + shifted]
+    straight = shapely.linearrings(points[order], indices=ring[order])
+    found: list[Polygon] = list(shapely.polygons(straight, indices=polygon))
+    return found[0] if len(found) == 1 else MultiPolygon(found)

@@ -136,6 +136,20 @@ def test_rooms_that_touch_in_a_corner_are_not_connected():
     assert world.segments_free(0.5, 1.5, 1.5, 0.5, 0.01).tolist() == [False]
 
 
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.5, 0.8, 1.0])
+def test_the_outlines_of_cells_are_those_of_their_union_simplified(share):
+    """Point for point; as the squares one by one make it, with another program of GEOS."""
+    rng = np.random.default_rng(7)
+    for shape in ((1, 9), (12, 1), (13, 17), (30, 30)):
+        cells = rng.random(shape) < share
+        cells[0, 0] = True
+        made = World.from_cells(cells, 1.0).solid()
+        rows, columns = np.nonzero(cells)
+        expected = shapely.coverage_union_all(shapely.box(columns, rows, columns + 1, rows + 1)).simplify(0.0)
+        assert made.is_valid
+        assert made.normalize().equals_exact(expected.normalize(), 0.0)
+
+
 def test_solid_squares_have_exactly_the_area_of_their_cells():
     cells = np.random.default_rng(2).random((30, 40)) < 0.4
     world = World.from_cells(cells, 0.5, origin=(3, 4, 1.0))
