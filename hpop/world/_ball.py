@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel
+from hpop.compiled import lean
 
 
-@kernel
+@lean
 def _primitive(t: float, d: float, r: float, a: float) -> float:
     """Antiderivative over psi of (r^2 - rho^2)^(3/2) along the line at distance d, at t = d tan(psi)."""
     sin_u = min(max(t / a, -1.0), 1.0)
@@ -21,7 +21,7 @@ def _primitive(t: float, d: float, r: float, a: float) -> float:
     )
 
 
-@kernel
+@lean
 def ball_volumes(
     edges: FloatArray,
     slab: IntArray,

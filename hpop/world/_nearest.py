@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel
+from hpop.compiled import lean
 
 # A first answer waits for this to be compiled, which takes longer for each function that is called.
 
 
-@kernel
+@lean
 def nearest(
     edges: FloatArray,
     start: IntArray,

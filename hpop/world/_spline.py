@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 
 Four = tuple[float, float, float, float]
 
 
-@kernel
+@lean
 def _weights(s: float) -> Four:
     """Cubic B-spline weights of the four samples around a point, s of a step behind the second."""
     r = 1.0 - s
@@ -25,7 +25,7 @@ def _slopes(s: float) -> Four:
     return -0.5 * r * r, -2.0 * s + 1.5 * s * s, 2.0 * r - 1.5 * r * r, 0.5 * s * s
 
 
-@kernel
+@lean
 def spline(
     coefficients: FloatArray, row: IntArray, column: IntArray, up: FloatArray, right: FloatArray, out: FloatArray
 ) -> None:
