@@ -73,7 +73,10 @@ def read(
     if keep_out is not None:
         mask = load(keep_out)
         contents += mask.contents
-        zone = Raster(mask.occupied, mask.resolution, mask.origin).solid()
+        try:
+            zone = Raster(mask.occupied, mask.resolution, mask.origin).solid()
+        except MapError as error:
+            raise MapError(f"{keep_out}: {error}") from None
     options = {
         "unknown_is_free": bool(unknown_is_free),
         "keep_out": None if keep_out is None else str(Path(keep_out).absolute()),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray, frozen
@@ -17,6 +17,7 @@ from hpop.errors import MapError
 from hpop.options import FARTHEST, MOST, real
 from hpop.text import shown
 from hpop.world.crossings import check_joinable
+from hpop.world.outlines import outlined
 
 MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
@@ -198,42 +199,11 @@ class Raster:
         return self._placed(shapely.box(0, 0, columns, rows))
 
     def solid(self) -> BaseGeometry:
-        """Union of the occupied squares, exact: runs of cells along rows are boxes, merged in cell units."""
-        edges = np.diff(np.pad(self.cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-        rows, starts = np.nonzero(edges == 1)
-        ends = np.nonzero(edges == -1)[1]
-        if rows.size == 0:
-            return MultiPolygon()
-        return self._placed(_straightened(shapely.union_all(shapely.box(starts, rows, ends, rows + 1))))
+        """Union of the occupied squares, exact, m; raises MapError where its outlines have too many corners."""
+        return self._placed(outlined(self.cells))
 
     def _placed(self, geometry: BaseGeometry) -> BaseGeometry:
         def place(points: FloatArray) -> FloatArray:
             return np.stack(self.to_world(points[:, 0], points[:, 1]), axis=1)
 
         return shapely.transform(geometry, place)
-
-
-def _straightened(union: BaseGeometry) -> BaseGeometry:
-    """Polygons along the axes without the points at which they do not turn.
-
-    What ``simplify(0.0)`` gives, which takes longer than the union itself where there are very many.
-    """
-    rings, polygon = shapely.get_rings(shapely.get_parts(union), return_index=True)
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    closing = np.append(ring[1:] != ring[:-1], True)
-    points, ring = points[~closing], ring[~closing]
-    first = np.flatnonzero(np.append(True, ring[1:] != ring[:-1]))
-    last = np.append(first[1:], ring.size) - 1
-    before, after = np.arange(ring.size) - 1, np.arange(ring.size) + 1
-    before[first], after[last] = last, first
-    turns = (points[before] != points[after]).all(axis=1)
-    kept, moved = np.flatnonzero(turns), ~turns[first]
-    # A ring that began where it does not turn begins at its last turn.
-    begin = np.searchsorted(kept, first)
-    sizes = np.diff(np.append(begin, kept.size))
-    place = np.arange(kept.size) - np.repeat(begin, sizes)
-    shifted = (place - np.repeat(moved, sizes)) % np.repeat(sizes, sizes)
-    order = kept[np.repeat(begin, sizes) + shifted]
-    straight = shapely.linearrings(points[order], indices=ring[order])
-    found: list[Polygon] = list(shapely.polygons(straight, indices=polygon))
-    return found[0] if len(found) == 1 else MultiPolygon(found)
