@@ -38,22 +38,26 @@ def interrupts_held() -> Iterator[None]:
         return
     handlers = {number: handler for number in SIGNALS if callable(handler := signal.getsignal(number))}
     held: list[tuple[int, FrameType | None]] = []
-    holding = True
 
     def hold(number: int, frame: FrameType | None) -> None:
-        if holding:
-            held.append((number, frame))
-        else:  # the block has ended, and a signal came before this handler was taken away
-            handlers[signal.Signals(number)](number, frame)
+        held.append((number, frame))
 
     try:
         for number in handlers:
             signal.signal(number, hold)
         yield
     finally:
-        holding = False
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        late: BaseException | None = None
+        restored = False
+        while not restored:
+            try:
+                for number, handler in handlers.items():
+                    signal.signal(number, handler)
+                restored = True
+            except BaseException as error:  # a signal came, and its handler was back before the others
+                late = error
+        if late is not None:
+            raise late
         if held:
             handlers[signal.Signals(held[0][0])](*held[0])
 

@@ -52,7 +52,7 @@ class Budget:
     def __post_init__(self) -> None:
         for name, least in (("time_limit", 1e-9), ("max_labels", 1), ("max_memory", 1)):
             if (value := getattr(self, name)) is not None:
-                real(name, value, least, MOST_COUNTED, f"a positive number of {LIMITS[name]}", hint=NO_LIMIT)
+                real(name, value, least, MOST_COUNTED, f"a positive number, in {LIMITS[name]},", hint=NO_LIMIT)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from hpop.motions import Motions, missing
 from hpop.registry import criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory, batches
+from hpop.world.limits import LimitPassed
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -193,7 +194,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
         costs = np.asarray(criterion.cost(m))
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
-    except (HpopError, MemoryError):
+    except (HpopError, MemoryError, LimitPassed):
         raise
     except Exception as error:  # someone else's criterion: anything can come; one of hpop's own that fails is a bug
         if _asked(criterion).__module__.startswith("hpop."):

@@ -32,7 +32,7 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-class Exhausted(Exception):
+class Exhausted(limits.LimitPassed):
     """A limit was passed while something was built. Planners catch it and say so in what they return.
 
     status  the limit
@@ -74,11 +74,11 @@ class Purse:
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Time that others take, such as to draw what a stage found, is not charged."""
-        began = perf_counter()
+        before = self.seconds()
         try:
             yield
         finally:
-            self._began += perf_counter() - began
+            self._began += self.seconds() - before  # compiling meanwhile is not charged anyway
 
     def check(self, doing: str, memory: int = 0) -> None:
         """Raise Exhausted where a limit is passed, or would be with so many bytes more."""

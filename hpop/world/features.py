@@ -46,7 +46,7 @@ class FeatureNotes:
         return tuple(
             f"{found[0]}: {what}."
             if len(found) == 1
-            else f"{of}: {len(found):,} features ({_ranges([feature.number for feature in found])}): {what}."
+            else f"{of}: {len(found):,} features ({_ranges(sorted({feature.number for feature in found}))}): {what}."
             for (of, what), found in self._found.items()
             if path is None or of == str(path)
         )

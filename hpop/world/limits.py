@@ -12,6 +12,10 @@ from contextvars import ContextVar
 from typing import Protocol
 
 
+class LimitPassed(Exception):
+    """What limits raise: whatever was being done is not done, and that is a result, not an error."""
+
+
 class Limits(Protocol):
     """Time and memory of whoever plans; each raises where a limit is passed."""
 

@@ -30,9 +30,10 @@ def outlined(cells: BoolArray) -> BaseGeometry:
     corner = (right | (south_west != north_west)) & (up | (south_west != south_east))
     count = int(np.count_nonzero(corner))
     if count > MOST_CORNERS:
+        rows, columns = cells.shape
         raise MapError(
-            f"the outlines of the occupied cells have {count:,} corners, expected at most {MOST_CORNERS:,}. So many "
-            "are noise: remove specks from the image (a median filter), or make its cells larger."
+            f"the outlines of {columns:,} x {rows:,} cells have {count:,} corners, expected at most {MOST_CORNERS:,}. "
+            "So many are noise: remove specks from the image (a median filter), or make its cells larger."
         )
     if count == 0:
         return MultiPolygon()

@@ -95,11 +95,14 @@ def test_what_is_spent_is_taken_from_what_the_search_may_spend():
 
 
 def test_time_that_others_take_is_not_charged(monkeypatch):
-    ticks = iter([10.0, 12.0, 112.0, 115.0])
-    monkeypatch.setattr(purse, "perf_counter", lambda: next(ticks))
-    spent = Purse(Budget(time_limit=1.0))  # at 10 s
+    clock, compiling = [10.0], [0.0]
+    monkeypatch.setattr(purse, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(purse, "_compiling", lambda: compiling[0])
+    spent = Purse(Budget(time_limit=1.0))
+    clock[0] = 12.0
     with spent.paused():
-        pass  # 12 s to 112 s
+        clock[0], compiling[0] = 112.0, 90.0  # what compiles meanwhile is not given back twice
+    clock[0] = 115.0
     assert spent.seconds() == 5.0
 
 

@@ -11,6 +11,7 @@ import shapely
 import hpop
 from hpop.criteria.others import zone_fields
 from hpop.planners.lattice import Lattice
+from hpop.registry import criteria
 from hpop.world import Field, World, limits, visibility
 from hpop.world.bearings import bearings
 from hpop.world.cache import nbytes
@@ -109,8 +110,28 @@ def test_without_limits_nothing_is_asked() -> None:
     assert counted.asked == []
 
 
+@dataclass(frozen=True)
+class Wide:
+    """A criterion of one's own that has a field of hpop's made."""
+
+    def cost(self, m: hpop.Motions) -> Any:
+        field = openness_field(m.world, 1.2, 3.0)
+        return m.integrate(lambda s: field(s.camera.x, s.camera.y))
+
+
+def test_a_limit_passed_within_a_criterion_of_ones_own_is_a_result() -> None:
+    mine = hpop.criterion("wide", group="P", unit="s", aggregate="sum", requires=("camera",))(Wide)
+    try:
+        problem = hpop.Problem(hall(), ROUND, (1.0, 1.0, 0.0), (7.0, 1.0, None), [mine(), "length"])
+        front = problem.solve(Lattice(step=0.5, max_memory=300_000))
+    finally:
+        del criteria._types["wide"]
+    assert (front.status, len(front)) == ("memory limit", 0)
+    assert any("openness was sampled" in note for note in front.notes)
+
+
 @pytest.mark.parametrize("name", ["openness", "enclosure", "landmark_visibility"])
-def test_a_planner_refuses_a_field_that_its_memory_does_not_hold(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_planner_refuses_a_field_that_its_memory_does_not_hold(name: str) -> None:
     problem = hpop.Problem(hall(), ROUND, (1.0, 1.0, 0.0), (7.0, 1.0, None), [name, "length"])
     planner = Lattice(step=0.5)
     bare = planner.lattice(problem)
