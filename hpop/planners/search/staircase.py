@@ -56,6 +56,7 @@ from hpop.planners.search.staircase_kernel import advance
 from hpop.planners.search.staircase_labels import enter_all, enter_goal, retrace, weigh
 from hpop.planners.search.staircase_tables import (
     ARC_COLUMNS,
+    BELOW,
     GROUP_COLUMNS,
     H_FIRST,
     H_REST,
@@ -79,7 +80,7 @@ THIN = 3  # and the part of it that is kept covers it within eps / THIN
 
 
 class TooWide(Exception):
-    """The costs of a label no longer fit a key: the general search has to take over."""
+    """Costs of a label no longer fit a key, or staircases an index: the general search has to take over."""
 
 
 class Staircase(BucketSearch):
@@ -313,9 +314,9 @@ class Staircase(BucketSearch):
             return self.tops.nbytes, self._grow_buckets
         if code == KEYS:
             return self.stairs.nbytes + self.arcs.nbytes + self.nodes.nbytes, self._widen_costs
-        if code == ROWS:
-            return self.stairs.nbytes, self._grow_rows
-        return self.stairs.nbytes, self._grow_width
+        if len(self.stairs) > BELOW // 2:  # kernels would cut off the indices of twice as many
+            raise TooWide
+        return self.stairs.nbytes, self._grow_rows if code == ROWS else self._grow_width
 
     def _widen_costs(self) -> None:
         """Take 64 bits for costs that have outgrown 32."""

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError, QueryError
-from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.planners.search import Graph, ParetoPaths, pareto_paths, staircase
 from hpop.planners.search.moa_star import namoa_star
 from hpop.status import Budget, Progress, Status
 from tests.walks import check_walks
@@ -343,3 +343,11 @@ def test_a_way_that_dawdles_through_free_turns_does_not_keep_the_staircase_away(
     paths = pareto_paths(Graph.from_arcs(n, tails, heads, costs), 0, n - 1)
     assert paths.stats.method == "staircase"
     assert front(paths) == [(0, n - 1, n - 1), (7, 1, 5)]
+
+
+def test_staircases_larger_than_kernels_can_index_are_left_for_the_general_search(lattice, monkeypatch):
+    monkeypatch.setattr(staircase, "BELOW", 63)
+    graph = lattice(3, 10)
+    paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
+    assert paths.stats.method == "general"
+    assert paths.costs.tolist() == pareto_paths(graph, 0, graph.nodes - 1, method="general").costs.tolist()
