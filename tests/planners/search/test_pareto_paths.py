@@ -347,7 +347,7 @@ def test_a_way_that_dawdles_through_free_turns_does_not_keep_the_staircase_away(
 
 def test_staircases_larger_than_kernels_can_index_are_left_for_the_general_search(lattice, monkeypatch):
     monkeypatch.setattr(staircase, "BELOW", 63)
-    graph = lattice(3, 10)
+    graph = lattice(3, 24)
     paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")
     assert paths.stats.method == "general"
     assert paths.costs.tolist() == pareto_paths(graph, 0, graph.nodes - 1, method="general").costs.tolist()
