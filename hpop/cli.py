@@ -50,7 +50,7 @@ OBJECTS = 100_000  # new ones between two collections of garbage: what is import
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
-COMPILING = "the search is compiled beside, once for each number and kind of costs; a first answer comes before"
+COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 F = TypeVar("F", bound=Callable[..., Any])
 
 _imports = click.option(
@@ -121,6 +121,7 @@ def plan(
     from hpop import own_code, report
     from hpop.planners.base import sweeps
     from hpop.planners.lattice_stages import kernels_beside
+    from hpop.planners.search.beside import Onset
     from hpop.scenario import load_scenario
     from hpop.status import Status
 
@@ -137,11 +138,11 @@ def plan(
         if Path(checkpoint).exists():
             echo(f"going on from {checkpoint}")
     # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
-    compiling = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
-    if compiling:
-        echo(COMPILING, err=True)
+    onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
+    if onset is not None:
+        echo(COMPILING.format(onset), err=True)
     with _executor(workers, dask) as executor, stopping_told():
-        fronts, first = _solved(loaded, out, executor, imports, waits=compiling)
+        fronts, first = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
         report.print_front(loaded.problem, front, saved=out / SAVED)

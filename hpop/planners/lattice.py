@@ -137,15 +137,22 @@ class Lattice:
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.
 
-        With ``max_detour`` or ``max_turns`` there is only the exact one, and where a search goes on from a checkpoint:
-        first answers would take the place of the better front that it had when it was stopped. Raises as :meth:`solve`
-        does.
+        Only the exact one unless :attr:`answers_in_stages`. Raises as :meth:`solve` does.
+        """
+        if self.answers_in_stages:
+            yield from stages(self, problem, progress)
+        else:
+            yield self.solve(problem, progress)
+
+    @property
+    def answers_in_stages(self) -> bool:
+        """Whether a first answer comes before the exact one.
+
+        None does with ``max_detour`` or ``max_turns``, nor where a search goes on from a checkpoint: a first answer
+        would take the place of the better front that it had when it was stopped.
         """
         goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
-        if goes_on or self.max_detour is not None or self.max_turns is not None:
-            yield self.solve(problem, progress)
-        else:
-            yield from stages(self, problem, progress)
+        return not goes_on and self.max_detour is None and self.max_turns is None
 
     def query(
         self,

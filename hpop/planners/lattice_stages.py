@@ -24,7 +24,7 @@ from hpop.planners.graph_query import TURNS, GraphQuery
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.planners.search.beside import begin, compiling_beside, first_is_awaited, is_compiling
+from hpop.planners.search.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
 from hpop.planners.search.first_paths import first_paths
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -92,17 +92,18 @@ def _stages(
     )
 
 
-def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[bool]:
+def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
     """Have other processes compile what the search of a lattice among some planners takes, if nothing of it is kept.
 
-    For whoever wants a first answer meanwhile; tells whether there is anything to compile.
+    Where the lattice comes first and in stages, after its first answer, else at once; tells when, None for not at all.
     """
     if not any(p.name == "lattice" and getattr(p, "max_detour", None) is None for p in planners):
-        return nullcontext(False)
+        return nullcontext()
     criteria = edge_objectives(problem.criteria, "lattice").optimised
     names = [criterion.name for criterion in criteria]
     turns = names.index(TURNS) if TURNS in names else -1
-    return compiling_beside(["max" if c.aggregate == "max" else "sum" for c in criteria], turns)
+    onset = Onset.AFTER_FIRST if getattr(planners[0], "answers_in_stages", False) else Onset.AT_ONCE
+    return compiling_beside(["max" if c.aggregate == "max" else "sum" for c in criteria], turns, onset)
 
 
 def _share(purse: Purse, seconds: float) -> Budget:

@@ -1,4 +1,4 @@
-"""Kernels that other processes compile beside this one, once a first answer is out; numba's cache is where they meet.
+"""Kernels that other processes compile beside this one; numba's cache is where they meet.
 
 Threads would not help: numba compiles under Python's lock. What to compile is found by a rehearsal
 (:mod:`.rehearsal`), and a process says on its output which kernel it is at. Whoever needs that one waits, all others
@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from enum import StrEnum
 from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
 from typing import Any, NamedTuple
@@ -81,6 +82,13 @@ class _Process:
         self._said.close()
 
 
+class Onset(StrEnum):
+    """When other processes begin to compile, in words for the user."""
+
+    AT_ONCE = "from now on"
+    AFTER_FIRST = "after a first answer and its map"
+
+
 class _Awaited(NamedTuple):
     """What is to be compiled: for which costs, and the kernel that a first answer would take."""
 
@@ -90,10 +98,10 @@ class _Awaited(NamedTuple):
 
 
 @contextmanager
-def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
-    """Compile the kernels of a search beside what is done in a ``with``, unless they are kept; tells whether.
+def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset) -> Iterator[Onset | None]:
+    """Compile the kernels of a search beside what is done in a ``with``; tells when, None where they are kept.
 
-    That begins with :func:`begin`: who waits for a first answer and its picture has the machine for these.
+    After a first answer that begins with :func:`begin`: who waits for it and its picture has the machine for these.
 
     turns  the cost that counts turns, -1 for none
     """
@@ -105,7 +113,9 @@ def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
     if can_be_kept(longest) and not is_kept(longest):
         _awaited.append(_Awaited(aggregates, turns, first))
     try:
-        yield bool(_awaited)
+        if onset is Onset.AT_ONCE:
+            begin()
+        yield onset if _awaited else None
     finally:
         _awaited.clear()
         while _processes:
@@ -113,7 +123,7 @@ def compiling_beside(aggregates: Sequence[str], turns: int) -> Iterator[bool]:
 
 
 def begin() -> None:
-    """Begin to compile, if there is anything to compile: a first answer is out."""
+    """Begin to compile, if there is anything to compile and that has not begun."""
     if not _awaited or _processes:
         return
     aggregates, turns, _ = _awaited[0]

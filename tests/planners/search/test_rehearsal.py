@@ -14,7 +14,7 @@ from hpop.planners.base import edge_objectives
 from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.search import beside, pareto_paths, supported_paths
-from hpop.planners.search.beside import ORDER, PARTS, first_is_awaited, words
+from hpop.planners.search.beside import ORDER, PARTS, Onset, first_is_awaited, words
 from hpop.planners.search.kernels import signature
 from hpop.planners.search.rehearsal import _Rehearsal, rehearse
 from hpop.planners.search.slices import Clock
@@ -94,8 +94,8 @@ def test_what_is_compiled_beside_begins_after_a_first_answer_and_ends_with_the_c
 
     monkeypatch.setattr(beside, "_Process", Process)
     monkeypatch.setattr(hpop.compiled, "is_kept", lambda made: False)
-    with beside.compiling_beside(["sum", "sum", "sum"], 1) as awaited:
-        assert (awaited, first_is_awaited(), compiling) == (True, True, [])
+    with beside.compiling_beside(["sum", "sum", "sum"], 1, Onset.AFTER_FIRST) as onset:
+        assert (onset, first_is_awaited(), compiling) == (Onset.AFTER_FIRST, True, [])
         beside.begin()
         beside.begin()
         assert sorted(compiling) == sorted(PARTS)

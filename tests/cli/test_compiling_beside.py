@@ -1,0 +1,89 @@
+"""With nothing compiled `hpop plan` says when other processes begin to compile the search, and then they do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+import hpop.compiled
+import hpop.view
+from hpop import results
+from hpop.front import Front
+from hpop.pictures import PicturesBeside
+from hpop.planners.lattice import Lattice
+from hpop.planners.search import beside
+
+AFTER = "the search is compiled beside after a first answer and its map, once for each number and kind of costs\n"
+AT_ONCE = "the search is compiled beside from now on, once for each number and kind of costs\n"
+LATTICE = "\n  lattice: {step: 0.5}"
+ROADMAP = "\n- roadmap: {samples: 20}"
+
+
+@pytest.fixture
+def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What a run does in turn, while no kernel seems to be compiled and no process is made."""
+    done: list[str] = []
+    save = results.save
+
+    class Process:
+        def __init__(self, parts: Sequence[str], *costs: object) -> None:
+            done.append("compile")
+
+        def is_at(self, name: str) -> bool:
+            return False
+
+        def stop(self) -> None:
+            done.append("stop")
+
+    def saved(front: Front, out: Path) -> None:
+        done.append("save")
+        save(front, out)
+
+    def drawn(*arguments: object, map_alone: bool = False) -> list[Path]:
+        done.append("map" if map_alone else "pictures")
+        return []
+
+    monkeypatch.setattr(beside, "_Process", Process)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)  # hence one process
+    monkeypatch.setattr(hpop.compiled, "is_kept", lambda compiled: False)
+    monkeypatch.setattr(results, "save", saved)
+    monkeypatch.setattr(hpop.view, "save_pictures", drawn)
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
+    return done
+
+
+def test_a_lattice_alone_has_a_first_answer_and_its_map_before_anything_is_compiled_beside(
+    plan: Callable[..., Result], room: Path, moments: list[str]
+) -> None:
+    assert plan(room).stderr.startswith(AFTER)
+    assert moments == ["save", "map", "compile", "save", "pictures", "stop"]
+
+
+def test_without_stages_kernels_are_compiled_beside_from_the_beginning(
+    plan: Callable[..., Result], room: Path, write: Callable[..., None], moments: list[str]
+) -> None:
+    write(room, (LATTICE, "\n  lattice: {step: 0.5, max_turns: 6}"))
+    assert plan(room).stderr.startswith(AT_ONCE)
+    assert moments == ["compile", "save", "pictures", "stop"]
+
+
+def test_kernels_are_compiled_beside_a_planner_that_comes_before_the_lattice(
+    plan: Callable[..., Result], room: Path, write: Callable[..., None], moments: list[str]
+) -> None:
+    write(room, (LATTICE, f"{ROADMAP}{LATTICE.replace('  ', '- ')}"))
+    assert plan(room).stderr.startswith(AT_ONCE)
+    assert moments == ["compile", "save", "save", "save", "pictures", "stop"]
+
+
+def test_a_lattice_answers_in_stages_unless_that_would_lose_what_it_is_asked_for(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    assert Lattice().answers_in_stages
+    assert Lattice(checkpoint=kept).answers_in_stages
+    kept.touch()
+    assert not Lattice(checkpoint=kept).answers_in_stages
+    assert not Lattice(max_turns=6).answers_in_stages
+    assert not Lattice(max_detour=1.3).answers_in_stages
