@@ -1,7 +1,9 @@
 """Matplotlib's folder where the user's cannot be written, as in a container that is read-only: a temporary one.
 
 Matplotlib would make its own and say so in two lines, each process anew. This one is shared with processes that are
-started later, so none of them that is killed leaves one behind, and one of them only looks for fonts.
+started later, so none of them that is killed leaves one behind, and one of them only looks for fonts. Who made it
+removes it; one that outlives its maker does so too, as the maker may have been killed. Each holds a lock on it, which
+the system lets go of when a process dies, however it dies: that tells whether another still needs it.
 """
 
 from __future__ import annotations
@@ -11,23 +13,48 @@ import os
 import shutil
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-PREFIX = "hpop-matplotlib-"
+try:
+    import fcntl
+except ImportError:  # no such locks on this system: only who made a folder removes it
+    fcntl = None  # type: ignore[assignment]
+
+SHARED = "HPOP_MATPLOTLIB_FOLDER"  # names what was made here: any other MPLCONFIGDIR is the user's own, and stays
 
 
 def provide() -> None:
-    """Before Matplotlib is imported: name a folder that it can write, and remove it when this process ends.
-
-    So does each process that is given it: one that outlives the process that made it may have made it again.
-    """
+    """Before Matplotlib is imported: name a folder that it can write, and see that it is removed in the end."""
     folder = os.environ.get("MPLCONFIGDIR", "")
     if not folder and "matplotlib" not in sys.modules and not _user_has_one():
         with suppress(OSError):  # nothing can be written anywhere: Matplotlib says what it needs
-            folder = os.environ["MPLCONFIGDIR"] = mkdtemp(prefix=PREFIX)
-    if Path(folder).name.startswith(PREFIX):
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            folder = os.environ["MPLCONFIGDIR"] = os.environ[SHARED] = mkdtemp(prefix="hpop-matplotlib-")
+            atexit.register(_remove, folder, os.getpid())
+    if folder and folder == os.environ.get(SHARED):
+        _share(folder)
+
+
+@cache
+def _share(folder: str) -> None:
+    """Hold a folder until this process ends."""
+    if fcntl is None:
+        return
+    with suppress(OSError):  # a file system without locks
+        os.makedirs(folder, mode=0o700, exist_ok=True)  # its maker may have ended
+        lock = os.open(folder, os.O_RDONLY)
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        atexit.register(_remove, folder, os.getpid(), lock)
+
+
+def _remove(folder: str, process: int, lock: int | None = None) -> None:
+    """Remove a folder at the end of a process, not of its forks; with a lock, only if no other process has one."""
+    if os.getpid() == process:
+        with suppress(OSError):
+            if lock is not None:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _user_has_one() -> bool:
@@ -44,5 +71,6 @@ def _user_has_one() -> bool:
 
 
 def _can_be_written(folder: Path) -> bool:
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    return there.is_dir() and os.access(there, os.W_OK)
+    """Whether the nearest folder that can be seen takes it; ``Path.exists`` raises where one may not be looked into."""
+    there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
+    return os.path.isdir(there) and os.access(there, os.W_OK | os.X_OK)
