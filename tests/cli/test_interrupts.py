@@ -17,6 +17,7 @@ import pytest
 import yaml
 
 from hpop.front import Front
+from tests.rooms import pillars
 from tests.warm import UNDRAWN, Process, Warm
 
 
@@ -45,12 +46,7 @@ def room(tmp_path: Path) -> Path:
     The bound on the turns, far above what any path takes, asks for this search alone, with no stage before it that ends
     by the clock.
     """
-    pillars = [(x + 0.37 * (y % 3), y) for x in range(2, 14, 3) for y in range(2, 10, 3)]
-    boxes = [{"corners": [[x, y], [x + 0.6, y], [x + 0.6, y + 0.7], [x, y + 0.7]]} for x, y in pillars]
-    content = {
-        "world": {"polygons": {"extent": [[0, 0], [16, 0], [16, 12], [0, 12]], "obstacles": boxes}},
-        "start": [1.0, 1.0, 0],
-        "goal": [14.8, 10.6, "any"],
+    content = pillars() | {
         "criteria": ["exposure", "turns", "length", "rotation", "clearance", "enclosure"],
         "planner": {"lattice": {"step": 0.2, "headings": 16, "max_turns": 1000}},
     }

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from hpop.front import Front
+from tests.rooms import pillars
 from tests.warm import Warm
 
 POINTS = 1500
@@ -49,12 +50,7 @@ class Ended(NamedTuple):
 @pytest.fixture(scope="module")
 def ended(warm: Warm, tmp_path_factory: pytest.TempPathFactory) -> Ended:
     folder = tmp_path_factory.mktemp("hall")
-    pillars = [(x + 0.37 * (y % 3), y) for x in range(2, 14, 3) for y in range(2, 10, 3)]
-    boxes = [{"corners": [[x, y], [x + 0.6, y], [x + 0.6, y + 0.7], [x, y + 0.7]]} for x, y in pillars]
-    content = {
-        "world": {"polygons": {"extent": [[0, 0], [16, 0], [16, 12], [0, 12]], "obstacles": boxes}},
-        "start": [1.0, 1.0, 0],
-        "goal": [14.8, 10.6, "any"],
+    content = pillars() | {
         "criteria": ["exposure", "turns", "length", "rotation", "proximity", "clearance"],
         "planner": {"lattice": {"step": 0.33, "max_turns": 1000}},
     }
