@@ -60,7 +60,7 @@ from hpop.scenario_schema import (
     WorldSection,
     ZoneEntry,
 )
-from hpop.text import shown
+from hpop.text import printable, shown
 from hpop.world import World, geojson_content
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
@@ -175,7 +175,7 @@ def _unknown(member: int | str, names: list[str], times: int) -> str:
     if times > 1:
         return f"{times} people are called {shown(member)}; give the place of the one who is meant ({places})"
     return f"expected a person's place or name, got {shown(member)}; {places}" + (
-        f", names are {known}" if known else ""
+        f", names are {printable(known)}" if known else ""
     )
 
 

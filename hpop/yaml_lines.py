@@ -16,6 +16,7 @@ MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
 MAX_EXPANDED = 10_000
 """Values of a file with aliases, written out: aliases of aliases would double them with every line."""
+LONGEST = 200  # letters of a place in the file that a message shows: a key may have a million
 TAG = "tag:yaml.org,2002:"
 DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*|\d*\.\d*(e[-+]\d+)?|\.inf|\.nan)", re.IGNORECASE)
 Place = tuple[str | int, ...]
@@ -53,6 +54,8 @@ class Document:
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
         dotted = printable(".".join(str(key) for key in place))
+        if len(dotted) > LONGEST:
+            dotted = f"{dotted[:LONGEST]}..."
         return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
 
     def line(self, place: Place) -> int:

@@ -218,3 +218,9 @@ def test_a_missing_content_file_is_said_at_its_world(tmp_path):
 def test_files_of_content_are_paths(tmp_path):
     plan = ("polygons: {extent: [[0, 0], [9, 0], [9, 6], [0, 6]]}", "geojson: {path: plan.geojson, flows: [3]}")
     assert fault(hall(tmp_path, plan)).startswith("line 2, world.geojson.flows.0: expected text, got 3")
+
+
+def test_a_name_cannot_begin_a_line_of_the_message(tmp_path):
+    text = fault(hall(tmp_path, ("name: Bo", 'name: "Bo\\nline 1: forged"'), ("[[Ada, 1]]", "[[Adda, 1]]")))
+    assert r"names are Ada, Bo\nline 1: forged" in text
+    assert "\n" not in text

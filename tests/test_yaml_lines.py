@@ -37,6 +37,11 @@ def test_a_missing_key_is_placed_at_the_nearest_one_above_it(tmp_path: Path) -> 
     assert document.where(("a", "gone", "deeper")).endswith(", line 2, a.gone.deeper")
 
 
+def test_a_key_of_a_million_letters_does_not_fill_the_message(tmp_path: Path) -> None:
+    document = Document(written(tmp_path, f"? {'x' * 1_000_000}\n: 1\n"))
+    assert document.where(("x" * 1_000_000,)).endswith(f", line 1, {'x' * 200}...")
+
+
 @pytest.mark.parametrize(
     ("text", "line", "said"),
     [

@@ -84,7 +84,7 @@ class Purse:
         """Raise Exhausted where a limit is passed, or would be with so many bytes more."""
         limit, most = self.budget.time_limit, self.budget.max_memory
         if most is not None and self.memory + memory > most:
-            raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {(self.memory + memory) / 1e6:,.0f} MB")
+            raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
         if limit is not None and self.seconds() >= limit:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
@@ -129,6 +129,10 @@ class Purse:
                 with interrupts_held():
                     for future in waiting:
                         future.cancel()
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB" if size >= 1e7 else f"{size / 1e6:.2g} MB"
 
 
 def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) -> Candidates:

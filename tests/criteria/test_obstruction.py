@@ -102,7 +102,7 @@ def test_the_integral_of_an_obstruction_is_the_exposure_of_its_radius():
 
 
 @pytest.mark.parametrize("cls", [Exposure, Obstruction])
-@pytest.mark.parametrize("radius", [0, -1.0, 1e3, math.inf, math.nan])
+@pytest.mark.parametrize("radius", [0, -1.0, 1e-5, 0.099, 1e3, math.inf, math.nan])
 def test_the_radius_of_the_ball_must_make_sense(cls, radius):
     with pytest.raises(CriterionError, match="radius must be a length"):
         cls(radius)

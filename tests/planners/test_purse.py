@@ -51,6 +51,12 @@ def test_a_graph_too_large_for_the_memory_is_refused_before_it_is_costed(planner
     assert any("MB" in note and "raise max_memory" in note for note in front.runs[-1]["notes"])
 
 
+def test_little_memory_is_told_as_what_it_is():
+    (note,) = (note for note in asked().solve(Lattice(max_memory=1000)).notes if note.startswith("memory limit"))
+    taken = float(note.split("which takes ")[1].split(" MB")[0])
+    assert 0.001 < taken < 10
+
+
 def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypatch):
     monkeypatch.setattr("hpop.planners.lattice_stages.MOST", 40)
     problem, planner = asked("length", "turns"), Lattice(step=0.25)

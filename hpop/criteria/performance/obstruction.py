@@ -8,7 +8,9 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Motions
-from hpop.options import LEAST, set_reals
+from hpop.options import set_reals
+
+SMALLEST = 0.1  # m: the obstruction is sampled four times a radius, on a map of any size
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,7 @@ class _Obstructed:
     radius: float = 2.0
 
     def __post_init__(self) -> None:
-        set_reals(self, "radius", least=LEAST, most=999, kind="a length in m", error=CriterionError)
+        set_reals(self, "radius", least=SMALLEST, most=999, kind="a length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the obstructed fraction, s."""
