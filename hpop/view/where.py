@@ -44,6 +44,7 @@ WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and
 WORDS = 0.7  # inches above and below it
 DOT = 6.5  # points across, of a turn
 BEYOND = 5.5  # points by which a turn at an end is larger than the letter that covers its middle
+SPOT = 6  # digits, m, to which the places of turns agree that are made on one spot
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
@@ -53,8 +54,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
-    fast it grows, a count how many there are in the motion. Turns in place are dots, those at start and
-    goal rings round S and G.
+    fast it grows, a count how many there are in the motion, those of turns on one spot added up. Turns in place are
+    dots, those at start and goal rings round S and G.
 
     Parameters
     ----------
@@ -105,7 +106,10 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
 
 
 def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray:
-    """What the colours show of each piece (n,): its rate; of a count that adds up, how many there are in its motion."""
+    """What the colours show of each piece (n,): its rate; of a count that adds up, how many there are in its motion.
+
+    Turns in place are drawn over each other, so those on one spot show how many there are on it.
+    """
     criterion = trace.criteria[column]
     if not _counts(criterion) or criterion.aggregate in ("time-mean", "max"):
         return trace.rate[:, column]
@@ -113,6 +117,11 @@ def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray
     grown = np.diff(trace.running[:, column], prepend=0.0)  # (n,)
     number = np.zeros(len(trajectory))
     np.add.at(number, owner, grown)
+    turning = turns_in_place(trajectory)
+    places = np.stack([trajectory.states.x, trajectory.states.y], axis=1)[1:][turning]
+    _, spots = np.unique(np.round(places, SPOT), axis=0, return_inverse=True)
+    spots = spots.reshape(-1)
+    number[turning] = np.bincount(spots, number[turning])[spots]
     return number[owner]
 
 

@@ -72,13 +72,25 @@ def test_the_colours_are_the_rates_of_the_trace_where_the_robot_moves(problem, t
         assert drawn.norm.vmax == (rate.max() or 1.0)
 
 
-def test_each_turn_in_place_counts_one_however_long_it_lasts(problem):
+def turns_by_place(axes):
+    places = map(tuple, dots(axes).get_offsets().tolist())
+    return sorted(zip(places, dots(axes).get_array().tolist(), strict=True))
+
+
+def test_each_turn_in_place_counts_one_however_long_it_lasts_and_turns_on_one_spot_add_up(problem):
     bent = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (1, 6, 0), (9, 1, 0)])
     assert np.ptp(bent.durations[[kind == "turn" for kind in bent.kinds]]) > 0.5
     axes = maps(draw_where(problem, bent))[1]
-    assert dots(axes).get_array().tolist() == [1.0] * 4
+    assert axes.get_title() == "turns: 4 in all"
+    assert turns_by_place(axes) == [((1, 1), 1), ((1, 6), 2), ((1, 6), 2), ((9, 1), 1)]
+    assert dots(axes).norm.vmax == 2
     assert set(lines(axes).get_array()) == {0.0}
     assert "count on the spot" in [axes.get_ylabel() for axes in axes.child_axes]
+
+
+def test_turns_on_a_spot_that_is_passed_again_add_up(problem):
+    twice = hpop.Trajectory.from_poses(problem.model, [(1, 6, 0), (9, 6, np.pi), (1, 6, 0), (9, 6, np.pi)])
+    assert set(turns_by_place(maps(draw_where(problem, twice))[1])) == {((1, 6), 1), ((9, 6), 2)}
 
 
 def test_a_turn_along_a_curve_colours_the_motion_in_which_it_ends(problem):
