@@ -310,7 +310,7 @@ def _draw(problem: Problem, front: Front, out: Path, imports: Sequence[str]) -> 
 
     if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports).start()
-        echo(f"written to {out}: {SAVED}; pictures follow")
+        echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
     else:
         echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
 

@@ -82,7 +82,8 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(room: Path, warm: Warm) ->
     assert "incomplete (interrupted)" in words
     front = Front.load(room / "out" / "front.json")
     assert (len(front) > 0, front.status) == (True, "interrupted")
-    assert said.read_text().endswith("all is drawn beside\nwritten to out: front.json; pictures follow\n")
+    last = "written to out: front.json; pictures are being drawn in the background"
+    assert said.read_text().endswith(f"all is drawn beside\n{last}\n")
 
 
 @pytest.mark.parametrize("ignored", [False, True], ids=["as a job", "where Ctrl-C is ignored, as for jobs of a script"])

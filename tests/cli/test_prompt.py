@@ -73,4 +73,5 @@ def test_the_file_holds_what_was_found_and_the_table_is_printed(ended: Ended) ->
 
 def test_pictures_are_left_to_another_process(ended: Ended) -> None:
     assert [path.name for path in ended.folder.iterdir()] == ["front.json"]
-    assert ended.lines[-3:-1] == ["all is drawn beside", "written to out: front.json; pictures follow"]
+    last = "written to out: front.json; pictures are being drawn in the background"
+    assert ended.lines[-3:-1] == ["all is drawn beside", last]
