@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -44,6 +45,19 @@ def test_a_criterion_in_the_docs_passes_its_conformance_checks(name, tmp_path, m
     module.write_text(re.sub(r'criterion\("', r'criterion("docs_', block))
     monkeypatch.syspath_prepend(tmp_path)
     check_criterion(getattr(importlib.import_module(module.stem), name)())
+
+
+def test_the_quanta_in_the_docs_are_fine_enough_for_the_problem_of_the_readme():
+    import yaml
+
+    from hpop.scenario import load_scenario
+
+    (shown,) = (block for block in blocks("docs/criteria.md", "yaml") if "quanta:" in block)
+    scenario = load_scenario(ROOT / "examples/museum.yaml")
+    problem = replace(scenario.problem, **yaml.safe_load(shown))
+    front = problem.solve(scenario.planners)
+    assert "quanta as set" in front.certificate
+    assert not [note for note in front.notes if "coarse" in note]
 
 
 def test_the_search_in_the_docs_finds_what_it_says():
