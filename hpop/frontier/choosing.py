@@ -31,8 +31,10 @@ AUGMENTATION = 1e-4
 MOST_LETTERS = 100  # of a name that is compared with others
 
 
-def column_index(name: str, names: Sequence[str]) -> int:
+def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
     """Find a column by name, or list the names there are and suggest the nearest.
+
+    Of one that is only `reported`, and cannot be taken here, the error says so and what can be done instead.
 
     >>> column_index("length", ["turns", "length"])
     1
@@ -41,6 +43,11 @@ def column_index(name: str, names: Sequence[str]) -> int:
         raise UnknownColumnError(f"a criterion is given by its name, one of {', '.join(names)}, got {shown(name)}")
     if name in names:
         return list(names).index(name)
+    if name in reported:
+        raise UnknownColumnError(
+            f"{shown(name)} is only reported here, points are the best in {', '.join(names)}; choose by these, or by "
+            f"nearest({{{shown(name)}: ...}}), or make a front by a search that minimises it itself"
+        )
     near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
     raise UnknownColumnError(f"the front has no {shown(name)}; known: {', '.join(names)}.{hint}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import index as as_index
 from typing import Any, Generic, Self, TypeVar, cast
@@ -239,7 +239,7 @@ provenance, problem, runs
         named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
         if isinstance(order, str) or not named or len(set(order)) != len(order):
             raise FrontError(f"expected a list of distinct criteria, got {shown(order)}")
-        columns = [choosing.column_index(name, self.names) for name in order]
+        columns = self._columns(order)
         return self[choosing.lexicographic(self._counts(), columns)]
 
     def select(self, weights: Mapping[str, float]) -> Point[T]:
@@ -248,7 +248,7 @@ provenance, problem, runs
         Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
         """
         values, vector = choosing.named_numbers("weights", weights), np.zeros(len(self.names))
-        vector[[choosing.column_index(name, self.names) for name in weights]] = values
+        vector[self._columns(weights)] = values
         return self[choosing.weighted_sum(self._counts(), vector)]
 
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
@@ -272,7 +272,7 @@ provenance, problem, runs
         :func:`hpop.frontier.choosing.achievement`. ``front.reference_point({"turns": 3, "length": 20.0})``.
         """
         values = choosing.named_numbers("aspirations", aspirations)
-        columns = [choosing.column_index(name, self.names) for name in aspirations]
+        columns = self._columns(aspirations)
         return self[choosing.achievement(self._counts(), columns, values / self.quanta[columns])]
 
     def save(
@@ -350,6 +350,10 @@ provenance, problem, runs
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
             raise FrontFileError(f"{path}: expected a front, found that {error!s:.600}") from error
+
+    def _columns(self, names: Iterable[str]) -> list[int]:
+        """Return the columns of some criteria."""
+        return [choosing.column_index(name, self.names, self.reported_names) for name in names]
 
     def _counts(self) -> FloatArray:
         """Return the costs as float64 counts of quanta, for choosing."""

@@ -199,6 +199,23 @@ def test_an_unknown_name_lists_the_known_and_suggests_one():
             call()
 
 
+def test_a_reported_value_that_a_choice_cannot_take_is_said_to_be_only_reported_and_what_helps():
+    front = front_of(
+        [[1.0, 2.0], [2.0, 1.0]], reported=[[0.3], [0.1]], reported_names=("obstruction",), reported_units=("1",)
+    )
+    assert front.nearest({"obstruction": 0.1}).index == 1
+    calls = (
+        lambda: front.best("obstruction"),
+        lambda: front.lexicographic(["turns", "obstruction"]),
+        lambda: front.select({"obstruction": 1.0}),
+        lambda: front.reference_point({"obstruction": 0.1}),
+    )
+    helps = r"'obstruction' is only reported here.*turns, length.*nearest\(\{'obstruction': \.\.\.\}\).*minimises it"
+    for call in calls:
+        with pytest.raises(UnknownColumnError, match=helps):
+            call()
+
+
 @pytest.mark.parametrize("k", [1, 2, 6])
 def test_a_single_point_is_every_choice(k):
     front = front_of([[3.0] * k])
