@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -64,3 +65,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         seeds = list(range(of) if isinstance(of, int) else of)
         more = [pytest.param(seed, marks=pytest.mark.proof) for seed in seeds[few:]]
         metafunc.parametrize("seed", [*seeds[:few], *more])
+
+
+def pytest_collection_finish() -> None:
+    """What is imported and collected stays to the end: garbage is not looked for among it again and again."""
+    gc.collect()
+    gc.freeze()
