@@ -17,7 +17,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.models.driven import ahead, driven
+from hpop.models.differential_drive.driven import ahead, driven
 from hpop.motions import Motions, States
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice

@@ -12,7 +12,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.math import wrap
-from hpop.models.solid import SolidCollision
+from hpop.models.collision.solid import SolidCollision
 from hpop.motion_table import MotionTable
 from hpop.motions import Law, States, is_curve
 from hpop.options import MOST

@@ -11,7 +11,7 @@ import shapely
 import hpop
 from hpop.errors import CriterionError
 from hpop.history import History
-from hpop.models.collision import why_blocked
+from hpop.models.collision.planar import why_blocked
 from hpop.motions import Motions, States
 from hpop.verify import collision_free, verify
 from hpop.world.content import Person, Zone

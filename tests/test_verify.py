@@ -12,8 +12,8 @@ import shapely
 import hpop
 from hpop import registry
 from hpop.criteria.base import criterion, trajectory_costs
+from hpop.models.collision.solid import SolidCollision
 from hpop.models.driven import driven
-from hpop.models.solid import SolidCollision
 from hpop.motions import Motions
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision import PlanarCollision
+from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner

@@ -23,7 +23,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.models.collision import TOUCH
+from hpop.models.collision.planar import TOUCH
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import STRAIGHT
 from hpop.world import World

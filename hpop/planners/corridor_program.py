@@ -25,7 +25,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.convex import ConvexCost
 from hpop.errors import CriterionError, OptionError
 from hpop.math import wrap
-from hpop.models.collision import TOUCH
+from hpop.models.collision.planar import TOUCH
 from hpop.motions import States
 from hpop.planners.corridor import Corridor, HalfPlanes
 from hpop.planners.vertices import Polyline

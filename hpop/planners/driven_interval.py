@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import Criterion
-from hpop.models.driven import Drive, gauss
+from hpop.models.differential_drive.driven import Drive, gauss
 from hpop.motions import Motions, States
 from hpop.planners.hinges import Slacks, slackened
 from hpop.planners.nlp import moments, vector

@@ -20,7 +20,7 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import QueryError
 from hpop.math import wrap
-from hpop.models.collision import why_blocked
+from hpop.models.collision.planar import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import quantised
 from hpop.planners.search import Graph

@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
-from hpop.models.collision import PlanarCollision, why_blocked
+from hpop.models.collision.planar import PlanarCollision, why_blocked
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import OptionError, QueryError
-from hpop.models.collision import PlanarCollision
+from hpop.models.collision.planar import PlanarCollision
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.roadmap import checked_ends

@@ -8,8 +8,8 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.models.collision import PlanarCollision
-from hpop.models.driven import ahead
+from hpop.models.collision.planar import PlanarCollision
+from hpop.models.differential_drive.driven import ahead
 from hpop.motions import States
 from hpop.planners.rrt_query import Base, Limits, Query, of_wheels
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.models.driven import NODES, driven
+from hpop.models.differential_drive.driven import NODES, driven
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:

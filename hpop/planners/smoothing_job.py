@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
-from hpop.models.driven import driven
+from hpop.models.differential_drive.driven import driven
 from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
 from hpop.planners.driven_structure import Structure

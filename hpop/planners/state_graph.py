@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.math import wrap
-from hpop.models.collision import PlanarCollision
+from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import quantised

@@ -17,7 +17,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.math import wrap
-from hpop.models.collision import PlanarCollision
+from hpop.models.collision.planar import PlanarCollision
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -67,8 +67,7 @@ def judge(
 ) -> Judgement:
     """Re-evaluate candidates and name what is wrong with each, the gravest first.
 
-    Collisions are looked for by :class:`hpop.models.collision.PlanarCollision`, which is exact for straight moves and
-    never too kind for turns.
+    Collisions are looked for on the geometry that the model plans by, which is never too kind.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.models import DifferentialDrive
-from hpop.models.collision import PlanarCollision, why_blocked
-from hpop.models.solid import SolidCollision
+from hpop.models.collision.planar import PlanarCollision, why_blocked
+from hpop.models.collision.solid import SolidCollision
 from hpop.motions import Motions, States
 from hpop.world import World
 

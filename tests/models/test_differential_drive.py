@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
-from hpop.models.parts import Part, convex_parts
+from hpop.models.collision.parts import Part, convex_parts
 from hpop.motions import States
 from hpop.registry import make_model
 

@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from hpop.criteria import Length, Rotation, make_criterion, trajectory_cost
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
-from hpop.models.collision import PlanarCollision
+from hpop.models.collision.planar import PlanarCollision
 from hpop.models.driven import driven
 from hpop.motions import States
 from hpop.problem import Problem

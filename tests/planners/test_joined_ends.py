@@ -13,7 +13,7 @@ import shapely
 from hpop.criteria.base import trajectory_costs
 from hpop.math import wrap
 from hpop.models import DifferentialDrive
-from hpop.models.solid import SolidCollision
+from hpop.models.collision.solid import SolidCollision
 from hpop.motions import States
 from hpop.planners import lattice_stages
 from hpop.planners.base import edge_objectives

@@ -17,8 +17,8 @@ import shapely
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray
-from hpop.models.differential_drive import DifferentialDrive
-from hpop.models.parts import Part
+from hpop.models.collision.parts import Part
+from hpop.models.differential_drive.model import DifferentialDrive
 from hpop.motions import Curve, Motions, States
 
 if TYPE_CHECKING:

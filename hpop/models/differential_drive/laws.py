@@ -9,7 +9,7 @@ Planned (one planning law for all planners, so that costs add up along edges):
 Executed (what the robot does): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from rest to
 rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to what was planned.
 
-Curves, which are planned as they are executed, are in :mod:`hpop.models.driven`.
+Curves, which are planned as they are executed, are in :mod:`hpop.models.differential_drive.driven`.
 """
 
 from __future__ import annotations

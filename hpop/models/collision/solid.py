@@ -1,6 +1,6 @@
 """Collision in space by python-fcl: the robot's prisms against obstacles with heights, state by state.
 
-Slower than :mod:`hpop.models.collision` and independent of it, so it is what verifies a result.
+Slower than :mod:`hpop.models.collision.planar` and independent of it, so it is what verifies a result.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 
 from hpop.arrays import BoolArray, FloatArray
-from hpop.models.differential_drive import DifferentialDrive
+from hpop.models.differential_drive.model import DifferentialDrive
 from hpop.motions import States
 
 if TYPE_CHECKING:
-    from hpop.models.parts import Part
+    from hpop.models.collision.parts import Part
     from hpop.world import World
 
 MARGIN = 1e-6  # m: the robot is shrunk by this, so that touching is no collision
