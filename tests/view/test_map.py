@@ -13,8 +13,8 @@ from matplotlib.patches import PathPatch
 import hpop
 from hpop.errors import OptionError
 from hpop.frontier import UnknownColumnError
-from hpop.models.differential_drive.laws import Move
 from hpop.models.driven import driven
+from hpop.models.laws import Move
 from hpop.motions import States
 from hpop.view import draw_map
 from hpop.view.ground import FIELD_COLOURS, outline

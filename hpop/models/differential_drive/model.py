@@ -15,7 +15,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
-from hpop.models.differential_drive.laws import Move, Run, Spin, Turn
+from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.motions import Law, Pose, States
 from hpop.options import LEAST, MOST, real, set_reals
 from hpop.registry import models
@@ -88,7 +88,7 @@ class DifferentialDrive:
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
 
-    Motions follow the planning law of :mod:`hpop.models.differential_drive.laws`. 1 m/s is the speed that users
+    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users
     favour; turns are fast on purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al.
     2019).
     """
