@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
+from hpop import solving
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
-from hpop.criteria.quanta import stated, with_quanta
+from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
-from hpop.frontier.dominance import MAX_QUANTA
-from hpop.frontier.union import JOINT
 from hpop.math import not_radians
 from hpop.models import DifferentialDrive
-from hpop.motion_table import MotionTable
 from hpop.motions import Model, missing
 from hpop.options import FARTHEST, MOST, real
-from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
-from hpop.registry import GROUPS, make_model
-from hpop.status import Progress, ProgressCallback, Status
+from hpop.planners.base import Candidates, PlannerSpec
+from hpop.registry import make_model
+from hpop.solving import StageCallback
+from hpop.status import ProgressCallback
 from hpop.text import shown
 from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
 from hpop.world import World
-
-StageCallback = Callable[[Front], None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,109 +137,23 @@ class Problem:
         stage : called with the front so far after each stage of a planner but its last
             (:class:`hpop.planners.base.StagedPlanner`); the front that follows has nothing worse
         """
-        made = [make_planner(planner, options) for planner in planners]
-        capped = [getattr(planner, "max_detour", None) is not None for planner in made]
-        if any(capped) and not all(capped):
-            raise OptionError(
-                "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
-                "joined. Give max_detour to all planners or to none, or plan them one at a time"
-            )
-        front: Front | None = None
-        for chosen in made:
-            candidates: Candidates | None = None
-            try:
-                for now in self._candidates(chosen, progress, executor):
-                    named = replace(now, stats={"planner": chosen.name, **now.stats})
-                    candidates = joined(candidates, named)
-                    if stage is not None and now.status is Status.UNFINISHED and candidates.trajectories:
-                        stage(_union(front, self.front(candidates)))
-            except KeyboardInterrupt:
-                if candidates is not None:
-                    candidates = replace(candidates, status=Status.INTERRUPTED)
-                elif front is not None:
-                    yield replace(front, status=f"{front.status}{JOINT}{Status.INTERRUPTED}")
-                    return
-                else:
-                    raise
-            assert candidates is not None  # a planner has at least one stage
-            if progress:
-                progress(Progress("evaluation"))
-            try:
-                found = self.front(candidates, progress)
-            except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
-                found = self.front(replace(candidates, status=Status.INTERRUPTED), progress)
-            front = _union(front, found)
-            yield front
-            if Status.INTERRUPTED in front.status:
-                return
-
-    def _candidates(
-        self, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
-    ) -> Iterator[Candidates]:
-        """What a planner finds, in stages if it has any."""
-        if staged(planner):
-            yield from planner.stages(self, progress)
-        elif executor is not None and sweeps(planner):
-            yield planner.solve(self, progress, executor=executor)
-        else:
-            yield planner.solve(self, progress)
+        return solving.fronts(self, planners, options, progress=progress, executor=executor, stage=stage)
 
     def front(self, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
-        """Re-evaluate candidates by the criteria and keep the non-dominated ones; of many, say how far that is.
+        """Re-evaluate candidates by the criteria and keep the non-dominated ones; see :func:`hpop.solving.front`."""
+        return solving.front(self, candidates, progress)
 
-        Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the
-        planner added up by more than the planner's tolerance, the certificate says so: that is a bug.
+    def at(self, state: tuple[float, float, float], t: float) -> Problem:
+        """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.
+
+        People who move are where their velocity has brought them by then, which is what is predicted; all else stays.
         """
-        objectives = (*candidates.objectives, *candidates.filters)
-        means = [c for c in self.criteria if c not in objectives]
-        trajectories = candidates.trajectories
-        several: dict[str, Any] = {}
-        if len(trajectories) > 1:
-            several["table"] = MotionTable.of(trajectories)
-            if progress is not None:
-                several["say"] = lambda done: progress(Progress("evaluation", detail=done))
-        costs, reported = (trajectory_costs(some, trajectories, self.world, **several) for some in (objectives, means))
-        for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
-            if most > MAX_QUANTA * criterion.quantum:
-                raise CriterionError(
-                    f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, more quanta of "
-                    f"{criterion.quantum:g} than a double tells apart; take a coarser quantum, or shorter motions"
-                )
-        optimised = costs[:, : len(candidates.objectives)]
-        off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
-        certificate = candidates.certificate + stated(objectives, self.quanta)
-        if off.any():
-            names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
-            certificate = (
-                f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
-            )
-        return Front.of(
-            costs,
-            candidates.trajectories,
-            names=[c.name for c in objectives],
-            units=[c.unit for c in objectives],
-            quanta=[c.quantum for c in objectives],
-            groups=[c.group for c in objectives],
-            reported=reported,
-            reported_names=[c.name for c in means],
-            reported_units=[c.unit for c in means],
-            status=str(candidates.status),
-            certificate=certificate,
-            provenance=candidates.provenance,
-            problem=self.describe(),
-            runs=[
-                {
-                    "notes": [*candidates.notes, *self._coverage()],
-                    "evaluated": [c.name for c in candidates.filters],
-                    **candidates.stats,
-                }
-            ],
-        )
-
-    def _coverage(self) -> list[str]:
-        """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
-        empty = [f"{group} ({name})" for group, name in GROUPS.items() if all(c.group != group for c in self.criteria)]
-        return [f"no criterion of group {', '.join(empty)} is asked for"] if empty else []
+        real("t", t, 0, MOST, "a time in s", error=QueryError)
+        now, world = self.world.content, self.world
+        people = tuple(person.later(t) for person in now.people)
+        if people != now.people:
+            world = world.with_content(people=people, groups=now.groups, landmarks=now.landmarks, zones=now.zones)
+        return replace(self, world=world, start=state)
 
     def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
         """Cost of a trajectory in each criterion, by name."""
@@ -287,11 +196,6 @@ class Problem:
             raise
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
             raise QueryError(f"not the description of a problem: {error}") from None
-
-
-def _union(front: Front | None, found: Front) -> Front:
-    """The front of what was found before and now."""
-    return found if front is None else front | found
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:

@@ -11,6 +11,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop import solving
 from hpop.criteria.base import trajectory_costs
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.performance.obstruction import Exposure, Obstruction
@@ -245,15 +246,15 @@ def test_after_an_interruption_no_other_planner_runs() -> None:
 
 
 def test_ctrl_c_after_the_search_does_not_lose_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, calls = Problem.front, []
+    made, calls = solving.front, []
 
-    def interrupted_once(self: Problem, candidates: Candidates, progress: object = None) -> hpop.Front:
+    def interrupted_once(asked: Problem, candidates: Candidates, progress: object = None) -> hpop.Front:
         calls.append(candidates)
         if len(calls) == 1:
             raise KeyboardInterrupt
-        return made(self, candidates)
+        return made(asked, candidates)
 
-    monkeypatch.setattr(Problem, "front", interrupted_once)
+    monkeypatch.setattr(solving, "front", interrupted_once)
     front = problem().solve(Fixed((OVER,)))
     assert (len(front), front.status) == (1, "interrupted")
 

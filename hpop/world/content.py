@@ -67,6 +67,11 @@ class Person:
         """Predicted position (x, y), m, at times t, s."""
         return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
 
+    def later(self, t: float) -> Person:
+        """The person where it is predicted to be ``t`` seconds from now."""
+        x, y = self.at(np.float64(t))
+        return dataclasses.replace(self, x=float(x), y=float(y)) if self.moves else self
+
 
 @dataclass(frozen=True)
 class Landmark:

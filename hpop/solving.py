@@ -1,0 +1,150 @@
+"""How a problem is solved: planners one after the other, their candidates re-evaluated, the fronts joined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.quanta import stated
+from hpop.errors import CriterionError, OptionError
+from hpop.front import Front
+from hpop.frontier.dominance import MAX_QUANTA
+from hpop.frontier.union import JOINT
+from hpop.motion_table import MotionTable
+from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
+from hpop.registry import GROUPS
+from hpop.status import Progress, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+StageCallback = Callable[[Front], None]
+
+
+def fronts(
+    problem: Problem,
+    planners: Iterable[PlannerSpec],
+    options: Mapping[str, Any],
+    *,
+    progress: ProgressCallback | None = None,
+    executor: Executor | None = None,
+    stage: StageCallback | None = None,
+) -> Iterator[Front]:
+    """The front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
+    made = [make_planner(planner, options) for planner in planners]
+    _check_joinable(made)
+    before: Front | None = None
+    for planner in made:
+        candidates: Candidates | None = None
+        try:
+            for now in _stages(problem, planner, progress, executor):
+                candidates = joined(candidates, replace(now, stats={"planner": planner.name, **now.stats}))
+                if stage is not None and now.status is Status.UNFINISHED and candidates.trajectories:
+                    stage(_union(before, front(problem, candidates)))
+        except KeyboardInterrupt:
+            if candidates is not None:
+                candidates = replace(candidates, status=Status.INTERRUPTED)
+            elif before is not None:
+                yield replace(before, status=f"{before.status}{JOINT}{Status.INTERRUPTED}")
+                return
+            else:
+                raise
+        assert candidates is not None  # a planner has at least one stage
+        if progress:
+            progress(Progress("evaluation"))
+        try:
+            found = front(problem, candidates, progress)
+        except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
+            found = front(problem, replace(candidates, status=Status.INTERRUPTED), progress)
+        before = _union(before, found)
+        yield before
+        if Status.INTERRUPTED in before.status:
+            return
+
+
+def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
+    """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; of many, say how far that is.
+
+    Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the planner
+    added up by more than the planner's tolerance, the certificate says so: that is a bug.
+    """
+    objectives = (*candidates.objectives, *candidates.filters)
+    means = [c for c in problem.criteria if c not in objectives]
+    trajectories = candidates.trajectories
+    several: dict[str, Any] = {}
+    if len(trajectories) > 1:
+        several["table"] = MotionTable.of(trajectories)
+        if progress is not None:
+            several["say"] = lambda done: progress(Progress("evaluation", detail=done))
+    costs, reported = (trajectory_costs(some, trajectories, problem.world, **several) for some in (objectives, means))
+    for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
+        if most > MAX_QUANTA * criterion.quantum:
+            raise CriterionError(
+                f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, more quanta of "
+                f"{criterion.quantum:g} than a double tells apart; take a coarser quantum, or shorter motions"
+            )
+    optimised = costs[:, : len(candidates.objectives)]
+    off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
+    certificate = candidates.certificate + stated(objectives, problem.quanta)
+    if off.any():
+        names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
+        certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+    return Front.of(
+        costs,
+        trajectories,
+        names=[c.name for c in objectives],
+        units=[c.unit for c in objectives],
+        quanta=[c.quantum for c in objectives],
+        groups=[c.group for c in objectives],
+        reported=reported,
+        reported_names=[c.name for c in means],
+        reported_units=[c.unit for c in means],
+        status=str(candidates.status),
+        certificate=certificate,
+        provenance=candidates.provenance,
+        problem=problem.describe(),
+        runs=[
+            {
+                "notes": [*candidates.notes, *_empty_groups(problem.criteria)],
+                "evaluated": [c.name for c in candidates.filters],
+                **candidates.stats,
+            }
+        ],
+    )
+
+
+def _stages(
+    problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
+) -> Iterator[Candidates]:
+    """What a planner finds, in stages if it has any."""
+    if staged(planner):
+        yield from planner.stages(problem, progress)
+    elif executor is not None and sweeps(planner):
+        yield planner.solve(problem, progress, executor=executor)
+    else:
+        yield planner.solve(problem, progress)
+
+
+def _union(before: Front | None, found: Front) -> Front:
+    """The front of what was found before and now."""
+    return found if before is None else before | found
+
+
+def _check_joinable(planners: Iterable[Planner]) -> None:
+    """Raise OptionError where some planners minimise a mean and others its integral."""
+    if len({getattr(planner, "max_detour", None) is not None for planner in planners}) > 1:
+        raise OptionError(
+            "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
+            "joined. Give max_detour to all planners or to none, or plan them one at a time"
+        )
+
+
+def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
+    """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
+    empty = [f"{group} ({name})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
+    return [f"no criterion of group {', '.join(empty)} is asked for"] if empty else []
