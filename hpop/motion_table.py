@@ -140,7 +140,7 @@ class MotionTable:
     def by_law(self) -> Iterator[tuple[IntArray, Law, States, States]]:
         """The distinct motions of each law, in blocks, with the states in which they begin and end."""
         for i, kind in enumerate(self.laws):
-            of_law, names = np.flatnonzero(self.law == i), (*self.model.state_names, *extras(self.model, (kind,)))
+            of_law, names = np.flatnonzero(self.law == i), (*self.model.space.names, *extras(self.model, (kind,)))
             for block in (of_law[begin : begin + BLOCK] for begin in range(0, of_law.size, BLOCK)):
                 start, end = (
                     States(**{name: getattr(self.states, name)[at[block]] for name in names})
@@ -164,7 +164,7 @@ class MotionTable:
         for column in columns.values():
             column.setflags(write=False)
         kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
-        plain, curved, several = self.model.state_names, self.having(self.curved).tolist(), []
+        plain, curved, several = self.model.space.names, self.having(self.curved).tolist(), []
         for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
             own = kinds[begin - i : begin - i + number]
             names = (*plain, *extras(self.model, own)) if curved[i] else plain
@@ -198,7 +198,7 @@ class MotionTable:
         )
         if not all(isinstance(kind, str) and kind in model.laws for kind in kinds) or len(set(kinds)) != len(kinds):
             raise ModelError(f"expected distinct motion laws of {sorted(model.laws)}, found {kinds!r:.80}")
-        names = (*model.state_names, *extras(model, kinds))
+        names = (*model.space.names, *extras(model, kinds))
         columns = dict(zip(names, parts(states, "states", dict.fromkeys(names, list)), strict=True))
         law, start, end = parts(motions, "motions", {"kind": list, "start": list, "end": list})
         first, own = parts(several, "trajectories", {"start": list, "motions": list})
@@ -208,7 +208,7 @@ class MotionTable:
         made = cls(
             model=model,
             states=States(
-                **{n: numbers(c, f"states.{n}", size, gaps=n not in model.state_names) for n, c in columns.items()}
+                **{n: numbers(c, f"states.{n}", size, gaps=n not in model.space.names) for n, c in columns.items()}
             ),
             laws=tuple(kinds),
             law=places(law, "motions.kind", len(law), len(kinds)),

@@ -49,7 +49,7 @@ class Trajectory:
         unknown = set(self.kinds) - set(self.model.laws)
         if unknown:
             raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(self.model.laws)}")
-        names = (*self.model.state_names, *extras(self.model, self.kinds))
+        names = (*self.model.space.names, *extras(self.model, self.kinds))
         if self.states.names != names:
             raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
         for kind, index in self._by_kind():
@@ -103,7 +103,7 @@ class Trajectory:
                 kinds.append("move")
             turn_to(to_yaw)
         columns = np.array(states, float).T
-        return cls(model, States(**dict(zip(model.state_names, columns, strict=True))), tuple(kinds))
+        return cls(model, States(**dict(zip(model.space.names, columns, strict=True))), tuple(kinds))
 
     @cached_property
     def durations(self) -> FloatArray:
@@ -289,7 +289,7 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
     A law that does not vary a state would hide a jump in it from every criterion, and the states of a curve, which fix
     its way, may not contradict each other.
     """
-    for name in [name for name in model.state_names if name not in law.varies]:
+    for name in [name for name in model.space.names if name not in law.varies]:
         jump = np.abs(getattr(end, name) - getattr(start, name))
         if jump.max() > STILL:
             i = int(np.argmax(jump))
@@ -340,7 +340,7 @@ def _motions(
     begins: IntArray,
 ) -> Motions:
     """Motions under one law: their places among all motions, and the states at which they begin."""
-    law, names = model.laws[kind], (*model.state_names, *extras(model, (kind,)))
+    law, names = model.laws[kind], (*model.space.names, *extras(model, (kind,)))
     start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
     ended = (turns[0][index], turns[1][index]) if is_curve(law) else None
     return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

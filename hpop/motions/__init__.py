@@ -10,6 +10,7 @@ from __future__ import annotations
 from hpop.motions.batch import Body, Motions, missing
 from hpop.motions.instants import Instants, Rate
 from hpop.motions.laws import Curve, Law, Model, Phase, is_curve, slopes
+from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "Phase",
     "Pose",
     "Rate",
+    "StateSpace",
     "States",
     "is_curve",
     "missing",

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 
 from hpop.arrays import Column
+from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States
 
 
@@ -121,8 +122,8 @@ class Model(Protocol):
         """Names of the bodies that criteria can ask for: "base", "camera"."""
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the state columns, in order."""
+    def space(self) -> StateSpace:
+        """Its states: columns in order."""
 
     @property
     def laws(self) -> Mapping[str, Law]:

@@ -20,6 +20,9 @@ class States:
     def __init__(self, **columns: Column) -> None:
         self.__dict__.update(columns)
 
+    def __repr__(self) -> str:
+        return f"<States: {self.size:,} of {', '.join(self.names)}>" if self.names else "<States: no columns>"
+
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Column: ...

@@ -92,7 +92,7 @@ def ball_of(problem: Problem) -> Ball:
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
     radius = measured[0].radius if measured else Obstruction().radius
     x, y, yaw = (np.array([value]) for value in problem.start)
-    here = States(**dict(zip(problem.model.state_names, (x, y, yaw), strict=True)))
+    here = States(**dict(zip(problem.model.space.names, (x, y, yaw), strict=True)))
     return Ball(radius, float(problem.model.pose("camera", here).z[0]))
 
 

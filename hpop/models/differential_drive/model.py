@@ -16,8 +16,8 @@ from hpop.errors import ModelError
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
-from hpop.motions import Law, Pose, States
-from hpop.options import LEAST, MOST, real, set_reals
+from hpop.motions import Law, Pose, States, StateSpace
+from hpop.options import FARTHEST, LEAST, MOST, real, set_reals
 from hpop.registry import models
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -126,10 +126,14 @@ class DifferentialDrive:
         """What criteria can ask for: two bodies, and wheels ``wheel_base`` apart."""
         return frozenset({"base", "camera", "wheels"})
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """States in order."""
-        return ("x", "y", "yaw")
+    @cached_property
+    def space(self) -> StateSpace:
+        """Where it is and how it is turned; apart by how far it moves in the time of a turn at its turn rate."""
+        bounds = (FARTHEST, FARTHEST, math.pi)
+        weights = (1.0, 1.0, self.speed / self.turn_rate)
+        turning = frozenset({"yaw"})
+        low = tuple(-bound for bound in bounds)
+        return StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), low, bounds, weights, turning)
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:

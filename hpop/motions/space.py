@@ -1,0 +1,153 @@
+"""The space of a model's states: its columns, which of them come round, how far apart states are, and how one is given.
+
+Every wrap of a state happens here: a column that turns is an angle in which 2 pi is a whole turn, such as a heading or
+a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.math.wrap`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.errors import ModelError, QueryError, did_you_mean
+from hpop.math import not_radians, wrap
+from hpop.motions.states import States
+from hpop.options import MOST, real
+from hpop.text import shown
+
+Values = tuple[float | None, ...]
+StateSpec = Sequence[float | None] | Mapping[str, float | None]
+
+KINDS = {"m": "a position in m", "rad": "an angle in rad"}
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """The states of a model: columns in order.
+
+    names    k of them
+    units    of each: "m", "rad", ...
+    low      least value of each; where the column turns, from where to where a sample is drawn
+    high     greatest value of each
+    weights  m a unit: how far a robot moves in the time in which the column changes by one; of distances
+    turning  names of the columns in which 2 pi is a whole turn; their values have no limits
+
+    >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
+    >>> print(plane)
+    (x m, y m, yaw rad)
+    >>> plane.values(plane.state([1, 2, None], free=plane.angles))
+    (1.0, 2.0, None)
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    weights: tuple[float, ...]
+    turning: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        for field in ("names", "units", "low", "high", "weights"):
+            object.__setattr__(self, field, tuple(getattr(self, field)))
+        object.__setattr__(self, "turning", frozenset(self.turning))
+        sizes = {len(getattr(self, field)) for field in ("names", "units", "low", "high", "weights")}
+        if sizes != {len(set(self.names))}:
+            raise ModelError(f"a state space has a name, unit, low, high and weight for each column, got {self!r}")
+        if not self.turning <= self.angles:
+            raise ModelError(f"only columns in rad turn, got {', '.join(sorted(self.turning))} of {self}")
+        if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
+            raise ModelError(f"low must be less than high in each column of {self}, got {self.low} and {self.high}")
+
+    def __str__(self) -> str:
+        return f"({', '.join(f'{name} {unit}' for name, unit in zip(self.names, self.units, strict=True))})"
+
+    @property
+    def angles(self) -> frozenset[str]:
+        """Names of the columns in rad, which a goal may leave free."""
+        return frozenset(name for name, unit in zip(self.names, self.units, strict=True) if unit == "rad")
+
+    def bounded(self, **bounds: tuple[float, float]) -> StateSpace:
+        """The same within (low, high) of some columns: a model's space cannot know how large the world is."""
+        rows = (bounds.get(name, old) for name, *old in zip(self.names, self.low, self.high, strict=True))
+        low, high = zip(*rows, strict=True)
+        return replace(self, low=low, high=high)
+
+    # One state, as it is given
+
+    def state(self, values: StateSpec, *, free: Iterable[str] = (), what: str = "state") -> States:
+        """One state, checked: values in the order of the names, or by name; None, which becomes NaN, only where free.
+
+        Raises QueryError, which calls the state ``what``.
+        """
+        given = self.by_name(values, what)
+        checked = {
+            name: np.nan if value is None and name in free else self.checked(name, value, what)
+            for name, value in given.items()
+        }
+        return States(**{name: np.array([value], float) for name, value in checked.items()})
+
+    def values(self, state: States) -> Values:
+        """The values of one state in the order of the names, None where it is free."""
+        row = (float(getattr(state, name)[0]) for name in self.names)
+        return tuple(None if np.isnan(value) else value for value in row)
+
+    def by_name(self, values: Any, what: str) -> dict[str, Any]:
+        """What is given for each column, in order; QueryError for other columns than the model's."""
+        if isinstance(values, Mapping):
+            strange = [name for name in values if name not in self.names]
+            lacking = [name for name in self.names if name not in values]
+            if not (strange or lacking):
+                return {name: values[name] for name in self.names}
+            faults = [f"lacks {', '.join(lacking)}"] * bool(lacking)
+            faults += [f"names {', '.join(map(shown, strange))}, which is no state of the model"] * bool(strange)
+            hint = "".join(did_you_mean(name, lacking or self.names) for name in strange)
+            raise QueryError(f"the {what} is {self}, got {shown(values)}: it {' and '.join(faults)}.{hint}")
+        try:
+            return dict(zip(self.names, values, strict=True))
+        except (TypeError, ValueError):
+            raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
+
+    def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
+        """The value of one column of ``what``, or a QueryError, which calls it ``label``."""
+        column = self.names.index(name)
+        unit, low, high = self.units[column], self.low[column], self.high[column]
+        if unit != "rad":
+            label = label or f"{name} of the {what}"
+            return float(real(label, value, low, high, KINDS.get(unit, f"a number in {unit}"), error=QueryError))
+        if value is None:
+            raise QueryError(f"the {what} needs a {name} in rad; only the goal's may be free (None)")
+        label = label or f"the {name} of the {what}"
+        angle = real(label, value, -MOST, MOST, KINDS[unit], error=QueryError)
+        if advice := not_radians(angle):
+            raise QueryError(f"{label} {advice}")
+        if name not in self.turning:
+            real(label, angle, low, high, KINDS[unit], error=QueryError)
+        return float(angle)
+
+    # Many states
+
+    def onward(self, a: States, b: States) -> States:
+        """States b (M,), their turning columns continuous from those of a: at most half a turn away."""
+        columns = {name: getattr(b, name) for name in self.names}
+        for name in self.turning:
+            begin = getattr(a, name)
+            columns[name] = begin + wrap(columns[name] - begin)
+        return States(**columns)
+
+    def differences(self, a: States, b: States) -> dict[str, Column]:
+        """What is to be added to a (M,) for b, by name, the shorter way round where a column turns."""
+        onward = self.onward(a, b)
+        return {name: getattr(onward, name) - getattr(a, name) for name in self.names}
+
+    def apart(self, a: States, b: States) -> Column:
+        """Distance (M,), m: a metric, the columns' differences weighted."""
+        differences = self.differences(a, b)
+        return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
+
+    def sample(self, rng: np.random.Generator, n: int) -> States:
+        """States (n,), uniform between low and high."""
+        return States(**dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True)))
