@@ -70,6 +70,10 @@ class ModelError(HpopError, ValueError):
     exit_code = 9
 
 
+class UnsupportedModel(ModelError):
+    """A planner cannot plan for this model; the message names planners that can."""
+
+
 class OptionError(HpopError, ValueError):
     """A planner or a search was given an option that makes no sense."""
 

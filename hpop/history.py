@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +20,6 @@ from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
-
-RUN_SAMPLES = 400  # moments of a run at which the distance covered is known, to find when a planned state is passed
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +81,15 @@ class History:
             values[index] = column(motions)
         return values
 
-    @cached_property
+    @property
     def executed(self) -> Trajectory:
         """What the robot does, from rest to rest."""
-        return self.trajectory.execution()
+        return self._execution[0]
+
+    @property
+    def passed(self) -> FloatArray:
+        """Executed time (M+1,), s, at which each planned state is passed."""
+        return self._execution[1]
 
     def track(self, step: float) -> Track:
         """Samples of the execution every ``step`` seconds at most, evenly spaced, both ends included."""
@@ -118,18 +120,5 @@ class History:
         return np.interp(self.passed[1:], times, values)
 
     @cached_property
-    def passed(self) -> FloatArray:
-        """Executed time (M+1,), s, at which each planned state is passed."""
-        executed, states, (ends, _) = self.executed, self.trajectory.states, self.trajectory.runs
-        passed = np.zeros(len(self) + 1)
-        for motion, (first, last) in enumerate(pairwise(ends)):
-            begin, end = executed.times[motion], executed.times[motion + 1]
-            inside = np.arange(first + 1, last)
-            if inside.size:
-                moments = np.linspace(begin, end, RUN_SAMPLES)
-                run = executed.at(moments)
-                covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
-                gone = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
-                passed[inside] = np.interp(gone, covered, moments)
-            passed[last] = end
-        return passed
+    def _execution(self) -> tuple[Trajectory, FloatArray]:
+        return self.model.execution(self.trajectory)

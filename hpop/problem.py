@@ -14,7 +14,6 @@ from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.math import not_radians
-from hpop.models import DifferentialDrive
 from hpop.motions import Model, missing
 from hpop.options import FARTHEST, MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
@@ -44,7 +43,7 @@ class Problem:
     """
 
     world: World
-    model: DifferentialDrive
+    model: Model
     start: tuple[float, float, float]
     goal: tuple[float, float, float | None]
     criteria: tuple[Criterion, ...]
@@ -54,7 +53,7 @@ class Problem:
     def __init__(
         self,
         world: World,
-        model: DifferentialDrive,
+        model: Model,
         start: Sequence[float],
         goal: Sequence[float | None],
         criteria: Sequence[CriterionSpec],

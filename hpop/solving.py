@@ -17,6 +17,7 @@ from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
 from hpop.motion_table import MotionTable
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
+from hpop.planners.needs import refuse_unsupported
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback, Status
 
@@ -38,6 +39,8 @@ def fronts(
     """The front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
     made = [make_planner(planner, options) for planner in planners]
     _check_joinable(made)
+    for planner in made:
+        refuse_unsupported(planner, problem.model)
     before: Front | None = None
     for planner in made:
         candidates: Candidates | None = None

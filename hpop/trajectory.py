@@ -183,20 +183,7 @@ class Trajectory:
         The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
         succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
         """
-        keep, kinds = self.runs
-        return Trajectory(self.model, self.states.take(np.array(keep)), kinds)
-
-    @cached_property
-    def runs(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
-        """Places of the states (e+1,) at which the executed motions begin and end, and their kinds (e,)."""
-        keep, kinds = [0], list[str]()
-        for i, kind in enumerate(self.kinds):
-            if kind == "move" and kinds and kinds[-1] == "run" and self._continues(keep[-2], i):
-                keep[-1] = i + 1
-                continue
-            keep.append(i + 1)
-            kinds.append({"move": "run", "turn": "spin"}.get(kind, kind))
-        return tuple(keep), tuple(kinds)
+        return self.model.execution(self)[0]
 
     def describe(self) -> dict[str, Any]:
         """What a saved front keeps of a trajectory: JSON-able, exact."""
@@ -228,14 +215,6 @@ class Trajectory:
 
     def _phases(self, kind: str, index: IntArray) -> Any:
         return self.model.laws[kind].phases(self.states.take(index), self.states.take(index + 1))
-
-    def _continues(self, begin: int, i: int) -> bool:
-        """Whether move i goes on in the direction of the run that began at state ``begin``."""
-        (x0, x1, x2), (y0, y1, y2) = ([getattr(self.states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y"))
-        if (x1, y1) in ((x0, y0), (x2, y2)):  # one of them goes nowhere, so in any direction
-            return True
-        ahead, along = np.arctan2(y2 - y1, x2 - x1), np.arctan2(y1 - y0, x1 - x0)
-        return bool(abs(wrap(ahead - along)) < STRAIGHT)
 
     def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
         try:

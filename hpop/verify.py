@@ -8,26 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.math import wrap
-from hpop.models.collision.solid import SolidCollision
 from hpop.motion_table import MotionTable
-from hpop.motions import Law, States, is_curve
+from hpop.motions import Motions
 from hpop.options import MOST
 from hpop.planners.base import edge_objectives
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 
-SPACING = 0.05  # m or rad: distance between the states at which collisions are looked for
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same
 HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
-AXES = ("x", "y", "yaw")
-SAMPLES = 2**14  # states that are looked at between two reports
-STEPS = 100  # in which a curve is looked at
-FASTER = 1e-3  # share by which a wheel may exceed its limits
+TOGETHER = 2**10  # motions that are looked at between two reports
 MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
 
 
@@ -54,7 +49,7 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
             f"trajectory {i} {fault}"
             for fault in (
                 *_end_faults(problem, trajectory, _offset(front.provenance[i])),
-                *_heading_faults(problem, trajectory),
+                *problem.model.faults(trajectory),
             )
         ]
     return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say)))]
@@ -115,7 +110,7 @@ def _cost_faults(
 
 
 def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
-    """Trajectories (n,) to look at one by one: ends that are not the problem's, motions astray, curves."""
+    """Trajectories (n,) to look at one by one: ends that are not the problem's, motions that the model doubts."""
     first, last = table.states.take(table.first), table.states.take(table.last)
     (x, y, yaw), goal = problem.start, problem.goal
     suspects = np.maximum(np.abs(first.x - x), np.abs(first.y - y)) > CLOSE
@@ -123,19 +118,11 @@ def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
     suspects |= np.hypot(last.x - goal[0], last.y - goal[1]) > CLOSE
     if goal[2] is not None:
         suspects |= np.abs(wrap(last.yaw - goal[2])) > HEADING_CLOSE
-    astray = table.curved.copy()
+    doubtful = np.zeros(len(table), dtype=bool)
     for index, law, start, end in table.by_law():
-        if {"x", "y"} <= law.varies:
-            astray[index] |= _astray(start, end)
-    found: BoolArray = suspects | table.having(astray)
+        doubtful[index] = problem.model.doubtful(law, start, end)
+    found: BoolArray = suspects | table.having(doubtful)
     return found
-
-
-def _astray(start: States, end: States) -> BoolArray:
-    """Straight motions (M,) that slide sideways or go back."""
-    dx, dy, ahead, left = end.x - start.x, end.y - start.y, np.cos(start.yaw), np.sin(start.yaw)
-    astray: BoolArray = (np.abs(dy * ahead - dx * left) > CLOSE) | (dx * ahead + dy * left < -CLOSE)
-    return astray
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
@@ -159,49 +146,6 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
         yield "does not end with the goal's heading"
 
 
-def _heading_faults(problem: Problem, trajectory: Trajectory) -> Iterator[str]:
-    """Motions that slide sideways or go back: a differential drive only goes where it looks."""
-    s, laws = trajectory.states, trajectory.model.laws
-    curved = _curved(trajectory)
-    straight = np.array([{"x", "y"} <= laws[kind].varies for kind in trajectory.kinds], dtype=bool) & ~curved
-    wrong = np.flatnonzero(straight & _astray(s.take(slice(None, -1)), s.take(slice(1, None))))
-    if wrong.size:
-        yield f"does not go ahead in motion {wrong[0]}, a {trajectory.kinds[wrong[0]]}"
-    yield from _curve_faults(problem, trajectory, np.flatnonzero(curved))
-
-
-def _curve_faults(problem: Problem, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
-    """Curves along which the robot slides or goes back, or whose wheels are faster than the model's.
-
-    Told by differences of places and headings over hundredths of each motion.
-    """
-    model, lasts = problem.model, trajectory.durations[curved]
-    times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
-    s = trajectory.at(times.ravel())
-    x, y, yaw = (np.reshape(column, times.shape) for column in (s.x, s.y, s.yaw))
-    dx, dy, turned, heading = np.diff(x), np.diff(y), np.diff(yaw), 0.5 * (yaw[:, 1:] + yaw[:, :-1])
-    ahead, side = dx * np.cos(heading) + dy * np.sin(heading), dy * np.cos(heading) - dx * np.sin(heading)
-    wheels = np.stack([ahead + sign * 0.5 * model.wheel_base * turned for sign in (-1.0, 1.0)])  # (2, c, STEPS), m
-    fastest = np.abs(wheels).max(axis=(0, 2), initial=0.0) * STEPS
-    hardest = np.abs(np.diff(wheels)).max(axis=(0, 2), initial=0.0) * STEPS**2
-    for wrong, fault in (
-        ((np.abs(side) > CLOSE).any(axis=1) | (ahead < -CLOSE).any(axis=1), "does not go ahead"),
-        (fastest > model.wheel_speed * lasts * (1 + FASTER) + CLOSE, "drives faster than its wheels can turn"),
-        (
-            hardest > model.wheel_acceleration * lasts**2 * (1 + FASTER) + CLOSE,
-            "speeds up or turns harder than its wheels can",
-        ),
-    ):
-        if wrong.any():
-            i = curved[np.argmax(wrong)]
-            yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
-
-
-def _curved(trajectory: Trajectory) -> BoolArray:
-    """Which motions (n,) go along curves."""
-    return np.array([is_curve(trajectory.model.laws[kind]) for kind in trajectory.kinds], dtype=bool)
-
-
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
     """Whether each trajectory (n,) is free at densely sampled states; motions that many share are checked once."""
     return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
@@ -209,50 +153,17 @@ def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> Bool
 
 def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
     """Whether each trajectory (n,) of a table is free."""
-    checker = SolidCollision(problem.model, problem.world)
+    judge = problem.model.judge(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
     done = 0
     for block, law, start, end in table.by_law():
-        counts = _sample_counts(law, start, end)
-        together = np.cumsum(counts) // SAMPLES
-        for part in (np.flatnonzero(together == number) for number in np.unique(together)):
+        for part in (slice(i, i + TOGETHER) for i in range(0, block.size, TOGETHER)):
             if say is not None:
                 say(f"collisions of {done:,} of {len(table):,} motions")
-            done += part.size
-            samples, owner = _dense(law, start.take(part), end.take(part), counts[part])
-            rows, inverse = np.unique(samples, axis=0, return_inverse=True)
-            free = checker.free(States(x=rows[:, 0], y=rows[:, 1], yaw=rows[:, 2]))
-            colliding[block[part]] = np.bincount(owner, ~free[inverse.ravel()], minlength=part.size) > 0
-    first = table.states.take(table.first)
-    begins, which = np.unique(np.stack([first.x, first.y, first.yaw], axis=1), axis=0, return_inverse=True)
-    free = checker.free(States(x=begins[:, 0], y=begins[:, 1], yaw=begins[:, 2]))  # of those that go nowhere as well
-    result: BoolArray = free[which.ravel()] & ~table.having(colliding)
+            motions = Motions(problem.world, problem.model, law, start.take(part), end.take(part))
+            colliding[block[part]] = ~judge.motions_free(motions)
+            done += len(motions)
+    begins, which = np.unique(table.first, return_inverse=True)  # of those that go nowhere as well
+    free = judge.states_free(table.states.take(begins))
+    result: BoolArray = free[which] & ~table.having(colliding)
     return result
-
-
-def _sample_counts(law: Law, start: States, end: States) -> IntArray:
-    """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
-    if is_curve(law):
-        (phase,) = law.phases(start, end)
-        rates = ((start.speed, end.speed), (start.turn_rate, end.turn_rate))  # what is linear is largest at an end
-        longest = np.max([np.maximum(np.abs(rate), np.abs(to)) for rate, to in rates], axis=0) * phase.duration
-    else:
-        longest = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in AXES], axis=0)
-    pieces: IntArray = np.maximum(1, np.ceil(longest / SPACING - 1e-9)).astype(np.int64)
-    return pieces + 1
-
-
-def _dense(law: Law, start: States, end: States, counts: IntArray) -> tuple[FloatArray, IntArray]:
-    """So many states (N, 3) along each of some motions (M,), the yaw in [0, 2 pi); and their motions (N,)."""
-    owner = np.repeat(np.arange(counts.size), counts)
-    u = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
-    begin, stop = start.take(owner), end.take(owner)
-    if is_curve(law):
-        (phase,) = law.phases(begin, stop)
-        share = phase.share(u)
-        columns = [law.interpolate(name, begin, stop, share) for name in AXES]
-    else:
-        columns = [getattr(begin, n) + u * (getattr(stop, n) - getattr(begin, n)) for n in AXES]
-    states = np.stack(columns, axis=1)
-    states[:, 2] %= 2 * np.pi
-    return np.round(states, 9), owner

@@ -11,7 +11,6 @@ import shapely
 import hpop
 from hpop.errors import CriterionError
 from hpop.history import History
-from hpop.models.collision.planar import why_blocked
 from hpop.motions import Motions, States
 from hpop.verify import collision_free, verify
 from hpop.world.content import Person, Zone
@@ -31,7 +30,9 @@ def test_nobody_is_run_over_unnoticed(content):
     problem = hpop.Problem(world, ROBOT, (1, 3, 0), (9, 3, 0), ["length"])
     through = hpop.Trajectory.from_poses(ROBOT, [(1, 3, 0), (9, 3, 0)])
     assert not collision_free(problem, [through])[0]
-    assert "keep-out zone or in a person" in why_blocked(ROBOT, world, 4.9, 3.0, 0.0)
+    here = States(x=np.array([4.9]), y=np.array([3.0]), yaw=np.array([0.0]))
+    for geometry in (ROBOT.collision(world), ROBOT.judge(world)):
+        assert "keep-out zone or in a person" in geometry.why_blocked(here)
 
 
 def test_a_front_that_never_leaves_the_start_is_no_answer():

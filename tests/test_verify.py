@@ -231,8 +231,8 @@ def test_a_curve_through_a_wall_is_found():
 def test_what_trajectories_share_is_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """However many go there: the effort is that of the distinct motions, and it is told how far it is."""
     looked: list[int] = []
-    free = SolidCollision.free
-    monkeypatch.setattr(SolidCollision, "free", lambda self, s: looked.append(s.size) or free(self, s))
+    free = SolidCollision.motions_free
+    monkeypatch.setattr(SolidCollision, "motions_free", lambda self, m: looked.append(len(m)) or free(self, m))
     asked, detour = problem(criteria=["length"]), path(*DETOUR)
     assert collision_free(asked, [detour]).all()
     once, told = sum(looked), list[str]()

@@ -8,6 +8,7 @@ over motions therefore runs unchanged on graphs, on trajectories and inside nonl
 from __future__ import annotations
 
 from hpop.motions.batch import Body, Motions, missing
+from hpop.motions.collision import Collision, PlaneCollision
 from hpop.motions.instants import Instants, Rate
 from hpop.motions.laws import Curve, Law, Model, Phase, is_curve, slopes
 from hpop.motions.space import StateSpace
@@ -15,12 +16,14 @@ from hpop.motions.states import Pose, States
 
 __all__ = [
     "Body",
+    "Collision",
     "Curve",
     "Instants",
     "Law",
     "Model",
     "Motions",
     "Phase",
+    "PlaneCollision",
     "Pose",
     "Rate",
     "StateSpace",

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.motions.collision import Collision
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States
+
+if TYPE_CHECKING:
+    from hpop.trajectory import Trajectory
+    from hpop.world import World
 
 
 class Phase(NamedTuple):
@@ -119,7 +124,16 @@ class Model(Protocol):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Names of the bodies that criteria can ask for: "base", "camera"."""
+        """What criteria and planners can ask for.
+
+        "base", "camera"  bodies
+        "heading"         the base looks where it goes
+        "wheels"          two driven wheels, speeds and accelerations: what curves are planned for
+        "plane"           x, y and yaw are among the states, and the robot is made of upright ``parts``, so that its
+                          collisions are a :class:`PlaneCollision`
+        "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
+        "rigid"           no states but x, y and yaw
+        """
 
     @property
     def space(self) -> StateSpace:
@@ -134,3 +148,21 @@ class Model(Protocol):
 
     def lever(self, body: str) -> float:
         """Distance of a body from the base's axis, m."""
+
+    def collision(self, world: World) -> Collision:
+        """What planning asks which states and motions are free: never too kind."""
+
+    def judge(self, world: World) -> Collision:
+        """What a result is verified by: shares no geometry with :meth:`collision`."""
+
+    def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
+        """What the robot really does of a trajectory, and when (n+1,), s, it passes each planned state."""
+
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """What the robot cannot do of a trajectory, in words: "does not go ahead in motion 3, a move"."""
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """Which motions (M,) of one law :meth:`faults` may find a fault in, told of thousands at once."""
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able name and parameters, enough to build the same model: ``{name: {parameter: value}}``."""

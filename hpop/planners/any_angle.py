@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.lattice import Lattice
+from hpop.planners.needs import in_plane
 from hpop.planners.purse import Purse
 from hpop.planners.roadmap import SAME, checked_ends, on_roadmap, pairs
 from hpop.planners.roadmap_graph import StateRoadmap
@@ -50,6 +50,8 @@ class AnyAngle:
     gives shorter paths. Costs a state for each heading of each link, and a turn for each two headings of a position:
     the square of what it sees.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
 
     step: float = 0.25
     headings: int = 8
@@ -108,7 +110,7 @@ class AnyAngle:
         count = len(positions) - len(ends)
         incomplete = "" if first.status.is_final else f"incomplete ({first.status}) "
         roadmap = StateRoadmap(
-            problem.model,
+            in_plane(problem.model),
             problem.world,
             positions,
             pairs(len(positions)),
@@ -164,7 +166,7 @@ def _bends(problem: Problem, along: FloatArray, way: IntArray) -> BoolArray:
     From the start, then from each bend, the next bend is the last position before one that is out of sight. All ways
     are followed at once, a position a round.
     """
-    collision, law = PlanarCollision(problem.model, problem.world), problem.model.laws["move"]
+    collision, law = problem.model.collision(problem.world), problem.model.laws["move"]
 
     def in_sight(tails: IntArray, heads: IntArray) -> BoolArray:
         (x, y), (to_x, to_y) = along[tails].T, along[heads].T

@@ -57,7 +57,11 @@ class Candidates:
 
 
 class Planner(Protocol):
-    """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options."""
+    """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options.
+
+    A planner that cannot serve any model says what it needs of one as ``needs: ClassVar[frozenset[str]]``, of what
+    :attr:`hpop.motions.Model.provides` lists; one that can has an empty set (:mod:`hpop.planners.needs`).
+    """
 
     @property
     def name(self) -> str: ...

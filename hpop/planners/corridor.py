@@ -24,13 +24,14 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import FloatArray
 from hpop.math import wrap
 from hpop.models.collision.planar import TOUCH
+from hpop.planners.needs import in_plane
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import STRAIGHT
 from hpop.world import World
 from hpop.world.planar import FreeSpace
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.models.base import PlanarModel
     from hpop.problem import Problem
 
 WIDTH = 3.0  # m: regions reach this far beyond the segment they are grown around
@@ -128,7 +129,7 @@ class Region:
     safe: bool
 
     @classmethod
-    def around(cls, segment: FloatArray, model: DifferentialDrive, world: World) -> Region | None:
+    def around(cls, segment: FloatArray, model: PlanarModel, world: World) -> Region | None:
         """Grow a region around a segment (2, 2); None where the segment touches an obstacle."""
         inside, reaches = HalfPlanes.box(segment, WIDTH), spaces(model, world)
         for space, reach in reaches:
@@ -233,14 +234,14 @@ def _region(segment: FloatArray, regions: list[Region], problem: Problem) -> int
     known = [i for i, region in enumerate(regions) if region.covers(segment)]
     if known:
         return max(known, key=lambda i: regions[i].inside.polygon.area)
-    grown = Region.around(segment, problem.model, problem.world)
+    grown = Region.around(segment, in_plane(problem.model), problem.world)
     if grown is None:
         return -1
     regions.append(grown)
     return len(regions) - 1
 
 
-def spaces(model: DifferentialDrive, world: World) -> list[tuple[FreeSpace, float]]:
+def spaces(model: PlanarModel, world: World) -> list[tuple[FreeSpace, float]]:
     """The free spaces at the heights of the robot's parts, each with the largest reach of its parts there, m."""
     found: dict[int, tuple[FreeSpace, float]] = {}
     for part in model.parts:

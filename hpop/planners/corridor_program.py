@@ -34,7 +34,7 @@ from hpop.world import World
 from hpop.world.planar import FreeSpace
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.models.base import PlanarModel
 
 LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is put in line, if that costs nothing
 SHORTEST = 1e-3  # m: a shorter segment is left out
@@ -50,7 +50,7 @@ class VariablePath:
     """
 
     world: World
-    model: DifferentialDrive
+    model: PlanarModel
     corridor: Corridor
     vertices: Any
 
@@ -103,7 +103,7 @@ class CorridorProgram:
     corridor: Corridor
     criteria: tuple[Criterion, ...]
     world: World
-    model: DifferentialDrive
+    model: PlanarModel
     solvers: tuple[str, ...]
     solved: Counter[str] = field(default_factory=Counter)
     failed: Counter[str] = field(default_factory=Counter)

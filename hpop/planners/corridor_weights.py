@@ -17,7 +17,7 @@ from hpop.planners.vertices import Polyline
 from hpop.world import World
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.models.base import PlanarModel
 
 SMALL = 1e-4  # added to every weight of a normalised cost, so that none is zero
 GAP = 0.01  # of the normalised weighted sum: the dichotomy leaves no more between its points and the front
@@ -34,7 +34,7 @@ class Shared:
     """
 
     world: World
-    model: DifferentialDrive
+    model: PlanarModel
     criteria: tuple[Criterion, ...]
     weights: tuple[tuple[float, ...], ...] | None
     solvers: tuple[str, ...]

@@ -13,6 +13,7 @@ from hpop.criteria.base import Criterion
 from hpop.models.differential_drive.driven import Drive, gauss
 from hpop.motions import Motions, States
 from hpop.planners.hinges import Slacks, slackened
+from hpop.planners.needs import on_wheels
 from hpop.planners.nlp import moments, vector
 from hpop.planners.treatable import on_symbols
 from hpop.symbols import lift
@@ -93,7 +94,7 @@ class Interval:
         """
         import casadi
 
-        model, world, law = self.problem.model, self.problem.world, Forward(sign=lift(p, 1))
+        model, world, law = on_wheels(self.problem.model), self.problem.world, Forward(sign=lift(p, 1))
         motions = self._motions(z, law)
         start, end = motions.start, motions.end
         defects = [vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")]

@@ -25,6 +25,7 @@ from hpop.models.differential_drive.driven import Drive
 from hpop.motions import States
 from hpop.planners.driven_interval import NODES, Interval
 from hpop.planners.driven_structure import Guess, Structure
+from hpop.planners.needs import on_wheels
 from hpop.planners.nlp import reaches
 from hpop.planners.separable import Separable
 from hpop.planners.settled import settled
@@ -138,7 +139,7 @@ class DrivenProgram:
     def _formulas(self) -> _Formulas:
         import casadi
 
-        n, k, model = len(self.structure.phase), len(self.criteria), self.problem.model
+        n, k, model = len(self.structure.phase), len(self.criteria), on_wheels(self.problem.model)
         of_nodes, of_lasts = self.structure.places
         moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
         of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
@@ -242,7 +243,7 @@ class DrivenProgram:
         """
         values, sizes = self._formulas.values, self._formulas.sizes
         solver = self._newton if exact else self._quasi_newton
-        model, counts = self.problem.model, np.array(self.structure.counts)
+        model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
         lowest, highest = self._of_variables(*self._node_bounds(guess))
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
         for p in range(1, len(least) - 1):
@@ -291,7 +292,9 @@ class DrivenProgram:
         owner, share = self.samples
         sampled = trajectory.times[owner] + share * trajectory.durations[owner]
         times = np.linspace(
-            0.0, trajectory.duration, int(np.ceil(trajectory.duration * self.problem.model.speed / DENSE)) + 2
+            0.0,
+            trajectory.duration,
+            int(np.ceil(trajectory.duration * on_wheels(self.problem.model).speed / DENSE)) + 2,
         )
         at, here = trajectory.at(times), trajectory.at(sampled)
         nearest = np.clip(np.searchsorted(sampled, times), 1, len(sampled) - 1)
@@ -307,7 +310,7 @@ class DrivenProgram:
 
     def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
         """Least and largest values (5, n+1) at the nodes."""
-        model, n = self.problem.model, len(self.structure.phase)
+        model, n = on_wheels(self.problem.model), len(self.structure.phase)
         x_min, y_min, x_max, y_max = self.problem.world.bounds
         lowest = np.repeat(np.array([[x_min], [y_min], [-np.inf], [0.0], [0.0]]), n + 1, axis=1)
         highest = np.repeat(np.array([[x_max], [y_max], [np.inf], [model.speed], [0.0]]), n + 1, axis=1)

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -69,6 +69,8 @@ class EpsilonConstraint:
     Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
     is built once a structure and process, in 30 to 200 ms, and solved in 20 to 100 ms.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
 
     step: float = 0.25
     headings: int = 8

@@ -20,7 +20,6 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import QueryError
 from hpop.math import wrap
-from hpop.models.collision.planar import why_blocked
 from hpop.motions import Motions, States
 from hpop.planners.base import quantised
 from hpop.planners.search import Graph
@@ -260,7 +259,7 @@ class JoinedEnds(StateGraph):
         for what, (x, y, yaw) in self.ends.items():
             if self.node(what) in reached:
                 continue
-            reason = why_blocked(self.model, self.world, x, y, yaw or 0.0) or (
+            reason = self.collision.why_blocked(_poses((x, y, yaw or 0.0), 1)) or (
                 f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
                 f"{'from' if what == START else 'to'} it; take a smaller step"
             )

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from hpop.errors import OptionError
 from hpop.options import LEAST, MOST, real, set_reals, set_wholes
@@ -17,6 +17,7 @@ from hpop.planners.grid import Headings
 from hpop.planners.joined_ends import Ends, with_ends
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.lattice_stages import stages
+from hpop.planners.needs import in_plane
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
@@ -69,6 +70,8 @@ class Lattice:
     as turns are) leaves the mean without a bound unless the turns have one: turning in place costs no length, so time
     without end could be spent where the mean is low.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
 
     step: float = 0.25
     headings: int = 8
@@ -185,7 +188,7 @@ class Lattice:
     def lattice(self, problem: Problem, purse: Purse | None = None) -> StateLattice:
         """The lattice anchored at the problem's start; building it may spend what is in the purse."""
         return StateLattice(
-            problem.model,
+            in_plane(problem.model),
             problem.world,
             (problem.start[0], problem.start[1]),
             float(self.step),

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from hpop.arrays import BoolArray, FloatArray
+from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -28,7 +29,7 @@ def least_length(problem: Problem) -> float:
     """
     start, goal = np.array(problem.start[:2]), np.array(problem.goal[:2])
     bounds = [math.dist(start, goal)]
-    for part in problem.model.parts:
+    for part in in_plane(problem.model).parts:
         if part.on_axis:
             free = problem.world.free_space((part.z_min, part.z_max)).region
             space = shapely.buffer(shapely.buffer(free, -part.radius, quad_segs=4), SLACK, join_style="mitre")

@@ -13,6 +13,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.errors import OptionError
 from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.planners.needs import in_plane
 from hpop.symbols import elementwise
 from hpop.world import World
 from hpop.world.field import Field
@@ -47,7 +48,7 @@ def vector(column: Column, size: int) -> Any:
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
     """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
     found: dict[int, tuple[Heights, float]] = {}
-    for part in problem.model.parts:
+    for part in in_plane(problem.model).parts:
         z = (part.z_min, part.z_max)
         key = id(problem.world.free_space(z))
         found[key] = max(found.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])

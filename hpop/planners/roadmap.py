@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
-from hpop.models.collision.planar import PlanarCollision, why_blocked
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.graph_query import GraphQuery, refuse_unanswerable
+from hpop.planners.needs import in_plane
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
@@ -58,6 +58,8 @@ class Roadmap:
     say. Costs a state for each heading of each link, and a turn for each two headings of a position; where a robot that
     is not round has little room, each of these turns is checked by itself, which takes most of the time.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
 
     samples: int = 500
     neighbours: int | None = None
@@ -110,7 +112,7 @@ class Roadmap:
         drawn = len(positions) - len(ends)
         count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
         return StateRoadmap(
-            problem.model,
+            in_plane(problem.model),
             problem.world,
             positions,
             np.concatenate([_nearest(positions, count), pairs(len(ends))]),
@@ -129,7 +131,7 @@ class Roadmap:
         A position is taken if the robot is free there at a random heading.
         """
         rng = np.random.default_rng(self.seed)
-        collision = PlanarCollision(problem.model, problem.world)
+        collision = problem.model.collision(problem.world)
         x_min, y_min, x_max, y_max = problem.world.bounds
         drawn = np.zeros((0, 2))
         for _ in range(DRAWS):
@@ -144,11 +146,11 @@ class Roadmap:
 
 def checked_ends(problem: Problem) -> FloatArray:
     """Positions (2, 2) of start and goal, m, or (1, 2) where they are one; QueryError where one is blocked."""
-    yaw_matters = PlanarCollision(problem.model, problem.world).yaw_matters
+    collision = in_plane(problem.model).collision(problem.world)
     for what, (x, y, yaw) in (("start", problem.start), ("goal", problem.goal)):
-        if yaw is None and yaw_matters:  # some heading may do
+        if yaw is None and collision.yaw_matters:  # some heading may do
             continue
-        reason = why_blocked(problem.model, problem.world, x, y, yaw or 0.0)
+        reason = collision.why_blocked(States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0])))
         if reason:
             raise QueryError(f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.")
     start, goal = problem.start[:2], problem.goal[:2]

@@ -6,16 +6,16 @@ import time
 from collections import Counter
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import OptionError, QueryError
-from hpop.models.collision.planar import PlanarCollision
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.needs import on_wheels
 from hpop.planners.roadmap import checked_ends
 from hpop.planners.rrt_query import Query
 from hpop.planners.rrt_run import Run, load_ompl, run
@@ -51,6 +51,8 @@ class RRT:
     begin and end at rest, exactly at start and goal, and are free of collisions. Costs about half a second a run in a
     building, memory for one tree; the results are the same with any executor.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
 
     runs: int = 100
     seed: int = 0
@@ -114,14 +116,15 @@ class RRT:
                 "them."
             )
         checked_ends(problem)
-        sweeps = PlanarCollision(problem.model, problem.world)
+        model = on_wheels(problem.model)
+        collision = model.collision(problem.world)
         for what, (x, y, _) in (("start", problem.start), ("goal", problem.goal)):
-            if not sweeps.clear(np.array([x]), np.array([y]))[0]:
+            if not collision.clear(np.array([x]), np.array([y]))[0]:
                 raise QueryError(
                     f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
                     "in turning, and that meets an obstacle there. Move it, or use another planner."
                 )
-        return Query(problem.model, problem.world, problem.start, problem.goal, self.max_extensions)
+        return Query(model, problem.world, problem.start, problem.goal, self.max_extensions)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.models.collision.planar import PlanarCollision
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import States
 from hpop.planners.rrt_query import Base, Limits, Query, of_wheels
@@ -43,7 +42,7 @@ def close(query: Query, controls: FloatArray) -> FloatArray | None:
 
 def _free(query: Query, controls: FloatArray) -> bool:
     """Whether a trajectory is free of collisions, exactly."""
-    collision = PlanarCollision(query.model, query.world)
+    collision = query.model.collision(query.world)
     trajectory = query.trajectory(controls)
     return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(query.world))
 

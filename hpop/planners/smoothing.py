@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class Smoothing:
     program is built once a structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and optic flow in one or
     two seconds; what collides between two samples is solved again, once in two to eight polylines.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
 
     step: float = 0.25
     headings: int = 8

@@ -18,6 +18,7 @@ from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
 from hpop.planners.driven_structure import Structure
 from hpop.planners.homotopy import homotopic
+from hpop.planners.needs import on_wheels
 from hpop.planners.outcome import ALONE, Outcome
 from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
@@ -100,7 +101,7 @@ class SmoothingJob:
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Smoothed | str:
         """Without turns nothing is free but the speeds: as fast as they may be."""
         model, length = (
-            self.problem.model,
+            on_wheels(self.problem.model),
             float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y)))),
         )
         ramp = min(model.speed / model.acceleration, math.sqrt(length / model.acceleration))
@@ -124,7 +125,7 @@ class SmoothingJob:
         self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
     ) -> tuple[Driven, Trajectory] | str:
         """A solution that neither collides nor has too bad a moment on exact geometry, or why there is none."""
-        smooth, model = self.smooth, self.problem.model
+        smooth, model = self.smooth, on_wheels(self.problem.model)
         worst = np.array([self.criteria[j].aggregate == "max" for j in smooth])
         weights = np.where(worst, SPREAD, 1.0) / len(smooth)
         if self.minimise is not None:
@@ -178,7 +179,7 @@ class SmoothingJob:
         if turns < structure.turns:
             return "lowers the number of turns"
         way = path_points(goes)
-        spaces = {id(s): s for s in map(self._space, self.problem.model.parts)}.values()
+        spaces = {id(s): s for s in map(self._space, on_wheels(self.problem.model).parts)}.values()
         if not all(homotopic(way, polyline.vertices, space) for space in spaces):
             return "leaves the homotopy class of its polyline"
         planned = judged.costs[0].copy()

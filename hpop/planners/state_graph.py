@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.math import wrap
-from hpop.models.collision.planar import PlanarCollision
-from hpop.motions import Motions, States
+from hpop.motions import Motions, PlaneCollision, States
 from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import quantised
 from hpop.planners.purse import Purse
@@ -28,7 +27,7 @@ from hpop.planners.stretches import Stretch, stretches, trajectories
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.models.base import PlanarModel
     from hpop.world import World
 
 A = TypeVar("A")
@@ -44,7 +43,7 @@ class StateGraph(ABC):
     purse  what building it may spend
     """
 
-    model: DifferentialDrive
+    model: PlanarModel
     world: World
     purse: Purse = field(default_factory=Purse, kw_only=True)
 
@@ -100,9 +99,9 @@ class StateGraph(ABC):
         return self.arcs.turns.view(np.int8)
 
     @cached_property
-    def collision(self) -> PlanarCollision:
+    def collision(self) -> PlaneCollision:
         """What tells free states and motions."""
-        return PlanarCollision(self.model, self.world)
+        return self.model.collision(self.world)
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
         """Edges (M,) as motions; a turn goes the shorter way, a half turn counter-clockwise."""

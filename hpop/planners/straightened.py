@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
 
 from hpop.arrays import FloatArray
+from hpop.models.laws import Move
 from hpop.planners.trust import is_free
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
@@ -33,7 +34,7 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
             straight.append(trajectory)
             continue
         curves += 1
-        line = shapely.LineString(_points(trajectory, problem.model.speed))
+        line = shapely.LineString(_points(trajectory, cast(Move, problem.model.laws["move"]).speed))
         for deviation in DEVIATIONS:
             corners = shapely.get_coordinates(shapely.simplify(line, deviation, preserve_topology=False))
             polyline = Polyline(corners, problem.start[2], problem.goal[2]).trajectory(problem.model)

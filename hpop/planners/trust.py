@@ -17,7 +17,6 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.math import wrap
-from hpop.models.collision.planar import PlanarCollision
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -103,7 +102,7 @@ def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criteri
 
 def is_free(problem: Problem, trajectory: Trajectory) -> bool:
     """Whether a trajectory is free of collisions all along, on the exact geometry."""
-    collision = PlanarCollision(problem.model, problem.world)
+    collision = problem.model.collision(problem.world)
     if not len(trajectory):
         return bool(collision.states_free(trajectory.states).all())
     return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(problem.world))

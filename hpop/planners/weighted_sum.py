@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, edge_objectives, planner
@@ -43,6 +43,8 @@ class WeightedSum:
     returned one is unsupported; costs rounded as there. What lies in a dent of the front is missed. Costs one A* search
     a weight: see :func:`hpop.planners.search.supported_paths`.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
 
     step: float = 0.25
     headings: int = 8

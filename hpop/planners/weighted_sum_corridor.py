@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
+from hpop.planners.needs import in_plane
 from hpop.planners.search.weighted_sum import check_divisions, simplex_lattice
 from hpop.planners.straightened import straightened
 from hpop.planners.treatable import settled
@@ -61,6 +62,8 @@ class WeightedSumCorridor:
     are exact as always. Other corridors may have better points. Cost: one compilation a corridor, 20 to 100 ms, and
     3 to 10 ms a weight.
     """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
 
     step: float = 0.25
     headings: int = 8
@@ -155,7 +158,7 @@ class _Run:
         k = len(self.convex)
         criteria = tuple(self.criteria[j] for j in self.convex)
         solvers = solvers_from(self.options.solver)
-        return Shared(self.problem.world, self.problem.model, criteria, self._weights(k), solvers)
+        return Shared(self.problem.world, in_plane(self.problem.model), criteria, self._weights(k), solvers)
 
     def _weights(self, k: int) -> Weights | None:
         if self.options.weights is not None:

@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.models import DifferentialDrive
-from hpop.models.collision.planar import PlanarCollision, why_blocked
-from hpop.models.collision.solid import SolidCollision
 from hpop.motions import Motions, States
 from hpop.world import World
 
@@ -81,19 +79,19 @@ def free_by_shapely(robot, world, states):
 @pytest.mark.parametrize("seed", range(3))
 def test_states_are_free_where_shapely_and_fcl_say_so(robot, seed):
     world, states = room(seed), random_states(seed + 50, 400)
-    free = PlanarCollision(robot, world).states_free(states)
+    free = robot.collision(world).states_free(states)
     expected, sure = free_by_shapely(robot, world, states)
     assert 0.05 < free.mean() < 0.95
     assert sure.mean() > 0.95
     assert (free == expected)[sure].all()
-    assert (SolidCollision(robot, world).free(states) == expected)[sure].all()
+    assert (robot.judge(world).states_free(states) == expected)[sure].all()
 
 
 @robots
 @pytest.mark.parametrize("seed", range(3))
 def test_a_clear_position_is_free_at_every_yaw(robot, seed):
     world, states = room(seed), random_states(seed + 80, 300)
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     clear = collision.clear(states.x, states.y)
     assert clear.any()
     for yaw in np.linspace(-np.pi, np.pi, 13):
@@ -112,7 +110,7 @@ def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
     world, start = room(seed), random_states(seed + 20, 150)
     length = np.random.default_rng(seed).uniform(0.0, 1.0, 150)
     end = States(x=start.x + length * np.cos(start.yaw), y=start.y + length * np.sin(start.yaw), yaw=start.yaw)
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.05 < free.mean() < 0.95
     sampled = np.ones(150, dtype=bool)
@@ -137,7 +135,7 @@ def test_turns_never_miss_a_collision_that_dense_samples_find(robot, seed, kind)
     world, start = room(seed), random_states(seed + 30, 200)
     turn = np.random.default_rng(seed).uniform(-np.pi, np.pi, 200)
     end = States(x=start.x, y=start.y, yaw=start.yaw + turn)
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.03 < free.mean() < 0.95
     sampled = np.ones(200, dtype=bool)
@@ -157,8 +155,8 @@ def state(x, y, yaw=0.0):
 
 def is_free(robot, world, x, y, yaw=0.0):
     answers = {
-        bool(PlanarCollision(robot, world).states_free(state(x, y, yaw))[0]),
-        bool(SolidCollision(robot, world).free(state(x, y, yaw))[0]),
+        bool(robot.collision(world).states_free(state(x, y, yaw))[0]),
+        bool(robot.judge(world).states_free(state(x, y, yaw))[0]),
     }
     assert len(answers) == 1
     return answers.pop()
@@ -200,7 +198,7 @@ def test_discs_may_touch(radius, y):
     wall = shapely.box(5, -10, 6, 10)
     world = World.from_polygons([wall], extent=shapely.box(-10, -10, 10, 10))
     robot = DifferentialDrive(radius=radius)
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     for gap, expected in ((0.0, True), (1e-6, True), (-1e-6, False)):
         x = 5 - radius - gap
         assert collision.states_free(state(x, y))[0] == expected
@@ -213,13 +211,13 @@ def test_a_thin_wall_between_two_free_ends_stops_a_move_of_any_robot():
     world = World.from_polygons([shapely.box(5, 0, 5.001, 10)], extent=shapely.box(0, 0, 10, 10))
     for robot in ROBOTS.values():
         move = Motions(world, robot, robot.laws["move"], state(3, 5), state(7, 5))
-        assert not PlanarCollision(robot, world).motions_free(move)[0]
+        assert not robot.collision(world).motions_free(move)[0]
 
 
 def test_a_pillar_between_the_ends_of_a_half_turn_stops_it():
     world = World.from_polygons([shapely.box(4.99, 5.5, 5.01, 5.6)], extent=shapely.box(0, 0, 10, 10))
     robot = ROBOTS["long"]
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     for turn, expected in ((np.pi, False), (-np.pi, True)):
         motion = Motions(world, robot, robot.laws["turn"], state(5, 5, 0.0), state(5, 5, turn))
         assert collision.motions_free(motion)[0] == expected
@@ -234,7 +232,7 @@ def test_the_bulge_of_an_arc_between_two_outlines_is_not_missed():
     pin = shapely.LineString([(near, 0), (far, 0)]).buffer(1e-6, cap_style="flat")
     pin = shapely.affinity.rotate(pin, turn / 2, origin=(0, 0), use_radians=True)
     world = World.from_polygons([pin], extent=shapely.box(-2, -2, 2, 2))
-    collision = PlanarCollision(robot, world)
+    collision = robot.collision(world)
     assert collision.states_free(state(0, 0, 0.0))[0]
     assert collision.states_free(state(0, 0, turn))[0]
     assert not collision.states_free(state(0, 0, turn / 2))[0]
@@ -245,7 +243,7 @@ def test_the_bulge_of_an_arc_between_two_outlines_is_not_missed():
 def test_no_states_and_no_motions_are_no_trouble():
     world, nothing = room(0), random_states(0, 0)
     for robot in ROBOTS.values():
-        collision = PlanarCollision(robot, world)
+        collision = robot.collision(world)
         assert collision.states_free(nothing).shape == (0,)
         for law in robot.laws.values():
             none = States(**dict.fromkeys((*nothing.names, *getattr(law, "extra", ())), nothing.x))
@@ -267,7 +265,7 @@ def test_why_blocked_names_the_reason(x, y, text):
     world = World.from_polygons(
         [shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 8), keep_out=shapely.box(8, 0, 9, 2)
     )
-    reason = why_blocked(DifferentialDrive(radius=0.3), world, x, y, 0.0)
+    reason = DifferentialDrive(radius=0.3).collision(world).why_blocked(state(x, y))
     assert text in reason
     assert bool(reason) == bool(text)
 
@@ -278,9 +276,9 @@ def test_why_blocked_speaks_of_the_part_that_is_blocked():
     # The body is below the table but 0.2 m from the stump; the mast stands free at x = 3.85.
     robot = DifferentialDrive(radius=0.3, camera_offset=(-0.25, 0.0))
     distance = np.hypot(4.1 - 3.7, 5.1 - 5.0)
-    assert why_blocked(robot, world, 4.1, 5.0, 0.0) == ""
+    assert robot.collision(world).why_blocked(state(4.1, 5.0)) == ""
     assert distance > 0.3
     wide = DifferentialDrive(radius=0.45, camera_offset=(-0.25, 0.0))
-    reason = why_blocked(wide, world, 4.1, 5.0, 0.0)
+    reason = wide.collision(world).why_blocked(state(4.1, 5.0))
     assert f"is {distance:.3f} m away and the robot reaches 0.450 m" in reason
-    assert "inside an obstacle" in why_blocked(DifferentialDrive(), world, 5.0, 5.0, 0.0)
+    assert "inside an obstacle" in DifferentialDrive().collision(world).why_blocked(state(5.0, 5.0))

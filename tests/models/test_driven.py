@@ -12,7 +12,6 @@ from scipy.integrate import quad, solve_ivp
 from hpop.criteria import Length, Rotation, make_criterion, trajectory_cost
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
-from hpop.models.collision.planar import PlanarCollision
 from hpop.models.driven import driven
 from hpop.motions import States
 from hpop.problem import Problem
@@ -239,7 +238,7 @@ def test_no_collision_along_curves_is_missed_and_hardly_one_made_up(robot):
     rng = np.random.default_rng(3)
     boxes = [shapely.box(x, y, x + 0.02, y + 0.02) for x, y in rng.uniform(-4, 4, (60, 2))]
     world = World.from_polygons(boxes, extent=shapely.box(-20, -20, 20, 20))
-    checker, strict = PlanarCollision(robot, world), 0
+    checker, strict = robot.collision(world), 0
     for _ in range(40):
         controls = [(rng.uniform(0.2, 1), rng.uniform(-3, 3), 0.5), (0, rng.uniform(-3, 3), 0.6)]
         trajectory = driven(robot, (*rng.uniform(-3, 3, 2), rng.uniform(-3, 3)), controls)
@@ -267,4 +266,4 @@ def test_the_independent_check_looks_at_the_curve_not_at_its_chord():
         problem = Problem(world, ROBOTS[0], (0, 0, 0), (1, 0, 0), ["length"])
         assert collision_free(problem, [trajectory])[0] == free
         batch = next(m for _, m in trajectory.batches(world))
-        assert PlanarCollision(ROBOTS[0], world).motions_free(batch).all() == free
+        assert ROBOTS[0].collision(world).motions_free(batch).all() == free

@@ -13,7 +13,6 @@ import shapely
 from hpop.criteria.base import trajectory_costs
 from hpop.math import wrap
 from hpop.models import DifferentialDrive
-from hpop.models.collision.solid import SolidCollision
 from hpop.motions import States
 from hpop.planners import lattice_stages
 from hpop.planners.base import edge_objectives
@@ -64,7 +63,7 @@ class Oracle:
 
     def __init__(self, problem, headings, anchor=ANCHOR):
         self.problem = problem
-        self.fcl = SolidCollision(problem.model, problem.world)
+        self.fcl = problem.model.judge(problem.world)
         steps = {
             4: [(1, 0), (0, 1), (-1, 0), (0, -1)],
             8: [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)],
@@ -89,7 +88,7 @@ class Oracle:
             x, y, yaw = (np.linspace(p, q, n) for p, q in zip(a, b, strict=True))
             (x0, y0, x1, y1) = self.problem.world.bounds
             inside = ((x > x0) & (x < x1) & (y > y0) & (y < y1)).all()
-            self.known[a, b] = bool(inside and self.fcl.free(States(x=x, y=y, yaw=yaw)).all())
+            self.known[a, b] = bool(inside and self.fcl.states_free(States(x=x, y=y, yaw=yaw)).all())
         return self.known[a, b]
 
     def add(self, tail, head, poses):

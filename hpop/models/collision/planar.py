@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part
-from hpop.models.differential_drive.model import DifferentialDrive
-from hpop.motions import Curve, Motions, States
+from hpop.models.collision.words import reason
+from hpop.motions import Motions, States, is_curve
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -32,25 +32,29 @@ CURVE_MARGIN = 2e-3  # m: a curve is covered by hulls of outlines so near to eac
 
 @dataclass(frozen=True, eq=False)
 class PlanarCollision:
-    """Tells which states and motions of a robot are free in a world.
+    """Tells which states and motions of a robot are free in a world; of its states only x, y and yaw place its parts.
+
+    parts  upright prisms in the frame of the base
+    world
 
     Straight moves are exact. Turns of parts off the axis are covered by hulls that are never too small, and too large
     by at most 4.5 % of the part's reach: 2 sin(1.25 degrees) for the hull of two outlines 5 degrees apart, and the
-    sagitta. Curves are covered in the same way, by hulls too large by 2 mm and what an outline turns between samples.
+    sagitta. Motions that turn on their way are covered likewise. Curves are too, by hulls too large by 2 mm and what an
+    outline turns between samples; their states have a ``speed`` and a ``turn_rate``, which change linearly with time.
     """
 
-    model: DifferentialDrive
+    parts: tuple[Part, ...]
     world: World
 
     @property
     def yaw_matters(self) -> bool:
         """Whether a position that is not :meth:`clear` can still be free at some yaw."""
-        return not all(part.on_axis for part in self.model.parts)
+        return not all(part.on_axis for part in self.parts)
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
         free = np.ones(x.size, dtype=bool)
-        for part in self.model.parts:
+        for part in self.parts:
             left = np.flatnonzero(free)
             free[left] = self._space(part).clearance(x[left], y[left]) >= part.reach - TOUCH
         return free
@@ -65,24 +69,29 @@ class PlanarCollision:
 
     def motions_free(self, motions: Motions) -> BoolArray:
         """Whether the robot is free all along each motion (M,), ends included."""
-        if isinstance(motions.law, Curve):
+        if is_curve(motions.law):
             return self._every_part(lambda part, at: self._curves_free(part, motions, at), len(motions))
-        turning = "yaw" in motions.law.varies
+        turning, moving = "yaw" in motions.law.varies, bool({"x", "y"} & motions.law.varies)
 
         def free(part: Part, at: BoolArray) -> BoolArray:
             start, end = motions.start.take(at), motions.end.take(at)
             if turning and not part.on_axis:
-                return self._turns_free(part, start, end)
+                return self._turns_free(part, start, end, moving=moving)
             return self._hulls_free(part, np.concatenate([part.placed(start), part.placed(end)], axis=1), part.radius)
 
         return self._every_part(free, len(motions))
+
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
+        return "" if blocked is None else reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
 
     def _space(self, part: Part) -> FreeSpace:
         return self.world.free_space((part.z_min, part.z_max))
 
     def _every_part(self, test: Callable[[Part, BoolArray], BoolArray], size: int) -> BoolArray:
         free = np.ones(size, dtype=bool)
-        for part in self.model.parts:
+        for part in self.parts:
             left = free.copy()
             free[left] = test(part, left)
         return free
@@ -98,19 +107,27 @@ class PlanarCollision:
         free[open_] = space.shapes_free(_hulls(corners[open_], straight=bool((round_it[open_] > 0).all())), margin)
         return free
 
-    def _turns_free(self, part: Part, start: States, end: States) -> BoolArray:
-        """Cover each turn by hulls of outlines at neighbouring yaws, grown by the sagitta of the arcs between."""
+    def _turns_free(self, part: Part, start: States, end: States, *, moving: bool) -> BoolArray:
+        """Cover turns, in place or on their way, by hulls of outlines at neighbouring yaws, grown by what is between.
+
+        In place a point leaves the chord of its arc by no more than the sagitta, r (1 - cos(Δ/2)). On a straight way
+        its arc is carried along evenly: it leaves the chord that is gone evenly by no more than r Δ²/8.
+        """
         turned = np.abs(end.yaw - start.yaw)
         pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
         owner = np.repeat(np.arange(start.size), pieces)
         piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        step = ((end.yaw - start.yaw) / pieces)[owner]
-        yaw = start.yaw[owner] + piece * step
-        ends = [States(x=start.x[owner], y=start.y[owner], yaw=y) for y in (yaw, yaw + step)]
-        sagitta = part.reach * (1.0 - math.cos(TURN_SAMPLE / 2))
-        corners = np.concatenate([part.placed(states) for states in ends], axis=1)
+        corners = []
+        begin = {name: getattr(start, name)[owner] for name in ("x", "y", "yaw")}
+        steps = {name: ((getattr(end, name) - getattr(start, name)) / pieces)[owner] for name in ("x", "y", "yaw")}
+        yaw = begin["yaw"] + piece * steps["yaw"]
+        for number, turned_to in ((piece, yaw), (piece + 1, yaw + steps["yaw"])):
+            x, y = (begin[axis] + number * steps[axis] if moving else begin[axis] for axis in ("x", "y"))
+            corners.append(part.placed(States(x=x, y=y, yaw=turned_to)))
+        bulge = TURN_SAMPLE * TURN_SAMPLE / 8 if moving else 1.0 - math.cos(TURN_SAMPLE / 2)
         free = np.ones(start.size, dtype=bool)
-        np.logical_and.at(free, owner, self._hulls_free(part, corners, part.radius + sagitta))
+        outlines = np.concatenate(corners, axis=1)
+        np.logical_and.at(free, owner, self._hulls_free(part, outlines, part.radius + part.reach * bulge))
         return free
 
     def _curves_free(self, part: Part, motions: Motions, at: BoolArray) -> BoolArray:
@@ -149,26 +166,3 @@ def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
         return np.asarray(shapely.linestrings(corners), dtype=object)
     points = shapely.multipoints(corners.reshape(-1, 2), indices=np.repeat(np.arange(size), count))
     return np.asarray(shapely.convex_hull(points), dtype=object)
-
-
-def why_blocked(model: DifferentialDrive, world: World, x: float, y: float, yaw: float) -> str:
-    """What blocks a state and what helps, in words without the last full stop; empty when it is free."""
-    collision = PlanarCollision(model, world)
-    one = States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw]))
-    if collision.states_free(one)[0]:
-        return ""
-    here = shapely.Point(x, y)
-    if not shapely.covers(world.extent, here):
-        x_min, y_min, x_max, y_max = world.bounds
-        spans = f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
-        return f"it is outside the map, which spans {spans}. Move it"
-    if shapely.covers(world.closed, here):
-        return "it is in a keep-out zone or in a person who stands there. Move it"
-    part = next(part for part in model.parts if not collision.part_free(part, one)[0])
-    if shapely.covers(world.solid(part.z_min, part.z_max), here):
-        return "it is inside an obstacle. Move it"
-    distance = float(world.clearance(one.x, one.y, z=(part.z_min, part.z_max))[0])
-    return (
-        f"the nearest obstacle, keep-out zone or map border is {distance:.3f} m away and the robot reaches "
-        f"{part.reach:.3f} m. Move it, or take a smaller robot"
-    )

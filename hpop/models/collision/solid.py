@@ -13,27 +13,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from hpop.arrays import BoolArray, FloatArray
-from hpop.models.differential_drive.model import DifferentialDrive
-from hpop.motions import States
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.models.collision.parts import Part
+from hpop.models.collision.words import reason
+from hpop.motions import Law, Motions, States, is_curve, slopes
 
 if TYPE_CHECKING:
-    from hpop.models.collision.parts import Part
     from hpop.world import World
 
 MARGIN = 1e-6  # m: the robot is shrunk by this, so that touching is no collision
+SPACING = 0.05  # m or rad: distance between the states of a motion that are looked at
+SAMPLES = 2**14  # states that are looked at together
+CURVE_STEPS = 8  # in which the speed of a curve is looked at, to sample it
+AXES = ("x", "y", "yaw")
 
 
 @dataclass(frozen=True, eq=False)
 class SolidCollision:
-    """Tells which states collide: obstacles, keep-out zones and the border of the extent, in three dimensions."""
+    """Tells which states collide: obstacles, keep-out zones and the border of the extent, in three dimensions.
 
-    model: DifferentialDrive
+    parts  upright prisms in the frame of the base, which x, y and yaw of a state place
+    world
+
+    Motions are looked at in states no further apart than 5 cm or 3 degrees; those that several share, once.
+    """
+
+    parts: tuple[Part, ...]
     world: World
 
     @cached_property
     def _top(self) -> float:
-        return max(part.z_max for part in self.model.parts)
+        return max(part.z_max for part in self.parts)
 
     @cached_property
     def _obstacles(self) -> Any:
@@ -58,28 +68,81 @@ class SolidCollision:
             yield obstacle.polygon, obstacle.z_min, obstacle.z_max
         if self.world.raster is not None:
             yield self.world.raster.solid(), self.world.raster.z_min, self.world.raster.z_max
-        reach = max(part.reach for part in self.model.parts)
+        reach = max(part.reach for part in self.parts)
         frame = shapely.box(*shapely.buffer(self.world.extent, 2 * reach).bounds)
         yield shapely.difference(frame, self.world.extent), -np.inf, np.inf
         if not shapely.is_empty(self.world.closed):
             yield self.world.closed, -np.inf, np.inf
 
-    def free(self, states: States) -> BoolArray:
-        """Whether the robot is free in each state (N,)."""
+    @cached_property
+    def _robot(self) -> list[tuple[Part, Any]]:
         import fcl
 
-        robot = [(part, fcl.CollisionObject(_part_geometry(part), fcl.Transform())) for part in self.model.parts]
-        free = np.asarray(shapely.intersects_xy(self.world.extent, states.x, states.y))
+        return [(part, fcl.CollisionObject(_part_geometry(part), fcl.Transform())) for part in self.parts]
+
+    def states_free(self, states: States) -> BoolArray:
+        """Whether the robot is free in each state (N,)."""
+        rows = np.stack([getattr(states, name) for name in AXES], axis=1)
+        return self._rows_free(rows)
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether the robot is free in states along each motion (M,), both ends included."""
+        law, start, end = motions.law, motions.start, motions.end
+        free = np.ones(len(motions), dtype=bool)
+        counts = _sample_counts(law, start, end)
+        together = np.cumsum(counts) // SAMPLES
+        for part in (np.flatnonzero(together == number) for number in np.unique(together)):
+            rows, owner = _dense(law, start.take(part), end.take(part), counts[part])
+            free[part] = np.bincount(owner, ~self._rows_free(rows), minlength=part.size) == 0
+        return free
+
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        if self.states_free(state)[0]:
+            return ""
+        blocked = (part for part in self.parts if not SolidCollision((part,), self.world).states_free(state)[0])
+        return reason(self.world, next(blocked), float(state.x[0]), float(state.y[0]))
+
+    def _rows_free(self, rows: FloatArray) -> BoolArray:
+        """Whether the robot is free at each place and heading (N, 3)."""
+        import fcl
+
+        places = np.round(np.column_stack([rows[:, :2], rows[:, 2] % (2 * np.pi)]), 9)
+        places, inverse = np.unique(places, axis=0, return_inverse=True)
+        free = np.asarray(shapely.intersects_xy(self.world.extent, places[:, 0], places[:, 1]))
         for i in np.flatnonzero(free):
-            x, y, yaw = (float(column[i]) for column in (states.x, states.y, states.yaw))
-            for part, body in robot:
-                body.setTransform(_placed(part, x, y, yaw))
+            for part, body in self._robot:
+                body.setTransform(_placed(part, *places[i].tolist()))
                 data = fcl.CollisionData()
                 self._obstacles.collide(body, data, fcl.defaultCollisionCallback)
                 if data.result.is_collision:
                     free[i] = False
                     break
-        return free
+        found: BoolArray = free[inverse.ravel()]
+        return found
+
+
+def _sample_counts(law: Law, start: States, end: States) -> IntArray:
+    """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
+    if is_curve(law):
+        shares = np.linspace(0.0, 1.0, CURVE_STEPS + 1)
+        rates = (slopes(law, name, start, end, share)[0] for share in shares for name in AXES)
+        longest = np.max([np.abs(rate) for rate in rates], axis=0)
+    else:
+        longest = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in AXES], axis=0)
+    pieces: IntArray = np.maximum(1, np.ceil(longest / SPACING - 1e-9)).astype(np.int64)
+    return pieces + 1
+
+
+def _dense(law: Law, start: States, end: States, counts: IntArray) -> tuple[FloatArray, IntArray]:
+    """So many places and headings (N, 3) along each of some motions (M,), evenly spaced; and their motions (N,)."""
+    owner = np.repeat(np.arange(counts.size), counts)
+    share = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
+    begin, stop = start.take(owner), end.take(owner)
+    columns = (
+        law.interpolate(name, begin, stop, share) if name in law.varies else getattr(begin, name) for name in AXES
+    )
+    return np.stack([*columns], axis=1), owner
 
 
 def _part_geometry(part: Part) -> Any:

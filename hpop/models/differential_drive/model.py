@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,13 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import ModelError
+from hpop.models.base import PlanarModel, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
+from hpop.models.differential_drive.faults import doubtful, faults
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.motions import Law, Pose, States, StateSpace
-from hpop.options import FARTHEST, LEAST, MOST, real, set_reals
+from hpop.options import LEAST, MOST, real, set_reals
 from hpop.registry import models
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -73,7 +75,7 @@ class WheelTrack(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DifferentialDrive:
+class DifferentialDrive(PlanarModel):
     """A base with two driven wheels and a 360-degree camera on a mast; states x, y (m) and yaw (rad).
 
     radius             m       of a round footprint
@@ -123,17 +125,13 @@ class DifferentialDrive:
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria can ask for: two bodies, and wheels ``wheel_base`` apart."""
-        return frozenset({"base", "camera", "wheels"})
+        """What criteria and planners can ask for: also a camera, a heading, and wheels ``wheel_base`` apart."""
+        return super().provides | {"camera", "heading", "wheels"}
 
     @cached_property
     def space(self) -> StateSpace:
         """Where it is and how it is turned; apart by how far it moves in the time of a turn at its turn rate."""
-        bounds = (FARTHEST, FARTHEST, math.pi)
-        weights = (1.0, 1.0, self.speed / self.turn_rate)
-        turning = frozenset({"yaw"})
-        low = tuple(-bound for bound in bounds)
-        return StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), low, bounds, weights, turning)
+        return plane_space(self.speed / self.turn_rate)
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
@@ -195,13 +193,13 @@ class DifferentialDrive:
             a + half * change.yaw,
         )
 
-    def describe(self) -> dict[str, Any]:
-        """JSON-able parameters, enough to build the same robot."""
-        return {
-            self.name: {
-                name: getattr(self, name) for name in self.__dataclass_fields__ if getattr(self, name) is not None
-            }
-        }
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """Motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
+        return faults(self, trajectory)
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """Motions (M,) that do not go ahead, and curves."""
+        return doubtful(law, start, end)
 
 
 def _checked_offset(offset: Any) -> tuple[float, float]:

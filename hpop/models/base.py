@@ -1,0 +1,97 @@
+"""A robot in the plane from its parts and laws, so that one of your own is one short file."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray
+from hpop.models.collision.parts import Part
+from hpop.models.collision.planar import PlanarCollision
+from hpop.models.collision.solid import SolidCollision
+from hpop.models.execution import rest_to_rest_execution
+from hpop.models.laws import Move, Turn
+from hpop.motions import Law, Model, States, StateSpace
+from hpop.options import FARTHEST
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+
+def plane_space(metres_a_radian: float) -> StateSpace:
+    """Where a base is and how it is turned; a radian is as far apart as some metres."""
+    bounds = (FARTHEST, FARTHEST, math.pi)
+    low = tuple(-bound for bound in bounds)
+    weights = (1.0, 1.0, metres_a_radian)
+    return StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), low, bounds, weights, frozenset({"yaw"}))
+
+
+class PlanarModel(Model):
+    """A robot that stands upright on a floor: what follows from its parts and its laws.
+
+    A model of your own is a frozen dataclass, whose fields are its parameters, and gives ``name`` (in the registry),
+    ``space``, ``laws``, ``parts`` and its bodies.
+    """
+
+    executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}
+    """The law by which motions of a planned law are done; those of other laws are done as planned."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name in the registry."""
+
+    @property
+    @abstractmethod
+    def laws(self) -> Mapping[str, Law]:
+        """Motion laws by kind."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[Part, ...]:
+        """Upright prisms in the frame of the base, which collide where they overlap obstacles at their height."""
+
+    @property
+    @abstractmethod
+    def space(self) -> StateSpace:
+        """The states: x, y and yaw among them, which place the parts; see :func:`plane_space`."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """A base in the plane; "turn-move" and "rigid" where the laws and the states say so."""
+        found = {"base", "plane"}
+        if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):
+            found.add("turn-move")
+        if set(self.space.names) == {"x", "y", "yaw"}:
+            found.add("rigid")
+        return frozenset(found)
+
+    def collision(self, world: World) -> PlanarCollision:
+        """Exact for straight motions, and never too kind for those that turn."""
+        return PlanarCollision(self.parts, world)
+
+    def judge(self, world: World) -> SolidCollision:
+        """By python-fcl, in space, at states no further apart than 5 cm or 3 degrees."""
+        return SolidCollision(self.parts, world)
+
+    def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
+        """What the robot really does: motions in one line are one, all from rest to rest; and when it passes states."""
+        return rest_to_rest_execution(trajectory, self.executed)
+
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """None: what the laws lead to can be done."""
+        return iter(())
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """No motion (M,)."""
+        return np.zeros(start.size, dtype=bool)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able parameters, enough to build the same robot: of a dataclass, its fields."""
+        names: Mapping[str, Any] = getattr(self, "__dataclass_fields__", {})
+        return {self.name: {name: getattr(self, name) for name in names if getattr(self, name) is not None}}

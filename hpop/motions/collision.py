@@ -1,0 +1,35 @@
+"""Which states and motions are free of collisions: how planners and verification ask a model's geometry."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from hpop.arrays import BoolArray, FloatArray
+from hpop.motions.states import States
+
+if TYPE_CHECKING:
+    from hpop.motions.batch import Motions
+
+
+class Collision(Protocol):
+    """A robot among what blocks it in a world: obstacles, keep-out zones, people who stand, the border of the map."""
+
+    def states_free(self, states: States) -> BoolArray:
+        """Whether the robot is free in each state (N,)."""
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether the robot is free all along each motion (M,), ends included."""
+
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state (1,) and what helps, in words without the last full stop; empty when it is free."""
+
+
+class PlaneCollision(Collision, Protocol):
+    """The same of a robot that moves in the plane, where whole regions are known to be free at every yaw."""
+
+    @property
+    def yaw_matters(self) -> bool:
+        """Whether a position that is not :meth:`clear` can still be free at some yaw."""
+
+    def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Whether each position (P,) is free at every yaw, and so is every turn there."""
