@@ -92,6 +92,12 @@ class OutputError(HpopError, OSError):
     exit_code = 12
 
 
+class LimitError(HpopError):
+    """The limits of all planners were passed while the map was read: there is nothing yet to return a status with."""
+
+    exit_code = 13
+
+
 class OwnCodeError(HpopError, ImportError):
     """Python of the user's own, named on the command line, cannot be imported, registers nothing, or fails."""
 

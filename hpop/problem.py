@@ -37,7 +37,8 @@ class Problem:
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
     quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
 
-    ``read_seconds``, s, is the time that reading its files took, which a planner's time limit covers.
+    ``read_seconds``, s, and ``read_memory``, bytes that stay of it, are what reading its files took: the limits of a
+    planner cover it.
 
     Raises QueryError, CriterionError or UnknownName for what makes no sense.
     """
@@ -49,6 +50,7 @@ class Problem:
     criteria: tuple[Criterion, ...]
     quanta: Mapping[str, float]
     read_seconds: float = field(default=0.0, init=False)
+    read_memory: int = field(default=0, init=False)
 
     def __init__(
         self,

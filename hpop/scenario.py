@@ -31,9 +31,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any, cast
 
 import shapely
@@ -41,8 +42,10 @@ from pydantic import BaseModel
 
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
+from hpop.errors import LimitError
 from hpop.models import DifferentialDrive
 from hpop.planners.base import Planner
+from hpop.planners.purse import OPTIONS, Exhausted, Purse, purse_to_read
 from hpop.problem import Problem
 from hpop.registry import criteria, models, planners, readers
 from hpop.scenario_faults import Faults, entries
@@ -61,7 +64,7 @@ from hpop.scenario_schema import (
     ZoneEntry,
 )
 from hpop.text import printable, shown
-from hpop.world import World, geojson_content
+from hpop.world import World, geojson_content, limits
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.readers import read_world
@@ -83,7 +86,8 @@ def load_scenario(path: str | Path) -> Scenario:
 
     Everything but the world is checked before anything is reported: all faults at once, in the order of the file, each
     with file, line and key. One kind of fault is raised as what it is (UnknownName, ModelError, CriterionError,
-    OptionError, QueryError), the file's form and several kinds together as ScenarioError; then MapError for the world.
+    OptionError, QueryError), the file's form and several kinds together as ScenarioError; then MapError for the world,
+    and LimitError where reading it passes the limits of all planners.
     """
     document = Document(Path(path))
     given, faults = document.values, Faults(document)
@@ -112,22 +116,37 @@ def load_scenario(path: str | Path) -> Scenario:
     with faults.collected(("groups",)):
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
-    folder, began = document.path.parent, perf_counter()
-    with faults.collected(("world", reader or next(name for name, value in file.world if value is not None))):
+    folder, purse = document.path.parent, purse_to_read(chosen)
+    given_as = reader or next(name for name, value in file.world if value is not None)
+    with faults.collected(("world", given_as)), _reading(purse):
         bare = (
             _bare_world(file.world, folder)
             if reader is None or to_read is None
             else read_world(reader, folder / to_read.path, **to_read.model_extra)
         )
         world = _furnished(bare, file.world, folder, content)
-    read_seconds = perf_counter() - began
+    read_seconds = purse.seconds()
     faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
         problem = Problem(world, cast(DifferentialDrive, model), start, goal, listed, quanta=asked_quanta)
         object.__setattr__(problem, "read_seconds", read_seconds)
+        object.__setattr__(problem, "read_memory", purse.memory)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)
+
+
+@contextmanager
+def _reading(purse: Purse) -> Iterator[None]:
+    """A block that reads the world keeps the limits in a purse; LimitError where one is passed."""
+    try:
+        with limits.within(purse):
+            yield
+    except Exhausted as stop:
+        raise LimitError(
+            f"{stop.status}: it was passed while {stop.doing}, so nothing is planned yet; raise "
+            f"{OPTIONS[stop.status]} of the planner, or give a smaller map"
+        ) from None
 
 
 def _person(faults: Faults, entry: PersonEntry, place: Place) -> Person:

@@ -42,7 +42,7 @@ class Budget:
     time_limit  s      wall-clock time, kernels already compiled: of a planner to read the map, build its graph and
                        search, of a search alone from when it begins
     max_labels  count  labels generated (partial paths kept in memory)
-    max_memory  bytes  memory of the world's fields that a planner makes, of its graph and of its search
+    max_memory  bytes  memory of the map that is read, of the fields that a planner makes, of its graph and its search
     """
 
     time_limit: float | None = None

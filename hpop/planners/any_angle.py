@@ -65,6 +65,10 @@ class AnyAngle:
         if self.max_positions is not None:
             set_wholes(self, "max_positions", least=0)
 
+    def budget(self) -> Budget:
+        """The limits of each of the two searches; the first has reading the map with it."""
+        return Budget(self.time_limit, self.max_labels, self.max_memory)
+
     def _lattice(self) -> Lattice:
         return Lattice(
             self.step,
@@ -86,7 +90,7 @@ class AnyAngle:
             return _lattice_only(first)
         began = time.perf_counter()
         problem = _on_headings(problem, first.trajectories[0])
-        purse = Purse(Budget(self.time_limit, self.max_labels, self.max_memory))
+        purse = Purse(self.budget(), memory=problem.read_memory)
         try:
             roadmap, notes = self.roadmap(problem, first, purse)
             found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)

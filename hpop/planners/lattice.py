@@ -46,7 +46,7 @@ class Lattice:
     time_limit      s      to read the map, build the lattice and search, not to compile; what is found until then is
                            returned and called incomplete
     max_labels      count  partial paths kept by the search
-    max_memory      bytes  of the fields that are made, of the lattice's graph and of the search
+    max_memory      bytes  of the map that is read, the fields that are made, the lattice's graph and the search
     checkpoint      file in which the search keeps its state, and from which it goes on if it is there
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
@@ -105,9 +105,10 @@ class Lattice:
             raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
-        self._budget()
+        self.budget()
 
-    def _budget(self) -> Budget:
+    def budget(self) -> Budget:
+        """The planner's limits, which reading the map, building and searching share."""
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
@@ -134,8 +135,8 @@ class Lattice:
             return stopped("lattice", mean_criteria(problem.criteria, objectives) if mean else objectives, stop, purse)
 
     def purse(self, problem: Problem) -> Purse:
-        """The planner's limits, which reading the map, building and searching share."""
-        return Purse(self._budget(), spent=problem.read_seconds)
+        """The limits, of which reading the map has spent some."""
+        return Purse(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.lattice_stages`.

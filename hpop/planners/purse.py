@@ -10,13 +10,13 @@ from __future__ import annotations
 import os
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from time import perf_counter
-from typing import TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -30,6 +30,8 @@ LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no b
 
 A = TypeVar("A")
 B = TypeVar("B")
+N = TypeVar("N", int, float)
+OPTIONS = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}
 
 
 class Exhausted(limits.LimitPassed):
@@ -50,10 +52,10 @@ class Purse:
     memory  bytes held by what was built so far
     """
 
-    def __init__(self, budget: Budget | None = None, *, spent: float = 0.0) -> None:
-        """Start to spend; ``spent`` seconds are gone already, such as for reading the map."""
+    def __init__(self, budget: Budget | None = None, *, spent: float = 0.0, memory: int = 0) -> None:
+        """Start to spend; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
         self.budget = budget or Budget()
-        self.memory = 0
+        self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
 
@@ -131,13 +133,36 @@ class Purse:
                         future.cancel()
 
 
+@runtime_checkable
+class Limited(Protocol):
+    """A planner whose limits cover reading the map as well."""
+
+    def budget(self) -> Budget:
+        """Its limits."""
+
+
+def purse_to_read(planners: Iterable[object]) -> Purse:
+    """What reading a map for some planners may spend: as much as the one that may spend most; without end, if one may.
+
+    That one cannot plan any more where reading takes more, and so none can.
+    """
+    budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
+    seconds, memory = [each.time_limit for each in budgets], [each.max_memory for each in budgets]
+    return Purse(Budget(time_limit=_most(seconds), max_memory=_most(memory)))
+
+
+def _most(amounts: Sequence[N | None]) -> N | None:
+    """The largest of some limits, of which None is no limit."""
+    known = [amount for amount in amounts if amount is not None]
+    return max(known) if known and len(known) == len(amounts) else None
+
+
 def _megabytes(size: int) -> str:
     return f"{size / 1e6:,.0f} MB" if size >= 1e7 else f"{size / 1e6:.2g} MB"
 
 
 def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) -> Candidates:
     """What the planner ``name`` returns when a limit was passed before it could search: nothing, and what helps."""
-    option = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}[stop.status]
     costs = len(objectives.optimised)
     return Candidates(
         objectives=objectives.optimised,
@@ -149,7 +174,8 @@ def stopped(name: str, objectives: Objectives, stop: Exhausted, purse: Purse) ->
         provenance=(),
         notes=(
             *objectives.notes,
-            f"{stop.status}: it was passed while {stop.doing}; take a larger step, fewer criteria, or raise {option}",
+            f"{stop.status}: it was passed while {stop.doing}; take a larger step, fewer criteria, or raise "
+            f"{OPTIONS[stop.status]}",
         ),
         stats={"build_seconds": purse.seconds()},
         filters=objectives.filters,

@@ -42,7 +42,7 @@ class Roadmap:
     time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
                        returned and called incomplete
     max_labels  count  partial paths kept by the search
-    max_memory  bytes  of the fields that are made, of the roadmap's graph and of the search
+    max_memory  bytes  of the map that is read, the fields that are made, the roadmap's graph and the search
     checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
                 front is safe
 
@@ -76,9 +76,10 @@ class Roadmap:
             set_wholes(self, "neighbours", least=1)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
-        self._budget()
+        self.budget()
 
-    def _budget(self) -> Budget:
+    def budget(self) -> Budget:
+        """The planner's limits, which reading the map, building and searching share."""
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
@@ -92,7 +93,7 @@ class Roadmap:
         refuse_unanswerable(problem, objectives, "roadmap")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
-        purse = Purse(self._budget(), spent=problem.read_seconds)
+        purse = Purse(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         try:
             roadmap = self.roadmap(problem, purse)
         except Exhausted as stop:

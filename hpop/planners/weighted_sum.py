@@ -55,8 +55,12 @@ class WeightedSum:
 
     def __post_init__(self) -> None:
         self._lattice()
-        Budget(self.time_limit)
+        self.budget()
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
+
+    def budget(self) -> Budget:
+        """The planner's limits, which reading the map, building and searching share."""
+        return Budget(self.time_limit)
 
     def _lattice(self) -> Lattice:
         return Lattice(self.step, self.headings, self.corner_cutting)

@@ -8,13 +8,16 @@ boxes overlap. The counts are exact but for rounding, made in NumPy, and end onc
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
+from hpop.world import limits
 
 MOST_MENDED = 1_000
 """Crossings of an outline that is mended."""
@@ -36,10 +39,15 @@ def check_mendable(outline: BaseGeometry, what: str) -> None:
     _bound(what, "touches itself", MOST_JOINED + 10 * len(segments), touching)  # neighbours do
 
 
+def check_each_joinable(outlines: NDArray[np.object_], names: Sequence[object]) -> None:
+    """Refuse outlines any of which crosses itself more than `MOST_JOINED` times; most have too few points for that."""
+    for i in np.flatnonzero(_may_cross(shapely.get_num_coordinates(outlines))).tolist():
+        check_joinable([outlines[i]], str(names[i]))
+
+
 def check_joinable(outlines: Sequence[BaseGeometry], what: str) -> None:
     """Refuse outlines whose segments cross more than `MOST_JOINED` times."""
-    count = int(shapely.get_num_coordinates(outlines).sum())
-    if count * count > 2 * MOST_JOINED:
+    if _may_cross(shapely.get_num_coordinates(outlines).sum()):
         crossings = (_crossings(*pair) for pair in _pairs(_segments(outlines), what))
         _bound(what, "has outlines that cross", MOST_JOINED, crossings)
 
@@ -48,6 +56,11 @@ def check_widenable(line: BaseGeometry, distance: float, what: str) -> None:
     """Refuse a line of so many segments that a strip along it, as far as the distance to its sides, is of no use."""
     near = (len(first) for first, _ in _pairs(_segments([line]), what, margin=distance))
     _bound(what, "comes near to itself", MOST_NEAR, near)
+
+
+def _may_cross(count: Any) -> Any:
+    """Whether outlines of so many points can cross more than `MOST_JOINED` times."""
+    return count * count > 2 * MOST_JOINED
 
 
 def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> None:
@@ -69,6 +82,7 @@ def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tup
     tree = shapely.STRtree(boxes)
     begin, step, looked = 0, 64, 0
     while begin < len(segments):
+        limits.check("crossings of outlines were counted")
         first, second = tree.query(boxes[begin : begin + step])
         later = second > first + begin
         looked += int(np.count_nonzero(later))

@@ -42,12 +42,14 @@ class FeatureNotes:
             found.append(feature)
 
     def lines(self, path: str | Path | None = None) -> tuple[str, ...]:
-        """Put the notes on all files in words, or on one."""
+        """Put the notes on all files in words, or on one; those of a file in the order of its features."""
+        files = list(dict.fromkeys(of for of, _ in self._found))
+        notes = sorted(self._found.items(), key=lambda note: (files.index(note[0][0]), note[1][0].number))
         return tuple(
             f"{found[0]}: {what}."
             if len(found) == 1
             else f"{of}: {len(found):,} features ({_ranges(sorted({feature.number for feature in found}))}): {what}."
-            for (of, what), found in self._found.items()
+            for (of, what), found in notes
             if path is None or of == str(path)
         )
 

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import Polygon, shape
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
 from hpop.options import FARTHEST
 from hpop.text import shown
-from hpop.world.crossings import check_joinable, check_mendable
+from hpop.world import limits
+from hpop.world.crossings import check_each_joinable, check_joinable, check_mendable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.limits import READING
 from hpop.world.shapes import Obstacle, check_coordinates, check_heights, check_positive
 from hpop.world.world import WHOLE, Heights, World
 
@@ -29,6 +33,17 @@ GEOMETRIES = (*POINTS, *LINES, *POLYGONS)
 FARTHEST_UNIT = 1000 * FARTHEST
 """Greatest coordinate of a file, in its units, which may be millimetres."""
 WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
+BLOCK = 1_000
+"""Features that are read between two looks at the limits, or objects of JSON: hundredths of a second."""
+STAYS, PARSED = 6, 24
+"""Bytes for each of a file: of geometries, and of Python's objects while it is read."""
+
+
+class Placement(NamedTuple):
+    """Where a file lies in the world: metres per unit, and its point that becomes (0, 0)."""
+
+    scale: float
+    origin: tuple[float, float]
 
 
 def read(
@@ -68,12 +83,9 @@ def read(
     content = read_bytes(path, "GeoJSON file")
     noted = FeatureNotes()
     shapes: list[tuple[Polygon, Heights]] = []
-    for feature in features(content, path):
-        geometry = geometry_of(feature, POLYGONS, noted)
-        if geometry is not None:
-            heights = _heights(feature, noted)
-            placed = place(geometry, scale, (x0, y0))
-            shapes += [(part, heights) for part in polygons_of(placed, feature, noted)]
+    for feature, parts in geometries(content, path, POLYGONS, Placement(scale, (x0, y0)), noted):
+        heights = _heights(feature, noted)
+        shapes += [(part, heights) for part in parts]
     notes = noted.lines()
     if not shapes:
         raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
@@ -107,14 +119,24 @@ def check_origin(origin: Any) -> tuple[float, float]:
 
 
 def _parse(text: str, path: str | Path) -> Any:
+    count = 0
+
+    def look(parsed: Any) -> Any:
+        nonlocal count
+        count += 1
+        if count % BLOCK == 0:
+            limits.check(READING)
+        return parsed
+
     try:
-        return json.loads(text)
+        return json.loads(text, object_hook=look)
     except (ValueError, RecursionError) as error:
         raise MapError(f"{path} is not JSON: {error}.") from None
 
 
 def features(content: bytes, path: str | Path) -> Iterator[Feature]:
     """Yield the features of a file that holds a FeatureCollection, a Feature, or a bare geometry."""
+    limits.hold(READING, STAYS * len(content), PARSED * len(content))
     data = _parse(read_text(content, path, "GeoJSON file"), path)
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
@@ -135,8 +157,36 @@ def features(content: bytes, path: str | Path) -> Iterator[Feature]:
         yield feature
 
 
-def geometry_of(feature: Feature, kinds: tuple[str, ...], notes: FeatureNotes) -> BaseGeometry | None:
-    """A feature's geometry in the plane, in the file's units; None, and a note, unless it is one of the kinds."""
+def geometries(
+    content: bytes, path: str | Path, kinds: tuple[str, ...], placement: Placement, notes: FeatureNotes
+) -> Iterator[tuple[Feature, list[Any]]]:
+    """Yield the features of some kinds, each with the parts of its geometry, m; what is left out or mended is noted.
+
+    In blocks, between which the limits are looked at. Polygons are valid, and a self-crossing outline is mended;
+    `MapError` for one that crosses itself so often that to mend it would take for ever.
+    """
+    rest = features(content, path)
+    while block := list(islice(rest, BLOCK)):
+        limits.check(READING)
+        found = [(feature, shaped) for feature in block if (shaped := _shaped(feature, kinds, notes)) is not None]
+        if not found:
+            continue
+        of, shapes = [feature for feature, _ in found], np.array([shaped for _, shaped in found], dtype=object)
+        placed = _placed(of, shapes, placement)
+        if kinds == POLYGONS:
+            placed = _mended(of, placed, notes)
+        parts, owner = shapely.get_parts(placed, return_index=True)
+        parts, outer = shapely.get_parts(parts, return_index=True)  # what was mended may be nested
+        owner = owner[outer]
+        if kinds == POLYGONS:
+            solid = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 0)
+            parts, owner = parts[solid], owner[solid]
+        ends = np.searchsorted(owner, np.arange(len(of) + 1)).tolist()
+        yield from ((each, parts[ends[i] : ends[i + 1]].tolist()) for i, each in enumerate(of))
+
+
+def _shaped(feature: Feature, kinds: tuple[str, ...], notes: FeatureNotes) -> BaseGeometry | None:
+    """A feature's geometry, in the file's units; None, and a note, unless it is one of the kinds."""
     data = feature.data.get("geometry")
     if data is None:
         notes.add(feature, "no geometry, left out")
@@ -147,39 +197,39 @@ def geometry_of(feature: Feature, kinds: tuple[str, ...], notes: FeatureNotes) -
         return None
     try:
         with np.errstate(invalid="ignore"):
-            geometry = shapely.force_2d(shape(data))
+            geometry = shape(data)
     except Exception as error:  # shapely passes on whatever the coordinates provoke
         raise MapError(f"{feature}: its coordinates make no {kind}: {error!s:.200}.") from None
-    if not (np.abs(shapely.get_coordinates(geometry)) <= FARTHEST_UNIT).all():
-        raise MapError(f"{feature}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}.")
     if geometry.is_empty:
         notes.add(feature, f"an empty {kind}, left out")
         return None
     return geometry
 
 
-def place(geometry: BaseGeometry, scale: float, origin: tuple[float, float]) -> BaseGeometry:
-    """From the file's units to metres; `MapError` where no building lies."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        placed = shapely.transform(geometry, lambda points: (points - origin) * scale)
+def _placed(of: Sequence[Feature], shapes: NDArray[np.object_], placement: Placement) -> NDArray[np.object_]:
+    """Geometries of features from the file's units to metres, in the plane; `MapError` where no building lies."""
+    points, owner = shapely.get_coordinates(shapes, return_index=True)
+    beyond = ~(np.abs(points) <= FARTHEST_UNIT).all(axis=1)
+    if beyond.any():
+        raise MapError(
+            f"{of[owner[beyond.argmax()]]}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}."
+        )
+    flat = shapely.force_2d(shapes)
+    placed = shapely.transform(flat, lambda points: (points - placement.origin) * placement.scale)
     check_coordinates(placed, "a geometry, less the origin and times the scale,")
-    return placed
+    return np.asarray(placed, dtype=object)
 
 
-def polygons_of(geometry: BaseGeometry, feature: Feature, notes: FeatureNotes) -> list[Polygon]:
-    """Return the valid polygons of a geometry; a self-crossing outline is mended and noted.
-
-    Raises MapError for one that crosses itself so often that to mend it would take for ever.
-    """
-    check_joinable([geometry], str(feature))
-    if not geometry.is_valid:
-        reason, *_ = shapely.is_valid_reason(geometry).split("[")  # less where, which no other feature shares
-        notes.add(feature, f"no valid polygon ({reason}), mended")
-        check_mendable(geometry, str(feature))
-        geometry = shapely.make_valid(geometry)
-    return [
-        part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, Polygon) and part.area > 0
-    ]
+def _mended(of: Sequence[Feature], shapes: NDArray[np.object_], notes: FeatureNotes) -> NDArray[np.object_]:
+    """Geometries of features, those made valid that were not."""
+    check_each_joinable(shapes, of)
+    for i in np.flatnonzero(~shapely.is_valid(shapes)).tolist():
+        limits.check(READING)
+        reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # less where, which no other feature shares
+        notes.add(of[i], f"no valid polygon ({reason}), mended")
+        check_mendable(shapes[i], str(of[i]))
+        shapes[i] = shapely.make_valid(shapes[i])
+    return shapes
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:

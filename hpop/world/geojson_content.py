@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -17,7 +16,7 @@ from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_widenable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import read_bytes
-from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, check_origin, features, geometry_of, place, polygons_of
+from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, Placement, check_origin, geometries
 from hpop.world.shapes import check_positive
 
 FLOW_WIDTH = 3.0
@@ -65,7 +64,7 @@ def read(
         sense.
     """
     width = check_positive("width", width)
-    source = _Source(check_positive("scale", scale), check_origin(origin), FeatureNotes())
+    source = _Source(Placement(check_positive("scale", scale), check_origin(origin)), FeatureNotes())
     seen = source.made(landmarks, POINTS, _landmark)
     ways = source.made(flows, LINES, lambda line, description: _flow(line, description, width))
     rules = source.made(zones, POLYGONS, _zone)
@@ -92,8 +91,7 @@ Maker = Callable[[Any, _Description], Landmark | Zone | str | None]
 class _Source:
     """Where files lie in the world, and notes on what they hold."""
 
-    scale: float
-    origin: tuple[float, float]
+    placement: Placement
     notes: FeatureNotes
 
     def made(self, paths: Paths, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
@@ -101,13 +99,11 @@ class _Source:
         things: list[Landmark | Zone] = []
         for path in [paths] if isinstance(paths, str | Path) else paths:
             found = False
-            for feature in features(read_bytes(path, "GeoJSON file"), path):
-                geometry = geometry_of(feature, kinds, self.notes)
-                if geometry is None:
-                    continue
+            content = read_bytes(path, "GeoJSON file")
+            for feature, parts in geometries(content, path, kinds, self.placement, self.notes):
                 found = True
                 description = self._described(feature)
-                for part in self._parts(geometry, feature):
+                for part in parts:
                     thing = _told(make, part, description, feature)
                     if isinstance(thing, str):
                         self.notes.add(feature, thing)
@@ -126,12 +122,6 @@ class _Source:
         candidates = [*named, feature.data.get("id"), properties.get("id"), properties.get("type")]
         texts = (" ".join(str(item).split()) for item in candidates if isinstance(item, str | int))
         return _Description(next((text for text in texts if text), ""), properties)
-
-    def _parts(self, geometry: BaseGeometry, feature: Feature) -> list[Any]:
-        placed = place(geometry, self.scale, self.origin)
-        if geometry.geom_type in POLYGONS:
-            return list(polygons_of(placed, feature, self.notes))
-        return list(shapely.get_parts(placed))
 
 
 def _told(make: Maker, part: BaseGeometry, description: _Description, feature: Feature) -> Landmark | Zone | str | None:

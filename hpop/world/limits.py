@@ -1,7 +1,8 @@
-"""What making a world's fields may take: whoever plans has limits, and what takes long or much asks them.
+"""What reading a world and making its fields may take: whoever plans has limits, and what takes long or much asks them.
 
-A field is made when a criterion first asks for it, far from whoever plans; so the limits hold for all that is done
-within a block, in this thread. A field is made in parts, and asks between them.
+A map is read before there is a problem to plan, and a field is made when a criterion first asks for it, far from
+whoever plans; so the limits hold for all that is done within a block, in this thread. Maps are read and fields made in
+parts, and ask between them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
+
+READING = "the map was read"
 
 
 class LimitPassed(Exception):
@@ -40,7 +43,7 @@ def within(limits: Limits) -> Iterator[None]:
 
 
 def hold(doing: str, stays: int, beside: int = 0) -> None:
-    """Before a field is made: it takes so many bytes that stay, and others until it is done."""
+    """Before a map is read or a field made: it takes so many bytes that stay, and others until it is done."""
     if (limits := _LIMITS.get()) is not None:
         limits.check(doing, stays + beside)
         limits.hold(stays, doing)

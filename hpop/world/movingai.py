@@ -8,12 +8,18 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.text import shown
+from hpop.world import limits
 from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.limits import READING
 from hpop.world.shapes import Raster, check_positive, check_size, check_span
 from hpop.world.world import World
 
 PASSABLE = ".GS"
 TERRAIN = ".GS@OTW"
+BLOCK = 1_000_000
+"""Cells that are looked at together."""
+LINES = 4
+"""Bytes a cell while a map is read, beside those that stay: the file, its text and lines, and cells copied."""
 
 
 def read(path: str | Path, *, resolution: float = 1.0) -> World:
@@ -28,6 +34,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
         If the file is missing, its header is not that of an octile map, or its rows do not fit the header.
     """
     content = read_bytes(path, "map file")
+    limits.hold(READING, len(content), LINES * len(content))
     lines = read_text(content, path, "map file").splitlines()
     header = [line.split() for line in lines[:4]]
     names = [words[0].lower() if words else "" for words in header]
@@ -45,12 +52,15 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
         raise MapError(
             f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of {sorted(lengths)[:5]} cells."
         )
-    text = "".join(rows)
-    unknown = set(text) - set(TERRAIN)
-    if unknown:
-        raise MapError(f"{path}: cells must be out of {TERRAIN}; got {min(unknown)!r} among them.")
-    cells = np.frombuffer(text.encode("ascii"), dtype=np.uint8).reshape(height, width)
-    occupied = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
+    occupied = np.empty((height, width), dtype=bool)
+    step = max(1, BLOCK // width)
+    for top in range(0, height, step):
+        limits.check(READING)
+        text = "".join(rows[top : top + step])
+        if unknown := set(text) - set(TERRAIN):
+            raise MapError(f"{path}: cells must be out of {TERRAIN}; got {min(unknown)!r} among them.")
+        cells = np.frombuffer(text.encode("ascii"), dtype=np.uint8).reshape(-1, width)
+        occupied[top : top + step] = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
     resolution = check_positive("resolution", resolution)
     check_span(height, width, resolution, path)
     return World(

@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import MapError
+from hpop.world import limits
 
 MOST_CORNERS = 500_000
 """Corners of outlines: some seconds. The largest real maps at hand have some thousands; noise has them."""
@@ -24,6 +25,7 @@ def outlined(cells: BoolArray) -> BaseGeometry:
 
     Raises MapError where there are more than `MOST_CORNERS`.
     """
+    limits.check("cells were outlined")
     padded = np.pad(cells, 1)
     south_west, south_east, north_west, north_east = padded[:-1, :-1], padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:]
     right, up = south_east != north_east, north_west != north_east  # borders that leave each vertex (H + 1, W + 1)
@@ -37,6 +39,7 @@ def outlined(cells: BoolArray) -> BaseGeometry:
         )
     if count == 0:
         return MultiPolygon()
+    limits.check("cells were outlined")
     y, x = np.nonzero(corner)
     turned_x, turned_y = np.nonzero(corner.T)
     across, upward = _borders(x, y, right), _borders(turned_x, turned_y, up)

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
+from hpop.world import limits
 from hpop.world.files import named
+from hpop.world.limits import READING
 from hpop.world.shapes import MAX_CELLS, check_size
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
@@ -23,6 +25,10 @@ FORMATS = ("PPM", "PNG", "BMP", "GIF", "JPEG")
 """Pillow's names of the formats that are read; PPM includes PGM."""
 DEEP = ("I", "I;16", "I;16B", "F")
 """Pillow's names of what has more than 8 bits a pixel."""
+BLOCK = 1_000_000
+"""Pixels that are looked at together."""
+DECODED, SHADES = 8, 80
+"""Bytes a pixel while an image is read: of the image with its cells, and of those looked at together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +48,9 @@ class Picture:
 
         Grey images have one channel, coloured ones three; alpha is None for an image without.
         """
-        step = max(1, 1_000_000 // self.width)
+        step = max(1, BLOCK // self.width)
         for top in range(0, self.height, step):
+            limits.check(READING)
             rows = slice(top, min(top + step, self.height))
             pixels, alpha = self._pixels(rows)
             yield rows, shades(pixels), None if alpha is None else shades(alpha)
@@ -67,7 +74,10 @@ class Picture:
 
 
 def read_image(data: bytes, path: str | Path) -> Picture:
-    """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before pixels are decoded."""
+    """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before pixels are decoded.
+
+    Its cells, a byte each, are charged as what stays of it.
+    """
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -86,6 +96,8 @@ def read_image(data: bytes, path: str | Path) -> Picture:
         raise MapError(f"image {named(path)} cannot be read ({error}); is its header broken?") from None
     width, height = image.size
     check_size(height, width, f"image {named(path)}")
+    pixels = height * width
+    limits.hold(READING, pixels, DECODED * pixels + SHADES * min(pixels, BLOCK))
     return Picture(height, width, image, path)
 
 

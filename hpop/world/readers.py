@@ -18,6 +18,7 @@ from typing import Any
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.registry import readers
 from hpop.world import geojson, image, movingai, ros_map
+from hpop.world.limits import LimitPassed
 from hpop.world.world import World
 
 readers.add("geojson", geojson.read)
@@ -41,7 +42,7 @@ def read_world(reader: str, path: str | Path, **options: Any) -> World:
         raise MapError(f"reader {reader!r} takes {known}; {error}.{''.join(hints)}") from None
     try:
         world = read(path, **options)
-    except HpopError:
+    except (HpopError, LimitPassed):
         raise
     except Exception as error:  # a plugin may raise anything
         raise MapError(f"reader {reader!r} cannot read {str(path)!r}: {type(error).__name__}: {error}") from error

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -67,8 +68,8 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-def check_coordinates(geometry: BaseGeometry, what: str) -> None:
-    """Refuse a geometry that lies where no building does, or of coordinates whose products are no numbers any more."""
+def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
+    """Refuse geometries that lie where no building does, or of coordinates whose products are no numbers any more."""
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
