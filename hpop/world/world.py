@@ -229,9 +229,20 @@ class World:
         return prisms, self.raster is not None and overlaps(self.raster.heights, (low, high))
 
     def raster_solid(self) -> BaseGeometry:
-        """Union (m) of the occupied cells, whatever their heights; empty without a raster."""
-        raster = self.raster
-        return self._cached(("raster",), lambda: MultiPolygon() if raster is None else raster.solid())
+        """Union (m) of the occupied cells, whatever their heights; empty without a raster.
+
+        Raises MapError, with the file that they were read from, where their outlines have too many corners.
+        """
+
+        def make() -> BaseGeometry:
+            try:
+                return MultiPolygon() if self.raster is None else self.raster.solid()
+            except MapError as error:
+                if self.source is None:
+                    raise
+                raise MapError(f"{self.source['path']}: {error}") from None
+
+        return self._cached(("raster",), make)
 
     def _solid(self, active: tuple[tuple[int, ...], bool]) -> BaseGeometry:
         def make() -> BaseGeometry:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
@@ -52,3 +55,11 @@ def test_very_many_corners_are_refused_with_their_number(monkeypatch: pytest.Mon
     board = np.indices((10, 10)).sum(axis=0) % 2 == 0  # its corners: the 11 x 11 vertices but two
     with pytest.raises(MapError, match=r"have 119 corners, expected at most 99.*remove specks"):
         World.from_cells(board, 0.1).solid()
+
+
+def test_very_many_corners_of_a_map_are_refused_with_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outlines, "MOST_CORNERS", 99)
+    path = tmp_path / "noise.map"
+    path.write_text("type octile\nheight 10\nwidth 10\nmap\n" + ".@.@.@.@.@\n@.@.@.@.@.\n" * 5)
+    with pytest.raises(MapError, match=rf"^{re.escape(str(path))}: the outlines of 10 x 10 cells have 119 corners"):
+        World.from_movingai(path).solid()
