@@ -183,6 +183,12 @@ class GraphQuery:
         """Make that graph now, so that its memory is not given to the search as well."""
         _ = self.tie_broken
 
+    def drop_ties(self) -> None:
+        """Free that graph, once nothing is searched in it any more, and give its memory back."""
+        broken: Graph | None = vars(self).pop("tie_broken", None)
+        if broken is not None:
+            self.space.purse.release(broken.costs.nbytes)
+
     def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
         """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
 

@@ -71,6 +71,8 @@ def _stages(
             yield first
         if first.status is Status.INTERRUPTED:
             return
+        if space is part:
+            query.drop_ties()
         begin()
     covered = math.inf
     if large and planner.eps < COARSE:

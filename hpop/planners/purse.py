@@ -95,6 +95,10 @@ class Purse:
         self.check(doing, memory)
         self.memory += memory
 
+    def release(self, memory: int) -> None:
+        """Bytes that were held are free again."""
+        self.memory -= memory
+
     def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
         """The results of ``work`` on each block, in order; raises Exhausted between blocks.
 

@@ -12,7 +12,7 @@ from hpop.planners.base import edge_objectives
 from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.purse import Exhausted, Purse
-from hpop.planners.ties import TIE_TURNS, tie_broken
+from hpop.planners.ties import COPIED, TIE_TURNS, tie_broken
 from hpop.status import Budget
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -73,3 +73,22 @@ def test_no_more_is_taken_than_is_counted():
     assert peak < 1.2 * graph.costs.nbytes + 2_000_000  # blocks
     with pytest.raises(Exhausted, match="memory limit while costs were copied"):
         tie_broken(graph, turned, Purse(Budget(max_memory=graph.costs.nbytes - 1)))
+
+
+def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):
+    copies = []
+
+    class Watched(Purse):
+        def hold(self, memory, doing):
+            super().hold(memory, doing)
+            copies.extend([memory] * (doing == COPIED))
+
+        def release(self, memory):
+            super().release(memory)
+            copies.remove(memory)
+
+    monkeypatch.setattr("hpop.planners.lattice_stages.MOST", 40)
+    monkeypatch.setattr(Lattice, "purse", lambda planner, problem: Watched())
+    *_, front = asked("length").fronts([Lattice(step=0.25)], stage=lambda _: None)
+    assert front.status == "complete"
+    assert copies == [8 * front.runs[-1]["edges"]]  # that of the whole lattice, whose one cost has 8 bytes an edge
