@@ -130,6 +130,7 @@ def plan(
     own_code.register(imports)
     loaded = load_scenario(scenario)
     results.check_writable(out)
+    click.get_current_context().with_resource(results.held(out))
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
         names = ", ".join(planner.name for planner in loaded.planners)
         echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)

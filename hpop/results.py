@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from hpop.errors import OutputError
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system
+    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from hpop.front import Front
@@ -41,6 +47,58 @@ def check_writable(out: Path) -> None:
     for name in (SAVED, *PICTURES):
         if (out / name).is_dir():
             raise OutputError(f"cannot write to {out / name}: it is a folder; remove it, or choose another --out")
+
+
+@contextmanager
+def held(out: Path) -> Iterator[None]:
+    """Hold the folder, made if need be, while a plan writes to it: of two, the later one would win, and nobody know.
+
+    The system lets go of it when the process ends, however it ends. Where folders cannot be held they are not. Folders
+    that were made and stayed empty are removed. Raises OutputError where another process holds it.
+    """
+    with output_errors(f"cannot write to {out}", "choose another --out"):
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+        out.mkdir(parents=True, exist_ok=True)
+    folder = _opened(out)
+    try:
+        yield
+    finally:
+        for empty in made:
+            with suppress(OSError):
+                empty.rmdir()
+        if folder is not None:
+            fcntl.flock(folder, fcntl.LOCK_UN)  # also where a worker has a copy of it
+            os.close(folder)
+
+
+def _opened(out: Path) -> int | None:
+    """A folder, open and held until it is closed; None where that cannot be."""
+    if fcntl is None:
+        return None
+    folder = None
+    try:
+        folder = os.open(out, os.O_RDONLY)
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(cast(int, folder))
+        raise OutputError(
+            f"another `hpop plan`{_holder(out)} is writing to {out}; choose another --out, or wait until it has ended"
+        ) from None
+    except OSError:  # no such locks on this file system, or no right to read the folder
+        if folder is not None:
+            os.close(folder)
+        return None
+    return folder
+
+
+def _holder(out: Path) -> str:
+    """The process that holds a folder, in words; nothing where the system does not tell."""
+    inode = f":{out.stat().st_ino}"
+    with suppress(OSError):
+        for _, kind, _, _, process, file, *_ in map(str.split, Path("/proc/locks").read_text().splitlines()):
+            if kind == "FLOCK" and file.endswith(inode):
+                return f" (process {process})"
+    return ""
 
 
 def save(front: Front, out: Path) -> None:
