@@ -43,7 +43,7 @@ from pydantic import BaseModel
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import LimitError
-from hpop.models import DifferentialDrive
+from hpop.motions import Model
 from hpop.planners.base import Planner
 from hpop.planners.purse import OPTIONS, Exhausted, Purse, purse_to_read
 from hpop.problem import Problem
@@ -129,7 +129,7 @@ def load_scenario(path: str | Path) -> Scenario:
     faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
-        problem = Problem(world, cast(DifferentialDrive, model), start, goal, listed, quanta=asked_quanta)
+        problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta)
         object.__setattr__(problem, "read_seconds", read_seconds)
         object.__setattr__(problem, "read_memory", purse.memory)
     faults.raise_all()

@@ -16,11 +16,11 @@ import shapely
 from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
-from hpop.models import DifferentialDrive
 from hpop.models.differential_drive.driven import ahead, driven
-from hpop.motions import Motions, States
+from hpop.motions import Model, Motions, States
 from hpop.planners.grid import Headings
 from hpop.planners.lattice_graph import StateLattice
+from hpop.registry import make_model
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 from hpop.world import World
@@ -55,7 +55,7 @@ def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
 def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that."""
     rng = np.random.default_rng(seed)
-    model = DifferentialDrive(camera_offset=(0.1, 0.05))
+    model = make_model({"differential_drive": {"camera_offset": (0.1, 0.05)}})
     world = random_world(rng)
     if criterion.aggregate == "trajectory":
         trajectories = [*(_detour(model, scale) for scale in (0.3, 1.0)), _slalom(model)]
@@ -118,7 +118,7 @@ def random_world(rng: np.random.Generator) -> World:
     )
 
 
-def random_motions(rng: np.random.Generator, world: World, model: DifferentialDrive, kind: str, size: int) -> Motions:
+def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
     """Short moves, turns of up to half a turn either way across yaw = pi, or curves; 0.5 m from what is blocked.
 
     Every third curve begins or ends standing, every fourth turns first one way and then the other.
@@ -178,7 +178,7 @@ def _part(motions: Motions, index: slice) -> Motions:
     return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
 
 
-def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: DifferentialDrive) -> str:
+def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
     """Curves, each a trajectory of one motion, against the same cut in two and in five."""
     m = random_motions(rng, world, model, "drive", 20)
     columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
@@ -209,13 +209,13 @@ def _halves(criterion: Criterion, batches: list[Motions]) -> str:
     return ""
 
 
-def _detour(model: DifferentialDrive, scale: float) -> Trajectory:
+def _detour(model: Model, scale: float) -> Trajectory:
     """Moves and turns through the room, of its size or smaller."""
     poses = [(1, 1, 0), (3, 1, 0), (4, 5, np.pi), (1, 8, -2.0)]
     return Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
 
 
-def _slalom(model: DifferentialDrive) -> Trajectory:
+def _slalom(model: Model) -> Trajectory:
     """Curves through the room from rest to rest: to the left, to the right, straight on, and about on the spot."""
     left, right = [(0.0, 2.0, 0.6), (0.0, 0.0, 0.4), (0.0, -2.0, 0.6)], [(0.0, -2.0, 0.6), (0.0, 2.0, 0.6)]
     on_the_spot = [(0.0, 3.0, 0.4), (0.0, -3.0, 0.4)]
@@ -223,7 +223,7 @@ def _slalom(model: DifferentialDrive) -> Trajectory:
     return driven(model, (1.0, 1.0, 0.2), controls)
 
 
-def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
+def _as_edges(criterion: Criterion, world: World, model: Model) -> str:
     """Two trajectories' values against the sum (mean, maximum) over their motions, law by law."""
     for trajectory in (_detour(model, 1.0), _slalom(model)):
         costs = np.zeros(len(trajectory))
@@ -237,7 +237,7 @@ def _as_edges(criterion: Criterion, world: World, model: DifferentialDrive) -> s
     return ""
 
 
-def _bounded(criterion: Any, world: World, model: DifferentialDrive) -> str:
+def _bounded(criterion: Any, world: World, model: Model) -> str:
     """A straight way, which a bound may meet, and detours, against the bound between their ends."""
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
@@ -250,7 +250,9 @@ def _bounded(criterion: Any, world: World, model: DifferentialDrive) -> str:
 
 def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
     """Edges of a lattice on a random walk, evaluated among all others, against the walk as a trajectory."""
-    lattice = StateLattice(DifferentialDrive(radius=0.2), world, (0.5, 0.5), 0.5, Headings(8), False)
+    lattice = StateLattice(
+        make_model({"differential_drive": {"radius": 0.2}}), world, (0.5, 0.5), 0.5, Headings(8), False
+    )
     edges = [(tails, heads, motion_costs(criterion, motions)) for tails, heads, motions in lattice.batches()]
     tails, heads, costs = (np.concatenate([edge[i] for edge in edges]) for i in range(3))
     state = int(rng.choice(tails))
@@ -275,7 +277,7 @@ def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatA
     return np.array([trajectory_cost(criterion, trajectory, world)])
 
 
-def _reframed(criterion: Criterion, world: World, model: DifferentialDrive) -> str:
+def _reframed(criterion: Criterion, world: World, model: Model) -> str:
     """World and trajectory turned and shifted together; fields lie on another grid then, hence the tolerance."""
     elsewhere = reframed(world)
     for trajectory in (_detour(model, 1.0), _slalom(model)):

@@ -74,8 +74,8 @@ class Trajectory:
     def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
         """Turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
 
-        >>> from hpop.models import DifferentialDrive
-        >>> Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
+        >>> from hpop.registry import make_model
+        >>> Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
         ('move', 'turn', 'move', 'turn')
         """
         try:

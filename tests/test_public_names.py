@@ -26,6 +26,7 @@ hpop.frontier.FrontError
 hpop.history.History
 hpop.math.hypot
 hpop.models.DifferentialDrive
+hpop.models.base.PlanarModel
 hpop.models.driven.driven
 hpop.motions.Curve
 hpop.motions.Law

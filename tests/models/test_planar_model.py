@@ -1,0 +1,165 @@
+"""Robots made of parts and laws: what they plan by is never kinder than what judges them, whatever they move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop import DifferentialDrive, Trajectory, World
+from hpop.models.laws import rest_to_rest
+from hpop.motions import Motions, Phase, States
+from tests.models.test_collision import LONG, ROBOTS, random_states, room
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Straight in any direction, the heading changing evenly; with a profile from rest to rest, as it is executed."""
+
+    kind: str = "slide"
+    varies = frozenset({"x", "y", "yaw"})
+
+    def phases(self, start, end):
+        length = np.hypot(end.x - start.x, end.y - start.y)
+        if self.kind == "slide":
+            return (Phase(length, 0.0 * length, 1.0 + 0.0 * length, "cruise"),)
+        return rest_to_rest(length, 1.0, 1.0)
+
+    def interpolate(self, name, start, end, share):
+        return getattr(start, name) + (getattr(end, name) - getattr(start, name)) * share
+
+
+@dataclass(frozen=True)
+class Pan:
+    """The head turns, and the base stands."""
+
+    kind = "pan"
+    varies = frozenset({"pan"})
+
+    def phases(self, start, end):
+        return rest_to_rest(np.abs(end.pan - start.pan), 1.0, 1.0)
+
+    def interpolate(self, name, start, end, share):
+        return getattr(start, name) + (getattr(end, name) - getattr(start, name)) * share
+
+
+@dataclass(frozen=True)
+class Omnidirectional(DifferentialDrive):
+    """A base that slides, with a head that pans."""
+
+    executed = {"slide": "glide"}  # noqa: RUF012
+
+    @property
+    def name(self):
+        return "omnidirectional"
+
+    @cached_property
+    def space(self):
+        plane = DifferentialDrive().space
+        more = {"names": ("pan",), "units": ("rad",), "low": (-3.0,), "high": (3.0,), "weights": (1.0,)}
+        return replace(plane, **{field: getattr(plane, field) + value for field, value in more.items()})
+
+    @cached_property
+    def laws(self):
+        return {"slide": Slide(), "glide": Slide("glide"), "pan": Pan()}
+
+
+OWN = {
+    "round": Omnidirectional(radius=0.3),
+    "camera ahead": Omnidirectional(radius=0.2, camera_offset=(0.35, -0.1)),
+    "long": Omnidirectional(footprint=LONG),
+}
+
+
+def random_motions(model, world, kind, seed, size=150):
+    """Motions of up to a metre and half a turn either way from anywhere in a room and a little beyond."""
+    rng, start = np.random.default_rng(seed), random_states(seed + 7, size)
+    varies, still = model.laws[kind].varies, np.zeros(size)
+    length, direction = rng.uniform(0.0, 1.0, size), start.yaw
+    if "yaw" in varies:
+        direction = rng.uniform(-np.pi, np.pi, size)
+    go = {"x": length * np.cos(direction), "y": length * np.sin(direction), "yaw": rng.uniform(-np.pi, np.pi, size)}
+    begin = {name: getattr(start, name, still) for name in model.space.names}
+    end = {name: begin[name] + go.get(name, 1.0) * (name in varies) for name in begin}
+    return Motions(world, model, model.laws[kind], States(**begin), States(**end))
+
+
+CASES = [(robot, kind) for robot in ROBOTS.values() for kind in ("move", "turn")]
+CASES += [(robot, kind) for robot in OWN.values() for kind in ("slide", "pan")]
+
+
+@pytest.mark.parametrize(("robot", "kind"), CASES, ids=lambda case: getattr(case, "name", case))
+def test_a_motion_that_planning_calls_free_is_free_to_the_judge(robot, kind):
+    for seed in (0, 1):
+        world = room(seed)
+        motions = random_motions(robot, world, kind, seed)
+        free, judged = robot.collision(world).motions_free(motions), robot.judge(world).motions_free(motions)
+        assert 0.02 < free.mean() < 0.95
+        assert not (free & ~judged).any()
+        assert (judged & ~free).mean() < 0.05  # by hulls that cover turns, and between two samples of the judge
+
+
+def test_states_and_reasons_are_the_same_by_both():
+    world, states = room(3), random_states(5, 200)
+    for robot in (ROBOTS["not convex"], OWN["long"]):
+        geometry, judge = robot.collision(world), robot.judge(world)
+        assert (geometry.states_free(states) == judge.states_free(states)).mean() > 0.98
+        for i in range(40):
+            one = states.take(slice(i, i + 1))
+            assert bool(geometry.why_blocked(one)) == (not geometry.states_free(one)[0])
+            assert bool(judge.why_blocked(one)) == (not judge.states_free(one)[0])
+
+
+def test_what_a_part_sweeps_while_the_robot_slides_and_turns_is_not_missed():
+    """The long robot is free at both ends and turns by half round a pin that it meets only on its way."""
+    robot = OWN["long"]
+    world = World.from_polygons([shapely.box(4.99, 5.5, 5.01, 5.6)], extent=shapely.box(0, 0, 10, 10))
+    for turn, expected in ((np.pi, False), (-np.pi, True)):
+        begin, end = ({"x": x, "y": 5.0, "yaw": yaw, "pan": 0.0} for x, yaw in ((4.9, 0.0), (5.1, turn)))
+        states = (States(**{name: np.array([value]) for name, value in one.items()}) for one in (begin, end))
+        motion = Motions(world, robot, robot.laws["slide"], *states)
+        assert robot.collision(world).motions_free(motion)[0] == expected
+        assert robot.judge(world).motions_free(motion)[0] == expected
+
+
+def trajectory(rows, kinds):
+    columns = np.array(rows, float).T
+    return Trajectory(OWN["round"], States(**dict(zip(("x", "y", "yaw", "pan"), columns, strict=True))), kinds)
+
+
+def test_slides_that_go_on_alike_are_executed_as_one_and_pass_every_planned_state():
+    rows = [(0, 0, 0, 0), (1, 1, 0.5, 0), (3, 3, 1.5, 0), (4, 4, 1.5, 0), (4, 4, 1.5, 1), (5, 4, 1.5, 1)]
+    planned = trajectory(rows, ("slide", "slide", "slide", "pan", "slide"))
+    executed, passed = planned.model.execution(planned)
+    assert executed.kinds == ("glide", "glide", "pan", "glide")  # on the third it no longer turns
+    assert (np.diff(passed) > 0).all()
+    assert passed[-1] == pytest.approx(executed.duration)
+    there = executed.at(passed)
+    for name in planned.states.names:
+        assert getattr(there, name) == pytest.approx(getattr(planned.states, name), abs=1e-4)
+
+
+def test_what_is_executed_may_be_executed_again():
+    rows = [(0, 0, 0, 0), (1, 0, 0, 0), (1, 1, 0, 0)]
+    executed = trajectory(rows, ("slide", "slide")).execution()
+    assert executed.execution().kinds == executed.kinds == ("glide", "glide")
+
+
+def test_only_a_robot_with_wheels_must_look_where_it_goes():
+    sideways = [(0, 0, 0), (0, 2, 0)]
+    columns = dict(zip(("x", "y", "yaw"), np.array(sideways, float).T, strict=True))
+    drive = DifferentialDrive()
+    slides = Trajectory(drive, States(**columns), ("move",))
+    assert [*drive.faults(slides)] == ["does not go ahead in motion 0, a move"]
+    own = trajectory([(*row, 0.0) for row in sideways], ("slide",))
+    assert own.model.laws.keys() == {"slide", "glide", "pan"}
+    assert [*super(DifferentialDrive, own.model).faults(own)] == []
+
+
+def test_what_a_model_provides_follows_from_its_states_and_laws():
+    assert DifferentialDrive().provides >= {"plane", "turn-move", "rigid", "wheels", "base", "camera", "heading"}
+    assert not OWN["round"].provides & {"turn-move", "rigid"}
+    assert OWN["round"].provides >= {"plane", "base"}
