@@ -7,7 +7,6 @@ found is kept), and those of :mod:`hpop.errors`.
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
     from hpop.scenario import Scenario
 
 MOST_FAULTS = 20
-OBJECTS = 100_000  # new ones between two collections of garbage: what is imported stays, looking through it costs
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
@@ -117,7 +115,9 @@ def plan(
     scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None, imports: tuple[str, ...]
 ) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
-    gc.set_threshold(OBJECTS)
+    from hpop import garbage
+
+    garbage.seldom()
     from hpop import own_code, report
     from hpop.planners.base import sweeps
     from hpop.planners.lattice_stages import kernels_beside

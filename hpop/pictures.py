@@ -81,6 +81,9 @@ class PicturesBeside:
 
 def draw(which: str, folder: Path, imports: Sequence[str]) -> None:
     """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
+    from hpop import garbage
+
+    garbage.seldom()
     from hpop import own_code
     from hpop.front import Front
     from hpop.problem import Problem

@@ -6,7 +6,6 @@ plain Python, since the process that plans compiles these meanwhile.
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop import garbage
 from hpop.planners.search.beside import name_of
 from hpop.planners.search.bounds import lower_bounds
 from hpop.planners.search.graph import Graph
@@ -26,7 +26,6 @@ from hpop.status import Budget
 SIDE, HEADINGS = 3, 8  # of the lattice
 FAR = 2000  # a move costs at least so much: only turns are a small whole number
 NICENESS = 5
-OBJECTS = 100_000  # new ones between two collections of garbage, which else take a tenth of the time
 
 
 class _Rehearsal(Clock):
@@ -99,7 +98,7 @@ def main() -> None:
     """Compile the parts that the command line names, for the costs that it describes."""
     if os.cpu_count() == 1 and hasattr(os, "nice"):  # elsewhere a search waits for this, and nothing stands in its way
         os.nice(NICENESS)
-    gc.set_threshold(OBJECTS)
+    garbage.seldom()
     parts, turns, *aggregates = sys.argv[1:]
     for part in parts.split(","):
         rehearse(part, aggregates, int(turns))

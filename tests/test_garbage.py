@@ -1,0 +1,38 @@
+"""How seldom a command looks for garbage, and that code of others finds the end of Python as it always was."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+
+import pytest
+
+from hpop import garbage
+from hpop.registry import readers
+
+
+@pytest.fixture(autouse=True)
+def _frozen_as_before() -> Iterator[None]:
+    """Objects that the session has frozen stay frozen; what a test froze may be looked through again."""
+    before = gc.get_freeze_count()
+    gc.unfreeze()
+    yield
+    gc.unfreeze()
+    if before:
+        gc.freeze()
+
+
+def test_what_a_command_leaves_is_not_looked_through() -> None:
+    kept = [[] for _ in range(100)]  # type: ignore[var-annotated]
+    garbage.leave()
+    assert gc.get_freeze_count() > len(kept)
+
+
+def test_where_somebody_elses_code_is_registered_the_end_of_python_is_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    def theirs(path: str) -> None:
+        """A reader that may have left a file open."""
+
+    theirs.__module__ = "somebody.elses"
+    monkeypatch.setattr(readers, "own", lambda: {"theirs": theirs})
+    garbage.leave()
+    assert not gc.get_freeze_count()
