@@ -8,10 +8,14 @@ Before it loads its first kernel numba gets ready to compile: it imports all tha
 and scipy.linalg, another one, only to learn whether matrix products can be compiled. What is compiled already needs
 numba's runtime alone, so all this is left until a kernel is compiled; and then the question of matrix products, which
 no kernel here takes, for hpop requires SciPy. numba asks again where a product is compiled.
+
+numba also imports the package coverage wherever it is installed, only to learn whether it measures this process. If it
+does, it has been imported before; else it is left out.
 """
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,10 +25,15 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numba
-
 from hpop.errors import HpopWarning
 from hpop.interrupts import interrupts_held
+
+_coverage = sys.modules.setdefault("coverage", None)  # type: ignore[arg-type]
+try:
+    import numba
+finally:
+    if _coverage is None:
+        del sys.modules["coverage"]
 
 __all__ = ["compiling_seconds", "kernel", "lean", "numba"]
 
