@@ -23,7 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hpop import registry
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import hypervolume
@@ -313,10 +313,10 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
     >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
     (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
     """
-    distinct = len(np.unique(np.rint(values / quantum)))
+    kinds = len(distinct(np.rint(values / quantum)))
     for more in range(MOST_DIGITS):
         texts = [number(value, quantum, more) for value in values.tolist()]
-        if len({float(text) for text in texts}) >= distinct:
+        if len({float(text) for text in texts}) >= kinds:
             break
     return texts
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.arrays import BoolArray, IntArray, distinct
 from hpop.compiled import lean
 
 STRAIGHT, DIAGONAL = 5, 7  # 7/5 is near enough to sqrt(2) for choosing cells
@@ -44,7 +44,7 @@ def nearby(
     way = np.array(cells)
     if not corner_cutting:
         row, column = np.divmod(way, columns)
-        way = np.unique(np.concatenate([way, row[:-1] * columns + column[1:], row[1:] * columns + column[:-1]]))
+        way = distinct(np.concatenate([way, row[:-1] * columns + column[1:], row[1:] * columns + column[:-1]]))
     through = there + spread(free, end, corner_cutting)[0]
     aside, _ = spread(free, way, corner_cutting)
     through[way] = 0

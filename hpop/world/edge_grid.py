@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray, distinct
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,5 +87,4 @@ def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[
     cells = np.floor((np.stack([ends, ends + step]) - corner) / side).astype(np.int64)  # (2, P, 2)
     cells = np.clip(cells, 0, np.array(shape[::-1]) - 1)
     buckets = [cells[i, :, 1] * shape[1] + cells[j, :, 0] for i in (0, 1) for j in (0, 1)]
-    pairs = np.unique(np.stack([np.concatenate(buckets), np.tile(edge, 4)], axis=1), axis=0)
-    return pairs[:, 0], pairs[:, 1]
+    return np.divmod(distinct(np.concatenate(buckets) * len(edges) + np.tile(edge, 4)), len(edges))

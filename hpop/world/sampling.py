@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import Column, FloatArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.world import limits
@@ -70,7 +70,7 @@ def obstructed(world: World, pose: Pose, radius: float) -> Column:
     if is_symbolic(pose.z):
         raise OptionError("obstruction needs camera heights as numbers; in this world they are variables.")
     z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
-    heights = np.unique(z)
+    heights = distinct(z)
     if heights.size > MAX_HEIGHTS:
         raise OptionError(
             f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "

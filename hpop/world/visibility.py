@@ -22,7 +22,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.arrays import Column, FloatArray, IntArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
 from hpop.text import shown
@@ -169,13 +169,13 @@ def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
     heights = np.asarray(pose.z, dtype=np.float64)
     if heights.size and heights.min() == heights.max():
         return evaluate(float(heights.flat[0]))
-    distinct = np.unique(heights)
-    if distinct.size > MAX_HEIGHTS:
+    several = distinct(heights)
+    if several.size > MAX_HEIGHTS:
         raise OptionError(
-            f"visibility needs a field for each camera height, at most {MAX_HEIGHTS}; got {distinct.size} distinct "
+            f"visibility needs a field for each camera height, at most {MAX_HEIGHTS}; got {several.size} distinct "
             "heights. Round the heights."
         )
-    return sum((np.where(heights == z, 1.0, 0.0) * evaluate(float(z)) for z in distinct), start=0.0 * pose.x)
+    return sum((np.where(heights == z, 1.0, 0.0) * evaluate(float(z)) for z in several), start=0.0 * pose.x)
 
 
 # Landmarks

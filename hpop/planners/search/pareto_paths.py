@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.arrays import IntArray, distinct
 from hpop.errors import OptionError, QueryError
 from hpop.options import whole
 from hpop.planners.search.approximation import ANYTHING, Precision, proven_gap
@@ -324,7 +324,7 @@ def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
     some = graph.costs[:SAMPLE]
-    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(np.unique(some[:, j]))))
+    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(distinct(some[:, j]))))
     return (*free, *(j for j in by_spread if j not in free))
 
 
