@@ -6,16 +6,17 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 from hpop import solving
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
-from hpop.math import not_radians
+from hpop.goals import Goal, GoalSet, GoalSpec, goal_of
 from hpop.motions import Model, missing
-from hpop.options import FARTHEST, MOST, real
+from hpop.motions.space import StateSpec, Values
+from hpop.options import MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
 from hpop.registry import make_model
 from hpop.solving import StageCallback
@@ -32,8 +33,8 @@ class Problem:
 
     world     obstacles and free space
     model     the robot with its camera
-    start     (x m, y m, yaw rad)
-    goal      (x m, y m, yaw rad); a yaw of None leaves the heading at the goal free
+    start     a state of the model, in the order of ``model.space.names`` or by name: (x m, y m, yaw rad)
+    goal      a state; angles that are None, such as the yaw, are free there. Or a list of states, of which any will do
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
     quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
 
@@ -45,8 +46,8 @@ class Problem:
 
     world: World
     model: Model
-    start: tuple[float, float, float]
-    goal: tuple[float, float, float | None]
+    start: tuple[float, ...]
+    goal: Values | Goal
     criteria: tuple[Criterion, ...]
     quanta: Mapping[str, float]
     read_seconds: float = field(default=0.0, init=False)
@@ -56,8 +57,8 @@ class Problem:
         self,
         world: World,
         model: Model,
-        start: Sequence[float],
-        goal: Sequence[float | None],
+        start: StateSpec,
+        goal: GoalSpec,
         criteria: Sequence[CriterionSpec],
         *,
         quanta: Mapping[str, float] | None = None,
@@ -84,19 +85,31 @@ class Problem:
         made = with_quanta(made, quanta)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "model", model)
-        object.__setattr__(self, "start", _checked_pose(start, "start"))
-        object.__setattr__(self, "goal", _checked_pose(goal, "goal"))
+        object.__setattr__(self, "start", model.space.values(model.space.state(start, what="start")))
+        object.__setattr__(self, "goal", goal_of(goal, model.space))
         object.__setattr__(self, "criteria", made)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
-        if self.start[2] is None:
-            raise QueryError("the start needs a yaw in rad; only the goal's may be free (None)")
 
     def __repr__(self) -> str:
-        ends = " to ".join(
-            f"({x:g}, {y:g}, {'any' if yaw is None else f'{yaw:.4g}'})" for x, y, yaw in (self.start, self.goal)
+        goals = self.target.members if isinstance(self.target, GoalSet) else None
+        ends = (
+            "a goal of its own" if goals is None else _written(goals[0]) if len(goals) == 1 else f"any of {len(goals)}"
         )
         names = ", ".join(criterion.name for criterion in self.criteria)
-        return f"<Problem: {names} of {type(self.model).__name__} from {ends} in {self.world!r}>"
+        of = f"{names} of {type(self.model).__name__}"
+        return f"<Problem: {of} from {_written(self.start)} to {ends} in {self.world!r}>"
+
+    @property
+    def target(self) -> Goal:
+        """The goal as states of which any will do, also where it is one."""
+        return GoalSet((self.goal,)) if isinstance(self.goal, tuple) else self.goal
+
+    @property
+    def goals(self) -> tuple[Values, ...]:
+        """The states of which any will do, angles that are free None; QueryError where the goal is no list of them."""
+        if isinstance(self.target, GoalSet):
+            return self.target.members
+        raise QueryError(f"this needs a goal that is a state, or a list of states, got {shown(self.goal)}")
 
     def solve(
         self,
@@ -144,7 +157,7 @@ class Problem:
         """Re-evaluate candidates by the criteria and keep the non-dominated ones; see :func:`hpop.solving.front`."""
         return solving.front(self, candidates, progress)
 
-    def at(self, state: tuple[float, float, float], t: float) -> Problem:
+    def at(self, state: StateSpec, t: float) -> Problem:
         """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.
 
         People who move are where their velocity has brought them by then, which is what is predicted; all else stays.
@@ -154,7 +167,7 @@ class Problem:
         people = tuple(person.later(t) for person in now.people)
         if people != now.people:
             world = world.with_content(people=people, groups=now.groups, landmarks=now.landmarks, zones=now.zones)
-        return replace(self, world=world, start=state)
+        return replace(self, world=world, start=cast(tuple[float, ...], state))  # checked there
 
     def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
         """Cost of a trajectory in each criterion, by name."""
@@ -171,7 +184,7 @@ class Problem:
             "world": self.world.describe(),
             "model": self.model.describe(),
             "start": list(self.start),
-            "goal": list(self.goal),
+            "goal": self.target.describe(),
             "criteria": [describe_criterion(criterion) for criterion in self.criteria],
             **({"quanta": dict(self.quanta)} if self.quanta else {}),
         }
@@ -230,18 +243,6 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
     return trajectory
 
 
-def _checked_pose(pose: Sequence[float | None], what: str) -> tuple[float, float, float | None]:
-    try:
-        x, y, yaw = pose
-    except (TypeError, ValueError):
-        raise QueryError(f"the {what} is (x m, y m, yaw rad), got {shown(pose)}") from None
-    east, north = (
-        real(f"{name} of the {what}", value, -FARTHEST, FARTHEST, "a position in m", error=QueryError)
-        for name, value in (("x", x), ("y", y))
-    )
-    if yaw is None:
-        return float(east), float(north), None
-    angle = real(f"the yaw of the {what}", yaw, -MOST, MOST, "an angle in rad", error=QueryError)
-    if advice := not_radians(angle):
-        raise QueryError(f"the yaw of the {what} {advice}")
-    return float(east), float(north), float(angle)
+def _written(values: Values) -> str:
+    """A state in few characters."""
+    return f"({', '.join('any' if value is None else f'{value:.4g}' for value in values)})"

@@ -6,8 +6,8 @@
       ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons, a reader of an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
-    start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"
-    goal: [21.0, 9.0, any]                  # any: every heading will do
+    start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
+    goal: [21.0, 9.0, any]                  # any: every heading will do; a list of goals: any of them will do
     criteria: [obstruction, turns, length]  # a name, or {name: {parameter: value}}
     planner:
       lattice: {step: 0.25}
@@ -104,7 +104,9 @@ def load_scenario(path: str | Path) -> Scenario:
         if isinstance(asked, list)
         else [faults.built(planners, asked, ("planner",))]
     )
-    start, goal = (faults.pose(given.get(key), key) for key in ("start", "goal"))
+    space = model.space if isinstance(model, Model) else None
+    start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
+    goal: Any = faults.goal(given["goal"], ("goal",), space) if "goal" in given else None
     people = faults.made(given, "people", PersonEntry, partial(_person, faults))
     landmarks = faults.made(given, "landmarks", LandmarkEntry, partial(_landmark, faults))
     zones = faults.made(given, "zones", ZoneEntry, _zone)

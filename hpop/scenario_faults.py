@@ -14,9 +14,8 @@ from typing import Any, TypeVar, get_type_hints
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
-from hpop.math import not_radians
-from hpop.options import FARTHEST, MOST, real
+from hpop.errors import MOST_LETTERS, OWN, HpopError, ScenarioError
+from hpop.motions import StateSpace
 from hpop.registry import Registry, readers
 from hpop.scenario_schema import STRICT, WorldSection
 from hpop.status import LIMITS, NO_LIMIT
@@ -137,27 +136,47 @@ class Faults:
                 return cls(**{key: getattr(checked, key) for key in checked.model_fields_set})
         return None
 
-    def pose(self, given: Any, key: str) -> tuple[Any, ...]:
-        """A start or goal, the yaw in rad; a goal's may be free (None)."""
-        x, y, yaw = given if isinstance(given, list) and len(given) == 3 else (0.0, 0.0, 0.0)
-        for i, position in enumerate((x, y)):
-            if isinstance(position, int | float):
-                with self.collected((key, i)):
-                    real(f"{'xy'[i]} of the {key}", position, -FARTHEST, FARTHEST, "a position in m", error=QueryError)
-        if yaw == "any" and key == "goal":
-            return x, y, None
-        if yaw == "any":
-            self.add((key, 2), "the yaw at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
-            return x, y, 0.0
-        angle = self.angle(yaw, (key, 2), "a yaw", ", or 'any'" if key == "goal" else "")
-        if isinstance(angle, float | int):
-            with self.collected((key, 2)):
-                real("a yaw", angle, -MOST, MOST, "an angle in rad", error=QueryError)
-                if not (advice := not_radians(angle)):
-                    return x, y, angle
-                self.add((key, 2), f"a yaw {advice}", QueryError)
-            return x, y, 0.0
-        return x, y, angle
+    def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
+        """A start or goal by name, angles in rad; a goal's may be free (None). None after noting what is wrong with it.
+
+        Without a space, since the model is wrong, angles are looked at alone.
+        """
+        what = str(place[0])
+        if space is None:
+            for i, value in enumerate(entries(given)):
+                if isinstance(value, str) and value != "any":
+                    self.angle(value, (*place, i), "an angle")
+            return None
+        by_name = isinstance(given, dict)
+        keys: dict[str, str | int] = {name: name if by_name else i for i, name in enumerate(space.names)}
+        values = given if by_name else dict(enumerate(entries(given)))
+        if values.keys() == set(keys.values()) and all(_may_be(values[keys[n]], n in space.angles) for n in keys):
+            return {name: self._column(values[key], (*place, key), space, name) for name, key in keys.items()}
+        got = "nothing" if given is None else shown(given, 60)
+        misfit = space.misfit(given) if by_name else ""
+        self.add(place, f"expected {_form(space, what)}, got {got}{_note(given)}{f'; {misfit}' * bool(misfit)}")
+        return None
+
+    def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
+        """The value of one column of a start or goal."""
+        what = str(place[0])
+        turns = name in space.angles
+        if value == "any":
+            if what == "goal":
+                return None
+            self.add(place, f"the {name} at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
+            return 0.0
+        angle = self.angle(value, place, f"a {name}", ", or 'any'" if what == "goal" else "") if turns else value
+        with self.collected(place):
+            return space.checked(name, angle, what, f"a {name}" if turns else "")
+        return 0.0
+
+    def goal(self, given: Any, place: Place, space: StateSpace | None) -> Any:
+        """A goal, or a list of those of which any will do."""
+        several = isinstance(given, list) and given and all(isinstance(entry, list | dict) for entry in given)
+        if several:
+            return [self.state(entry, (*place, i), space) for i, entry in enumerate(given)]
+        return self.state(given, place, space)
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
         """An angle in rad from a number, or from text in degrees."""
@@ -197,6 +216,20 @@ def _parameters(cls: Any) -> type[BaseModel]:
     return create_model(cls.__name__, __config__=PARAMETERS, **schema)
 
 
+def _may_be(value: Any, angle: bool) -> bool:
+    """Whether a value may be that of a column: a finite number, of an angle also text."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
+    return number or (angle and isinstance(value, str))
+
+
+def _form(space: StateSpace, what: str) -> str:
+    """How a start or goal is written."""
+    *units, last = space.units
+    angle = next((name for name in space.names if name in space.angles), "")
+    degrees = f" (or a {angle} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
+    return f"[{', '.join(space.names)}], numbers in {', '.join(units)} and {last}{degrees}"
+
+
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     """One line on all that is wrong at one place."""
     fault = next((one for one in faults if one["type"] not in EXPECTED), faults[0])
@@ -231,7 +264,8 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
 
 
 def _note(got: Any) -> str:
-    if isinstance(got, list):
+    if isinstance(got, list | dict):
+        got = got.values() if isinstance(got, dict) else got
         return next(filter(None, map(_note, got)), "")
     if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
         return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"

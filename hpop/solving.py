@@ -17,6 +17,7 @@ from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
 from hpop.motion_table import MotionTable
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
+from hpop.planners.goals import check_goal
 from hpop.planners.needs import refuse_unsupported
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback, Status
@@ -41,6 +42,7 @@ def fronts(
     _check_joinable(made)
     for planner in made:
         refuse_unsupported(planner, problem.model)
+        check_goal(problem, planner)
     before: Front | None = None
     for planner in made:
         candidates: Candidates | None = None

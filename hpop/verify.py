@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
-from hpop.math import wrap
+from hpop.goals import GoalSet
 from hpop.motion_table import MotionTable
-from hpop.motions import Motions
+from hpop.motions import Motions, States
+from hpop.motions.space import Values
 from hpop.options import MOST
 from hpop.planners.base import edge_objectives
+from hpop.planners.trust import on_map
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 
@@ -62,9 +64,8 @@ def lost_trajectories(problem: Problem, front: Front) -> list[str]:
 
 def _inside(problem: Problem, trajectory: Trajectory) -> bool:
     s = trajectory.states
-    x_min, y_min, x_max, y_max = problem.world.bounds
-    inside = (s.x >= x_min) & (s.x <= x_max) & (s.y >= y_min) & (s.y <= y_max) & (np.abs(s.yaw) <= MOST_TURNED)
-    return bool(inside.all())
+    turned = [np.abs(getattr(s, name)).max() for name in problem.model.space.turning]
+    return bool(on_map(problem, s).all()) and max(turned, default=0.0) <= MOST_TURNED
 
 
 def _claimable(problem: Problem) -> dict[str, Criterion]:
@@ -112,17 +113,49 @@ def _cost_faults(
 def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
     """Trajectories (n,) to look at one by one: ends that are not the problem's, motions that the model doubts."""
     first, last = table.states.take(table.first), table.states.take(table.last)
-    (x, y, yaw), goal = problem.start, problem.goal
-    suspects = np.maximum(np.abs(first.x - x), np.abs(first.y - y)) > CLOSE
-    suspects |= np.abs(wrap(first.yaw - yaw)) > HEADING_CLOSE
-    suspects |= np.hypot(last.x - goal[0], last.y - goal[1]) > CLOSE
-    if goal[2] is not None:
-        suspects |= np.abs(wrap(last.yaw - goal[2])) > HEADING_CLOSE
+    suspects = ~_Miss.of(problem, problem.start, first).none
+    if isinstance(problem.target, GoalSet):
+        suspects |= ~np.any([_Miss.of(problem, goal, last).none for goal in problem.goals], axis=0)
+    else:
+        suspects |= ~problem.target.reached(problem.model, last)
     doubtful = np.zeros(len(table), dtype=bool)
     for index, law, start, end in table.by_law():
         doubtful[index] = problem.model.doubtful(law, start, end)
     found: BoolArray = suspects | table.having(doubtful)
     return found
+
+
+class _Miss(NamedTuple):
+    """By how much states (M,) miss an end.
+
+    distance  m    in the columns that are lengths
+    others    rad  in each of the others; nothing where the end leaves it free
+    """
+
+    distance: FloatArray
+    others: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, problem: Problem, end: Values, states: States) -> _Miss:
+        """The miss of an end of the problem."""
+        space = problem.model.space
+        differences = space.differences(space.state(end, free=space.angles), states)
+        off = {name: np.nan_to_num(np.abs(change)) for name, change in differences.items()}
+        lengths = [off.pop(name) for name, unit in zip(space.names, space.units, strict=True) if unit == "m"]
+        return cls(np.sqrt(sum((length**2 for length in lengths), np.zeros(states.size))), off)
+
+    @property
+    def most(self) -> float:
+        """The largest of the others."""
+        return max((float(off.max(initial=0.0)) for off in self.others.values()), default=0.0)
+
+    @property
+    def none(self) -> BoolArray:
+        """Whether each state (M,) is at the end."""
+        close = self.distance <= CLOSE
+        for off in self.others.values():
+            close &= off <= HEADING_CLOSE
+        return close
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
@@ -134,16 +167,20 @@ def _offset(provenance: Mapping[str, Any]) -> float:
 
 
 def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:
-    s, goal = trajectory.states, problem.goal
-    start = problem.start
-    apart = max(abs(s.x[0] - start[0]), abs(s.y[0] - start[1]))
-    if apart > CLOSE or abs(wrap(s.yaw[0] - start[2])) > HEADING_CLOSE:
+    first, last = (trajectory.states.take([row]) for row in (0, -1))
+    if not _Miss.of(problem, problem.start, first).none.all():
         yield "does not begin at the start"
-    off = np.hypot(s.x[-1] - goal[0], s.y[-1] - goal[1])
-    if off > offset + CLOSE:
-        yield f"ends {off:.3f} m from the goal"
-    if goal[2] is not None and abs(wrap(s.yaw[-1] - goal[2])) > HEADING_CLOSE:
-        yield "does not end with the goal's heading"
+    if not isinstance(problem.target, GoalSet):
+        if not problem.target.reached(problem.model, last).all():
+            yield "does not end at the goal"
+        return
+    misses = (_Miss.of(problem, goal, last) for goal in problem.goals)
+    nearest = min(misses, key=lambda miss: (bool(miss.distance[0] > offset + CLOSE), miss.most, miss.distance[0]))
+    if nearest.distance[0] > offset + CLOSE:
+        yield f"ends {nearest.distance[0]:.3f} m from the goal"
+    for name, off in nearest.others.items():
+        if off[0] > HEADING_CLOSE:
+            yield f"does not end with the goal's {'heading' if name == 'yaw' else name}"
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:

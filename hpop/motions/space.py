@@ -98,18 +98,22 @@ class StateSpace:
     def by_name(self, values: Any, what: str) -> dict[str, Any]:
         """What is given for each column, in order; QueryError for other columns than the model's."""
         if isinstance(values, Mapping):
-            strange = [name for name in values if name not in self.names]
-            lacking = [name for name in self.names if name not in values]
-            if not (strange or lacking):
-                return {name: values[name] for name in self.names}
-            faults = [f"lacks {', '.join(lacking)}"] * bool(lacking)
-            faults += [f"names {', '.join(map(shown, strange))}, which is no state of the model"] * bool(strange)
-            hint = "".join(did_you_mean(name, lacking or self.names) for name in strange)
-            raise QueryError(f"the {what} is {self}, got {shown(values)}: it {' and '.join(faults)}.{hint}")
+            if misfit := self.misfit(values):
+                raise QueryError(f"the {what} is {self}, got {shown(values)}: {misfit}")
+            return {name: values[name] for name in self.names}
         try:
             return dict(zip(self.names, values, strict=True))
         except (TypeError, ValueError):
             raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
+
+    def misfit(self, values: Mapping[Any, Any]) -> str:
+        """What is wrong with the names of the columns for which values are given, in words; nothing if they are all."""
+        strange = [name for name in values if name not in self.names]
+        lacking = [name for name in self.names if name not in values]
+        faults = [f"lacks {', '.join(lacking)}"] * bool(lacking)
+        faults += [f"names {', '.join(map(shown, strange))}, which is no state of the model"] * bool(strange)
+        hint = "".join(did_you_mean(name, lacking or self.names) for name in strange)
+        return f"it {' and '.join(faults)}{'.' * bool(hint)}{hint}" if faults else ""
 
     def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
         """The value of one column of ``what``, or a QueryError, which calls it ``label``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,9 +11,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.goals import goal_of
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner
+from hpop.planners.goals import goals_of, start_of
+from hpop.planners.joined_ends import UNMOVED, is_on
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import in_plane
 from hpop.planners.purse import Purse
@@ -52,6 +56,7 @@ class AnyAngle:
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    goal_sets: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8
@@ -89,7 +94,7 @@ class AnyAngle:
         if first.status is Status.INTERRUPTED or not first.trajectories:
             return _lattice_only(first)
         began = time.perf_counter()
-        problem = _on_headings(problem, first.trajectories[0])
+        problem = _on_headings(problem, first.trajectories)
         purse = Purse(self.budget(), memory=problem.read_memory)
         try:
             roadmap, notes = self.roadmap(problem, first, purse)
@@ -109,18 +114,17 @@ class AnyAngle:
     ) -> tuple[StateRoadmap, tuple[str, ...]]:
         """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
         ends = checked_ends(problem)
-        corners = _corners(problem, first.trajectories, ends)
-        positions = np.concatenate([ends, corners[: self.max_positions]])
-        count = len(positions) - len(ends)
+        corners = _corners(problem, first.trajectories, ends.positions)
+        positions = np.concatenate([ends.positions, corners[: self.max_positions]])
+        count = len(positions) - len(ends.positions)
         incomplete = "" if first.status.is_final else f"incomplete ({first.status}) "
         roadmap = StateRoadmap(
             in_plane(problem.model),
             problem.world,
             positions,
             pairs(len(positions)),
-            problem.start[2],
-            len(ends) - 1,
-            problem.goal[2],
+            start_of(problem)[2],
+            ends.goals,
             name=f"the visibility roadmap of {count} corners of the {incomplete}front of "
             f"{self._lattice().lattice(problem).words}",
             chosen={"step": self.step, "headings": self.headings, "corners": count},
@@ -137,11 +141,18 @@ def _lattice_only(first: Candidates) -> Candidates:
     return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {what}"))
 
 
-def _on_headings(problem: Problem, trajectory: Trajectory) -> Problem:
-    """The problem with the lattice's headings at both ends: yaws written with few decimals are meant as these."""
-    (x, y, _), (goal_x, goal_y, goal_yaw) = problem.start, problem.goal
-    first, last = (float(yaw) for yaw in trajectory.states.yaw[[0, -1]])
-    return replace(problem, start=(x, y, first), goal=(goal_x, goal_y, None if goal_yaw is None else last))
+def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
+    """The problem with the lattice's headings at its ends: yaws written with few decimals are meant as these."""
+    (x, y, _), goals = start_of(problem), list(goals_of(problem))
+    for i, (goal_x, goal_y, yaw) in enumerate(goals):
+        for states in (trajectory.states for trajectory in trajectories):
+            off = math.hypot(states.x[-1] - goal_x, states.y[-1] - goal_y)
+            if yaw is not None and (len(goals) == 1 or (off <= UNMOVED and is_on(states.yaw[-1], yaw))):
+                goals[i] = (goal_x, goal_y, float(states.yaw[-1]))
+                break
+    return replace(
+        problem, start=(x, y, float(trajectories[0].states.yaw[0])), goal=goal_of(goals, problem.model.space)
+    )
 
 
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:

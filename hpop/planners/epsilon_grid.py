@@ -17,7 +17,6 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.length import Length
 from hpop.errors import OptionError, did_you_mean
-from hpop.motions import States
 from hpop.planners.base import integral_of
 from hpop.planners.least_length import least_length
 from hpop.planners.treatable import minimised, smooth_places
@@ -100,9 +99,9 @@ def _least(criterion: Criterion, problem: Problem) -> float:
     if bound is None:
         return 0.0
     # What depends on a heading that is free is not known.
-    poses = [[np.nan if value is None else value for value in pose] for pose in (problem.start, problem.goal)]
-    start, goal = (States(**{n: np.array([v]) for n, v in zip(("x", "y", "yaw"), pose, strict=True)}) for pose in poses)
-    return float(np.nan_to_num(bound(start, goal)[0]))
+    space = problem.model.space
+    start, *goals = (space.state(end, free=space.angles) for end in (problem.start, *problem.goals))
+    return min(float(np.nan_to_num(bound(start, goal)[0])) for goal in goals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.arrays import BoolArray, Column, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import QueryError
 from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.planners.base import quantised
+from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.search import Graph
 from hpop.planners.state_graph import StateGraph
 from hpop.planners.stretches import Stretch
@@ -35,8 +36,6 @@ ALIGNED = 1e-9  # rad: a turn by less is none
 KINDS = ("turn", "move", "turn")
 BY = "at most a turn, a move and a turn"
 START, GOAL = "start", "goal"
-
-End = tuple[float, float, float | None]
 
 
 class Ends(NamedTuple):
@@ -60,23 +59,28 @@ class Ends(NamedTuple):
 def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     """The graph, and what on it are start and goal; those that are no states of it are joined to those within reach.
 
-    Raises QueryError for a start or goal that is blocked, or to which nothing can be joined.
+    Raises QueryError for a start that is blocked, or to which nothing can be joined, and where all goals are so.
 
     Parameters
     ----------
     reach : m
     """
-    poses: dict[str, End] = {START: problem.start, GOAL: problem.goal}
+    start, goals = start_of(problem), goals_of(problem)
+    poses: dict[str, End] = {START: start}
+    poses |= {f"{GOAL} {place}" if len(goals) > 1 else GOAL: goal for place, goal in enumerate(goals)}
     states = {what: states_at(graph, end) for what, end in poses.items()}
-    beside = {what: end for what, end in poses.items() if not states[what]}
+
+    def straight(end: End) -> bool:
+        """A path straight from the start to it need not end with a heading of the graph."""
+        return not states[START] and end[2] is None and math.dist(start[:2], end[:2]) <= reach
+
+    beside = {what: end for what, end in poses.items() if not states[what] or straight(end)}
     if not beside:
-        return Ends(graph, states[START][0], states[GOAL])
-    if START in beside and problem.goal[2] is None and math.dist(problem.start[:2], problem.goal[:2]) <= reach:
-        beside[GOAL] = problem.goal  # a way straight to it need not end with a heading of the graph
-    joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, purse=graph.purse)
-    joined.check()
-    start, goals = ([joined.node(what)] if what in beside else states[what] for what in poses)
-    return Ends(joined, start[0], goals)
+        joined: StateGraph = graph
+    else:
+        joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, purse=graph.purse)
+        states |= joined.checked(list(poses)[1:])
+    return Ends(joined, states[START][0], list(dict.fromkeys(id_ for what in list(poses)[1:] for id_ in states[what])))
 
 
 def states_at(graph: StateGraph, end: End) -> list[int]:
@@ -86,8 +90,13 @@ def states_at(graph: StateGraph, end: End) -> list[int]:
     states = graph.states(ids)
     there = graph.collision.states_free(states)
     if yaw is not None:
-        there &= np.abs(wrap(states.yaw - yaw)) <= HEADING_TOLERANCE
+        there &= is_on(states.yaw, yaw)
     return [int(one) for one in ids[there]]
+
+
+def is_on(yaw: Column, heading: float) -> BoolArray:
+    """Whether yaws, rad, are on a heading that may be written with three decimals."""
+    return np.asarray(np.abs(wrap(yaw - heading)) <= HEADING_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,10 +196,10 @@ class Joins:
 
 @dataclass(frozen=True, eq=False)
 class JoinedEnds(StateGraph):
-    """A graph of states and beside it a start, a goal or both: one node each, after those of the graph.
+    """A graph of states and beside it a start, goals or both: one node each, after those of the graph.
 
     inner  the graph
-    ends   "start" or "goal" or both, in this order: the pose (x m, y m, yaw rad); a yaw of None leaves the heading free
+    ends   "start", goals or both, in this order: the pose (x m, y m, yaw rad); a yaw of None leaves the heading free
     reach  m: states no farther away are joined to them, where there is a free turn, straight move and turn
     """
 
@@ -222,13 +231,17 @@ class JoinedEnds(StateGraph):
     @cached_property
     def joins(self) -> Joins:
         """The arcs beside those of the inner graph, by their tails."""
-        found = [self._joins(what) for what in reversed(self.ends)]  # those to the goal begin in the graph
-        if len(self.ends) == 2:
-            start, goal = (_poses(end, 1) for end in self.ends.values())
-            near = np.flatnonzero(np.hypot(goal.x - start.x, goal.y - start.y) <= self.reach)
-            tails, heads = (np.full(near.size, self.node(what)) for what in self.ends)
-            found.append(Joins.between(self.inner, tails, heads, start.take(near), goal.take(near)))
-        return Joins.all_of(found)
+        found = [self._joins(what) for what in self.ends]
+        found += [self._straight(what) for what in self.ends if START in self.ends and what != START]
+        joins = Joins.all_of(found)
+        return joins.take(np.argsort(joins.tails, kind="stable"))
+
+    def _straight(self, goal: str) -> Joins:
+        """The join of the start to a goal, if they are near each other and it is free."""
+        ends = [_poses(self.ends[what], 1) for what in (START, goal)]
+        near = np.flatnonzero(np.hypot(ends[1].x - ends[0].x, ends[1].y - ends[0].y) <= self.reach)
+        tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
+        return Joins.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
     def _joins(self, what: str) -> Joins:
         """Free joins between an end and the states within reach."""
@@ -251,19 +264,31 @@ class JoinedEnds(StateGraph):
 
     def inside(self, nodes: list[int]) -> list[int]:
         """States of the inner graph: the nodes themselves, or those to which the end that they are is joined."""
-        return next((self.joined(what).tolist() for what in self.ends if nodes == [self.node(what)]), nodes)
+        ends = list(self.ends)
+        parts = [
+            [node] if node < self.inner.size else self.joined(ends[node - self.inner.size]).tolist() for node in nodes
+        ]
+        return [node for part in parts for node in part]
 
-    def check(self) -> None:
-        """Raise QueryError for an end that is blocked, or to which nothing can be joined."""
+    def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
+        """The node of each end, none of a goal that is not usable if another of the ``goals`` is.
+
+        Raises QueryError for a start, or goals, that are blocked, or to which nothing can be joined.
+        """
         reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
-        for what, (x, y, yaw) in self.ends.items():
-            if self.node(what) in reached:
-                continue
-            reason = self.collision.why_blocked(_poses((x, y, yaw or 0.0), 1)) or (
-                f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
-                f"{'from' if what == START else 'to'} it; take a smaller step"
-            )
-            raise QueryError(f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.")
+        lost = [what for what in self.ends if self.node(what) not in reached]
+        if START in lost or set(goals) <= set(lost):
+            raise QueryError(" ".join(map(self._refusal, [START] if START in lost else lost)))
+        return {what: [] if what in lost else [self.node(what)] for what in self.ends}
+
+    def _refusal(self, what: str) -> str:
+        """Why an end cannot be used."""
+        x, y, yaw = self.ends[what]
+        reason = self.collision.why_blocked(_poses((x, y, yaw or 0.0), 1)) or (
+            f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
+            f"{'from' if what == START else 'to'} it; take a smaller step"
+        )
+        return f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}."
 
     def places(self, ids: IntArray) -> IntArray:
         """Places (N,) of the inner graph; an end has one of its own, below 0."""

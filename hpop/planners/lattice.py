@@ -12,6 +12,7 @@ from hpop.errors import OptionError
 from hpop.options import LEAST, MOST, real, set_reals, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
+from hpop.planners.goals import start_of
 from hpop.planners.graph_query import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.planners.grid import Headings
 from hpop.planners.joined_ends import Ends, with_ends
@@ -72,6 +73,7 @@ class Lattice:
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
+    goal_sets: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8
@@ -191,7 +193,7 @@ class Lattice:
         return StateLattice(
             in_plane(problem.model),
             problem.world,
-            (problem.start[0], problem.start[1]),
+            start_of(problem)[:2],
             float(self.step),
             Headings(self.headings),
             self.corner_cutting,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hpop.errors import QueryError
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.graph_query import GraphQuery, refuse_unanswerable
 from hpop.planners.needs import in_plane
 from hpop.planners.purse import Exhausted, Purse, stopped
@@ -60,6 +61,7 @@ class Roadmap:
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    goal_sets: ClassVar[bool] = True
 
     samples: int = 500
     neighbours: int | None = None
@@ -109,17 +111,16 @@ class Roadmap:
         Building it may spend what is in the purse.
         """
         ends, purse = checked_ends(problem), purse or Purse()
-        positions = np.concatenate([ends, self._drawn(problem, purse)])
-        drawn = len(positions) - len(ends)
+        positions = np.concatenate([ends.positions, self._drawn(problem, purse)])
+        drawn = len(positions) - len(ends.positions)
         count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
         return StateRoadmap(
             in_plane(problem.model),
             problem.world,
             positions,
-            np.concatenate([_nearest(positions, count), pairs(len(ends))]),
-            problem.start[2],
-            len(ends) - 1,
-            problem.goal[2],
+            np.concatenate([_nearest(positions, count), pairs(len(ends.positions))]),
+            start_of(problem)[2],
+            ends.goals,
             name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
             chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
             remedy="take more samples",
@@ -145,17 +146,38 @@ class Roadmap:
         return drawn[: self.samples]
 
 
-def checked_ends(problem: Problem) -> FloatArray:
-    """Positions (2, 2) of start and goal, m, or (1, 2) where they are one; QueryError where one is blocked."""
+class PositionedEnds(NamedTuple):
+    """Where a roadmap begins and may end.
+
+    positions  (E, 2)  m; the first is the start's
+    goals      position of each goal, and its yaw, rad, None where it is free
+    """
+
+    positions: FloatArray
+    goals: tuple[tuple[int, float | None], ...]
+
+
+def checked_ends(problem: Problem) -> PositionedEnds:
+    """Positions of the start and of the goals that are not blocked; QueryError where the start or all goals are."""
     collision = in_plane(problem.model).collision(problem.world)
-    for what, (x, y, yaw) in (("start", problem.start), ("goal", problem.goal)):
+
+    def refusal(what: str, end: End) -> str:
+        x, y, yaw = end
         if yaw is None and collision.yaw_matters:  # some heading may do
-            continue
+            return ""
         reason = collision.why_blocked(States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0])))
-        if reason:
-            raise QueryError(f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.")
-    start, goal = problem.start[:2], problem.goal[:2]
-    return np.array([start, goal] if math.dist(start, goal) > SAME else [start])
+        return reason and f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}."
+
+    start, goals = start_of(problem), goals_of(problem)
+    refusals = [refusal(f"goal {i}" if len(goals) > 1 else "goal", goal) for i, goal in enumerate(goals)]
+    if refused := refusal("start", start) or (all(refusals) and " ".join(refusals)):
+        raise QueryError(refused)
+    positions, at = [start[:2]], list[tuple[int, float | None]]()
+    for x, y, yaw in (goal for goal, refused in zip(goals, refusals, strict=True) if not refused):
+        near = [i for i, position in enumerate(positions) if math.dist(position, (x, y)) <= SAME]
+        at.append((near[0] if near else len(positions), yaw))
+        positions += [] if near else [(x, y)]
+    return PositionedEnds(np.array(positions), tuple(at))
 
 
 def pairs(count: int) -> IntArray:

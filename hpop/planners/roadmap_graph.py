@@ -35,8 +35,7 @@ class StateRoadmap(StateGraph):
     positions  (P, 2)  m    no two the same; the first is the start's
     links      (L, 2)       pairs of positions between which a straight move may be free, either way
     start_yaw  rad
-    goal       position of the goal
-    goal_yaw   rad          or None where the heading at the goal is free
+    targets    position of each goal, and its yaw, rad, or None where the heading there is free
     name       what the roadmap is, in words
     chosen     the options that made it, JSON-able
     remedy     what to do when it has no path, in words
@@ -48,8 +47,7 @@ class StateRoadmap(StateGraph):
     positions: FloatArray
     links: IntArray
     start_yaw: float
-    goal: int
-    goal_yaw: float | None
+    targets: tuple[tuple[int, float | None], ...]
     name: str
     chosen: dict[str, Any]
     remedy: str
@@ -94,8 +92,9 @@ class StateRoadmap(StateGraph):
         A goal of free heading has a state even where no link reaches it.
         """
         tails, heads, yaw = self.arrows
-        ends = _within_turn(np.array([self.start_yaw, self.goal_yaw or 0.0]))
-        return np.concatenate([tails, heads, [0, self.goal]]), np.concatenate([yaw, yaw, ends])
+        places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
+        ends = _within_turn(np.array([end or 0.0 for end in yaws]))
+        return np.concatenate([tails, heads, places]), np.concatenate([yaw, yaw, ends])
 
     @cached_property
     def _numbers(self) -> IntArray:
@@ -126,14 +125,21 @@ class StateRoadmap(StateGraph):
     @property
     def start(self) -> int:
         """The state of the start."""
-        return int(self._numbers[-2])
+        return int(self._numbers[-1 - len(self.targets)])
+
+    @cached_property
+    def goals(self) -> list[int]:
+        """The state of each goal, or all at its position where its heading is free."""
+        found = list(self._exact_goals)
+        for position, yaw in self.targets:
+            found += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
+        return list(dict.fromkeys(found))
 
     @property
-    def goals(self) -> list[int]:
-        """The state of the goal, or all at its position where its heading is free."""
-        if self.goal_yaw is not None:
-            return [int(self._numbers[-1])]
-        return np.flatnonzero(self._state[0] == self.goal).tolist()
+    def _exact_goals(self) -> list[int]:
+        """The state of each goal whose heading is given."""
+        ids = self._numbers[-len(self.targets) :].tolist()
+        return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
 
     @cached_property
     def moves(self) -> tuple[IntArray, IntArray]:
@@ -161,8 +167,8 @@ class StateRoadmap(StateGraph):
         heads = first[tails] + place
         heads += heads >= tails
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
-        if self.goal_yaw is not None:
-            large |= heads == self.goals[0]
+        for goal in self._exact_goals:
+            large |= heads == goal
         tails, heads = tails[large], heads[large]
         if not self.collision.yaw_matters:
             return tails, heads
@@ -186,16 +192,17 @@ class StateRoadmap(StateGraph):
         count = len(self.positions)
         links = csr_array((np.ones(tails.size), (tails, heads)), shape=(count, count))
         components, component = connected_components(links, directed=False)
-        begin, end = component[self.places(np.array([start, goals[0]]))]
-        if begin == end:
+        begin, *ends = component[self.places(np.array([start, *goals]))].tolist()
+        if begin in ends:
             return (
                 f"no path: start and goal are in one component of {self.words}, but the robot has no room to turn on "
                 f"the way; {self.remedy}, or make the robot rounder"
             )
         sizes = np.bincount(component)
+        apart = ", ".join(str(sizes[end]) for end in dict.fromkeys(ends))
         return (
             f"no path: {self.words} has {components} components; that of the start has {sizes[begin]} of {count} "
-            f"positions, that of the goal {sizes[end]}; {self.remedy}"
+            f"positions, that of the goal {apart}; {self.remedy}"
         )
 
 

@@ -15,6 +15,7 @@ from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
+from hpop.planners.goals import goal_of, start_of
 from hpop.planners.needs import on_wheels
 from hpop.planners.roadmap import checked_ends
 from hpop.planners.rrt_query import Query
@@ -116,15 +117,15 @@ class RRT:
                 "them."
             )
         checked_ends(problem)
-        model = on_wheels(problem.model)
+        model, start, goal = on_wheels(problem.model), start_of(problem), goal_of(problem, "rrt")
         collision = model.collision(problem.world)
-        for what, (x, y, _) in (("start", problem.start), ("goal", problem.goal)):
+        for what, (x, y, _) in (("start", start), ("goal", goal)):
             if not collision.clear(np.array([x]), np.array([y]))[0]:
                 raise QueryError(
                     f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
                     "in turning, and that meets an obstacle there. Move it, or use another planner."
                 )
-        return Query(model, problem.world, problem.start, problem.goal, self.max_extensions)
+        return Query(model, problem.world, start, goal, self.max_extensions)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import shapely
 
 from hpop.arrays import FloatArray
 from hpop.models.laws import Move
+from hpop.planners.goals import goal_of, start_of
 from hpop.planners.trust import is_free
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
@@ -27,7 +28,7 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
     The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
     in place there, does not collide. A curve with no such polyline is left out.
     """
-    straight: list[Trajectory] = []
+    straight, yaw = list[Trajectory](), goal_of(problem, "a polyline")[2]
     curves, deviations = 0, list[float]()
     for trajectory in trajectories:
         if set(trajectory.kinds) <= {"move", "turn"}:
@@ -37,7 +38,7 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
         line = shapely.LineString(_points(trajectory, cast(Move, problem.model.laws["move"]).speed))
         for deviation in DEVIATIONS:
             corners = shapely.get_coordinates(shapely.simplify(line, deviation, preserve_topology=False))
-            polyline = Polyline(corners, problem.start[2], problem.goal[2]).trajectory(problem.model)
+            polyline = Polyline(corners, start_of(problem)[2], yaw).trajectory(problem.model)
             if is_free(problem, polyline):
                 straight.append(polyline)
                 deviations.append(deviation)

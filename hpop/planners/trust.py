@@ -6,7 +6,6 @@ is judged on its trajectory alone: by the criteria as fronts report them, and on
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +15,13 @@ import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
-from hpop.math import wrap
+from hpop.goals import GoalSet
+from hpop.motions import States
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-ENDS = 1e-6  # m or rad: a trajectory begins at the start and ends at the goal
 EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this, or by half a quantum
 
 
@@ -109,11 +108,18 @@ def is_free(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _fault_of_ends(problem: Problem, trajectory: Trajectory) -> str:
-    s, (x_min, y_min, x_max, y_max) = trajectory.states, problem.world.bounds
-    if not ((s.x >= x_min) & (s.x <= x_max) & (s.y >= y_min) & (s.y <= y_max)).all():
+    s, model = trajectory.states, problem.model
+    if not on_map(problem, s).all():
         return "leaves the map"
-    for name, i, (x, y, yaw) in (("start", 0, problem.start), ("goal", -1, problem.goal)):
-        apart = math.hypot(s.x[i] - x, s.y[i] - y)
-        if apart > ENDS or (yaw is not None and abs(wrap(s.yaw[i] - yaw)) > ENDS):
+    for name, end, at in (("start", GoalSet((problem.start,)), [0]), ("goal", problem.target, [-1])):
+        if not end.reached(model, s.take(at)).all():
             return f"misses the {name}"
     return ""
+
+
+def on_map(problem: Problem, states: States) -> BoolArray:
+    """Whether the base (M,) is within the bounds of the world, if there is a base."""
+    if "base" not in problem.model.provides:
+        return np.ones(states.size, dtype=bool)
+    base, (x_min, y_min, x_max, y_max) = problem.model.pose("base", states), problem.world.bounds
+    return np.asarray((base.x >= x_min) & (base.x <= x_max) & (base.y >= y_min) & (base.y <= y_max))

@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
+from hpop.planners.goals import goal_of, start_of
 from hpop.trajectory import STRAIGHT, Trajectory
 
 if TYPE_CHECKING:
@@ -46,8 +47,9 @@ class Polyline:
             rows.append((s.x[i + 1], s.y[i + 1]))
             heading = ahead
         vertices = np.array(rows, float)
-        vertices[0], vertices[-1] = problem.start[:2], problem.goal[:2]
-        return cls(vertices, problem.start[2], problem.goal[2])
+        start, goal = start_of(problem), goal_of(problem, "a polyline")
+        vertices[0], vertices[-1] = start[:2], goal[:2]
+        return cls(vertices, start[2], goal[2])
 
     @property
     def lengths(self) -> FloatArray:

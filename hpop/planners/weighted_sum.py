@@ -45,6 +45,7 @@ class WeightedSum:
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
+    goal_sets: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8

@@ -17,8 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria import Exposure, Obstruction
-from hpop.motions import States
 from hpop.problem import Problem
+from hpop.view.ends import end_poses
 from hpop.view.style import HALO, QUIET, SMALL
 from hpop.world import World
 from hpop.world.shapes import Raster
@@ -71,7 +71,8 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
 
     Where paths (N, 2), m, keep to a small part of it, show that part: what lies round start, goal and paths.
     """
-    ends = shapely.MultiPoint([problem.start[:2], problem.goal[:2]])
+    start, goals = end_poses(problem)
+    ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])
     x0, y0, x1, y1 = shapely.total_bounds([_open(problem.world), ends])
     whole = View(x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN)
     if not len(paths):
@@ -91,9 +92,8 @@ def ball_of(problem: Problem) -> Ball:
     """Take the radius from the problem's obstruction criterion (else 2 m), the height from the camera."""
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
     radius = measured[0].radius if measured else Obstruction().radius
-    x, y, yaw = (np.array([value]) for value in problem.start)
-    here = States(**dict(zip(problem.model.space.names, (x, y, yaw), strict=True)))
-    return Ball(radius, float(problem.model.pose("camera", here).z[0]))
+    camera = problem.model.pose("camera", problem.model.space.state(problem.start))
+    return Ball(radius, float(camera.z[0]))
 
 
 def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:

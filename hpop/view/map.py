@@ -30,7 +30,7 @@ from hpop.status import Status
 from hpop.text import printable
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
-from hpop.view.ends import CIRCLE, draw_ends
+from hpop.view.ends import CIRCLE, EndPose, draw_ends, end_poses
 from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE, Sheet
 from hpop.view.style import (
@@ -294,16 +294,20 @@ def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = No
 def _hidden(turns: FloatArray, problem: Problem, view: View) -> str:
     """Say under which of start and goal some of the turns (N, 2) are: whoever counts the dots misses them."""
     covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
-    ends = {"S": problem.start, "G": problem.goal}
-    under = [letter for letter, (x, y, _) in ends.items() if (np.hypot(*(turns - (x, y)).T) < covered).any()]
+    start, goals = end_poses(problem)
+    under = [
+        letter
+        for letter, places in (("S", [start]), ("G", goals))
+        if any((np.hypot(*(turns - (x, y)).T) < covered).any() for x, y, _ in places)
+    ]
     return f", also under {' and '.join(under)}" if under else ""
 
 
 def _draw_headed_ends(axes: Axes, problem: Problem, view: View) -> Sequence[Handle]:
     """Start and goal, with an arrow along the heading."""
     reach = 0.055 * max(view.width, view.height)
-    ends = {"start": problem.start, "goal": problem.goal}
-    for name, (x, y, yaw) in ends.items():
+    start, goals = end_poses(problem)
+    for name, (x, y, yaw) in (("start", start), *(("goal", goal) for goal in goals)):
         if yaw is not None:
             tip = (x + reach * np.cos(yaw), y + reach * np.sin(yaw))
             arrow = axes.annotate(
@@ -315,8 +319,14 @@ def _draw_headed_ends(axes: Axes, problem: Problem, view: View) -> Sequence[Hand
                 annotation_clip=False,  # near the border too
             )
             arrow.set_gid(f"{name} heading")
-    start, goal = (", any heading" if yaw is None else ", heading along the arrow" for *_, yaw in ends.values())
-    return draw_ends(axes, problem.start[:2], problem.goal[:2], (start, goal))
+    return draw_ends(axes, start[:2], [goal[:2] for goal in goals], (_headings([start]), _headings(goals)))
+
+
+def _headings(ends: Sequence[EndPose]) -> str:
+    """What a legend says of the heading at the start, or at the goals."""
+    free = [end.yaw is None for end in ends]
+    said = ", any heading" if all(free) else ", heading along the arrow" + ", if there is one" * any(free)
+    return f", any of {len(ends)}" * (len(ends) > 1) + said
 
 
 def _draw_frame(axes: Axes, view: View) -> None:

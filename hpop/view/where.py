@@ -67,7 +67,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         What the title calls it.
     """
     trace = problem.trace(trajectory)
-    view = view_of(problem, [path_points(trajectory)])
+    view, ends = view_of(problem, [path_points(trajectory)]), path_points(trajectory)[[0, -1]].tolist()
     columns = min(COLUMNS, len(trace.criteria))
     rows = math.ceil(len(trace.criteria) / columns)
     height = np.clip(MAP_WIDTH * view.height / view.width, 1.0, 2.0 * MAP_WIDTH) + WORDS
@@ -84,7 +84,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
             *_turn_entry(trajectory),
-            *draw_ends(axes, *path_points(trajectory)[[0, -1]].tolist()),
+            *draw_ends(axes, ends[0], ends[1:]),
             *draw_obstacles(axes, problem.world, ball_of(problem).z, view),
             *draw_content(axes, problem.world, view, small=True),
         ]

@@ -182,7 +182,7 @@ def line(*xs, start_yaw=0.0, goal_yaw=None, world=PILLAR):
     """A roadmap of positions on y = 4, all linked."""
     positions = np.array([(x, 4.0) for x in xs])
     links = np.stack(np.triu_indices(len(xs), 1), axis=1)
-    return StateRoadmap(ROBOT, world, positions, links, start_yaw, 1, goal_yaw, "a line", {}, "add more")
+    return StateRoadmap(ROBOT, world, positions, links, start_yaw, ((1, goal_yaw),), "a line", {}, "add more")
 
 
 def test_a_link_through_a_position_is_left_out_for_its_parts():
@@ -211,7 +211,7 @@ def star(*degrees, start_yaw, goal_yaw=None):
     positions = np.array([(1.0, 2.0), (rays[0][0], rays[0][1] + 1.0), *rays])
     links = np.array([(0, i + 2) for i in range(len(rays))] + [(2, 1)])
     room = World.from_polygons([], extent=shapely.box(0, 0, 6, 5))
-    return StateRoadmap(ROBOT, room, positions, links, start_yaw, 1, goal_yaw, "a star", {}, "add more")
+    return StateRoadmap(ROBOT, room, positions, links, start_yaw, ((1, goal_yaw),), "a star", {}, "add more")
 
 
 @pytest.mark.parametrize(("apart", "turns"), [(0.5, 1), (1.9, 2), (2.5, 2)])
