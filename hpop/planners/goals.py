@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
+from hpop.planners.needs import needs_of
 from hpop.registry import planners
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ def goal_of(problem: Problem, what: str) -> End:
     """Where it ends; QueryError, which names the planners that can, where ``what`` is given a set of states."""
     goals = goals_of(problem)
     if len(goals) > 1:
-        able = ", ".join(name for name in planners if takes_sets(planners[name]))
+        provided = problem.model.provides
+        able = ", ".join(name for name, one in planners.items() if takes_sets(one) and needs_of(one) <= provided)
         raise QueryError(f"{what} takes one goal, got a set of {len(goals)}; planners that take a set are {able}")
     return goals[0]
 

@@ -85,7 +85,7 @@ def test_a_state_in_order_or_by_name_is_the_same(row: tuple[float | None, ...]) 
     [
         ((1, 2), "the goal is (x m, y m, yaw rad, pan rad), got (1, 2)"),
         (None, "the goal is (x m, y m, yaw rad, pan rad), got None"),
-        ({"x": 1, "y": 2, "yaw": 0}, "it lacks pan."),
+        ({"x": 1, "y": 2, "yaw": 0}, "yaw': 0}: it lacks pan"),
         ({"x": 1, "y": 2, "yaw": 0, "pam": 0}, "it lacks pan and names 'pam', which is no state of the model. Did you "
          "mean 'pan'?"),
         ((1, 2, 0, 2.1), "the pan of the goal must be an angle in rad from -2.5 to 2, got 2.1"),
