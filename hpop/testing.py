@@ -328,17 +328,11 @@ class _SampledWorld(World):
     def clearance(self, x: Column, y: Column, *, z: tuple[float, float] = (-np.inf, np.inf)) -> Column:
         return self.clearance_field(z=z)(x, y)
 
-    @classmethod
-    def of(cls, world: World) -> World:
-        sampled = object.__new__(cls)
-        sampled.__dict__.update(world.__dict__)
-        return sampled
-
 
 def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
     from hpop.symbols import SymbolicMotions
 
-    for motions in (replace(m, world=_SampledWorld.of(m.world), panels=3) for m in batches):
+    for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=3) for m in batches):
         symbols = SymbolicMotions.of(motions)
         value, _ = symbols.values_and_jacobian(criterion.cost(symbols.motions))
         fault = _differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)

@@ -17,8 +17,8 @@ from hpop.planners.needs import on_wheels
 from hpop.planners.nlp import moments, vector
 from hpop.planners.treatable import on_symbols
 from hpop.symbols import lift
+from hpop.world.ground import Heights
 from hpop.world.looks import looking
-from hpop.world.world import Heights
 
 if TYPE_CHECKING:
     from hpop.problem import Problem

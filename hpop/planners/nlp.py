@@ -17,7 +17,7 @@ from hpop.planners.needs import in_plane
 from hpop.symbols import elementwise
 from hpop.world import World
 from hpop.world.field import Field
-from hpop.world.world import WHOLE, Heights
+from hpop.world.ground import WHOLE, Heights
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -84,21 +84,12 @@ class SparseWorld(World):
     """The same world, with fields that suit nonlinear programs."""
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        return self._cached(
-            ("sparse clearance", self._active(z)), lambda: SparseField.of(World.clearance_field(self, z=z))
-        )
+        key = ("sparse clearance", self.ground.layer(z))
+        return self.derived(key, lambda: SparseField.of(World.clearance_field(self, z=z)))
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
-        return self._cached(
-            ("sparse obstruction", radius, z), lambda: SparseField.of(World.obstruction_field(self, radius, z))
-        )
-
-    @classmethod
-    def of(cls, world: World) -> World:
-        """A view that shares what the world has computed."""
-        view = object.__new__(cls)
-        view.__dict__.update(world.__dict__)
-        return view
+        key = ("sparse obstruction", radius, z)
+        return self.ground.derived(key, lambda: SparseField.of(World.obstruction_field(self, radius, z)))
 
 
 @dataclass(frozen=True)

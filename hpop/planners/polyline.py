@@ -89,7 +89,7 @@ class PolylineProgram:
 
     @cached_property
     def _world(self) -> World:
-        return SparseWorld.of(self.problem.world)
+        return self.problem.world.stand_in(SparseWorld)
 
     # Which vertices are free
 

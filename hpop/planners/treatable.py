@@ -101,7 +101,7 @@ def _some_motions(problem: Problem, count: int) -> tuple[Motions, Motions]:
     start = States(x=x, y=y, yaw=yaw)
     ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
     about = States(x=x, y=y, yaw=yaw + turned)
-    world, model = SparseWorld.of(problem.world), problem.model
+    world, model = problem.world.stand_in(SparseWorld), problem.model
     return (
         Motions(world, model, model.laws["move"], start, ahead),
         Motions(world, model, model.laws["turn"], start, about),

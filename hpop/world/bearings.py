@@ -22,8 +22,9 @@ from hpop.world import limits
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import PAD, Field, grid_points
+from hpop.world.ground import Ground, Heights
 from hpop.world.planar import FreeSpace, without
-from hpop.world.world import Heights, World
+from hpop.world.world import World
 
 REACH = 20.0
 """Metres beyond which surfaces do not count: flow past them is below 0.05 rad/s at 1 m/s."""
@@ -168,29 +169,33 @@ class Bearings:
 def as_seen(world: World, heights: Heights) -> World:
     """Return the world that a camera sees within a range of heights, m: its `clearance` is the distance to surfaces.
 
-    That is exact up to `MARGIN` beyond the extent, where the world ends. Made once a world and range.
+    That is exact up to `MARGIN` beyond the extent, where the world ends. Made once a ground and range, and of each kind
+    of world.
     """
+    ground = world.ground
 
     def make() -> World:
-        open_ = shapely.box(*world.bounds).buffer(MARGIN, join_style="mitre")
-        extent = world.extent if _is_walled(world, heights) else open_
-        return replace(world, keep_out=MultiPolygon(), content=Content(), extent=extent)
+        open_ = shapely.box(*ground.bounds).buffer(MARGIN, join_style="mitre")
+        seen = replace(ground, extent=ground.extent if _is_walled(ground, heights) else open_)
+        return replace(world, ground=seen, keep_out=MultiPolygon(), content=Content())
 
-    return world._cached(("as seen", type(world), world._active(heights)), make)
+    return ground.derived(("as seen", type(world), ground.layer(heights)), make)
 
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
-    """Return the distances along ``count`` bearings at height z, m; computed once a world and height."""
+    """Return the distances along ``count`` bearings at height z, m; computed once a ground and height."""
     if not (math.isfinite(z) and count >= 4):
         raise OptionError(
             f"bearings need a finite height and at least 4 directions; got z={shown(z)}, count={shown(count)}."
         )
 
+    ground = world.ground
+
     def make() -> Bearings:
-        solid, walled = world.solid(z, z), _is_walled(world, (z, z))
-        border = FreeSpace(without(world.extent, solid) if walled else solid)
-        spacing = _spacing(world)
-        xs, ys = grid_points(world.bounds, spacing)
+        solid, walled = ground.solid((z, z)), _is_walled(ground, (z, z))
+        border = FreeSpace(without(ground.extent, solid) if walled else solid)
+        spacing = _spacing(ground)
+        xs, ys = grid_points(ground.bounds, spacing)
         limits.hold(DISTANCES, xs.size * ys.size * count * SAMPLE, xs.size * ys.size * (count + 2) * SAMPLE)
         x, y = (np.ascontiguousarray(c.ravel()) for c in np.meshgrid(xs, ys))
         angles = 2 * np.pi * np.arange(count) / count
@@ -200,7 +205,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
         padded = np.pad(distances.reshape(ys.size, xs.size, count), ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
         return Bearings(directions, padded, spacing, (float(xs[0]), float(ys[0])))
 
-    return world._cached(("bearings", world._active((z, z)), count), make)
+    return ground.derived(("bearings", ground.layer((z, z)), count), make)
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
@@ -233,14 +238,14 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
     return out
 
 
-def _is_walled(world: World, heights: Heights) -> bool:
+def _is_walled(ground: Ground, heights: Heights) -> bool:
     """Whether what lies beyond the extent is obstacle at these heights: it is as high as the raster's cells."""
-    return world.outside_is_obstacle and (world.raster is None or world._active(heights)[1])
+    return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 
-def _spacing(world: World) -> float:
-    x0, y0, x1, y1 = world.bounds
-    return max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+def _spacing(ground: Ground) -> float:
+    x0, y0, x1, y1 = ground.bounds
+    return max(ground.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
 
 
 def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:

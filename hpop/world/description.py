@@ -21,8 +21,9 @@ from hpop.errors import MapError
 from hpop.registry import readers
 from hpop.text import shown
 from hpop.world.content import Content
+from hpop.world.ground import Ground, Heights
 from hpop.world.shapes import Obstacle, Raster, check_size
-from hpop.world.world import Heights, World
+from hpop.world.world import World
 
 
 def describe(world: World) -> dict[str, Any]:
@@ -181,14 +182,13 @@ def _refuse_lost(description: Mapping[str, Any]) -> None:
 def _from_geometry(data: Mapping[str, Any]) -> World:
     prisms = tuple(Obstacle(_polygons(o["polygon"]), *_range(o["z"])) for o in data["obstacles"])
     raster = data["raster"]
-    return World(
+    ground = Ground(
         obstacles=prisms,
         raster=None if raster is None else _build_raster(raster),
-        keep_out=_polygons(data["keep_out"]),
         extent=_polygons(data["extent"]),
         outside_is_obstacle=bool(data["outside_is_obstacle"]),
-        notes=tuple(str(note) for note in data["notes"]),
     )
+    return World(ground, _polygons(data["keep_out"]), tuple(str(note) for note in data["notes"]))
 
 
 def _raster(raster: Raster) -> dict[str, Any]:

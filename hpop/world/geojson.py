@@ -22,9 +22,10 @@ from hpop.world import limits
 from hpop.world.crossings import check_each_joinable, check_joinable, check_mendable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.limits import READING
 from hpop.world.shapes import Obstacle, check_coordinates, check_heights, check_positive
-from hpop.world.world import WHOLE, Heights, World
+from hpop.world.world import World
 
 Meaning = Literal["obstacles", "free", "outline"]
 POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
@@ -91,17 +92,17 @@ def read(
         raise MapError(f"{path} has no polygon: nothing to make a world of. {' '.join(notes)}")
     source = file_source("geojson", path, {"scale": scale, "origin": [x0, y0], "polygons": polygons}, content)
     if polygons == "obstacles":
-        return World(tuple(Obstacle(p, *z) for p, z in shapes), notes=notes).read_from(source)
+        return World(Ground(tuple(Obstacle(p, *z) for p, z in shapes)), notes=notes).read_from(source)
     free = shapes
     if polygons == "outline":
         free = [max(shapes, key=lambda part: part[0].area)]
     check_joinable([p for p, _ in free], str(path))
-    return World(
+    ground = Ground(
         tuple(Obstacle(p, *z) for p, z in shapes if all(p is not q for q, _ in free)),
         extent=shapely.union_all([p for p, _ in free]),
         outside_is_obstacle=True,
-        notes=notes,
-    ).read_from(source)
+    )
+    return World(ground, notes=notes).read_from(source)
 
 
 def check_origin(origin: Any) -> tuple[float, float]:

@@ -10,9 +10,10 @@ import numpy as np
 from hpop.errors import MapError
 from hpop.text import shown
 from hpop.world.files import file_source, read_bytes
+from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
-from hpop.world.world import WHOLE, Heights, World
+from hpop.world.world import World
 
 
 def read(
@@ -67,7 +68,7 @@ def read(
         "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
         "outside_is_obstacle": bool(outside_is_obstacle),
     }
-    return World(
-        raster=Raster(dark[::-1], resolution, origin, *heights),
-        outside_is_obstacle=bool(outside_is_obstacle),
-    ).read_from(file_source("image", path, options, content))
+    raster = Raster(dark[::-1], resolution, origin, *heights)
+    return World(Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))).read_from(
+        file_source("image", path, options, content)
+    )

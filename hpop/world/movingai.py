@@ -10,6 +10,7 @@ from hpop.errors import MapError
 from hpop.text import shown
 from hpop.world import limits
 from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.ground import Ground
 from hpop.world.limits import READING
 from hpop.world.shapes import Raster, check_positive, check_size, check_span
 from hpop.world.world import World
@@ -63,10 +64,9 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
         occupied[top : top + step] = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
     resolution = check_positive("resolution", resolution)
     check_span(height, width, resolution, path)
-    return World(
-        raster=Raster(occupied[::-1], resolution),
-        outside_is_obstacle=True,
-    ).read_from(file_source("movingai", path, {"resolution": resolution}, content))
+    return World(Ground(raster=Raster(occupied[::-1], resolution), outside_is_obstacle=True)).read_from(
+        file_source("movingai", path, {"resolution": resolution}, content)
+    )
 
 
 def _count(path: str | Path, words: list[str]) -> int:

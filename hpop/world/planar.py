@@ -104,6 +104,17 @@ class FreeSpace:
         return free
 
 
+def edges_of_one(one: FreeSpace, other: FreeSpace) -> FloatArray:
+    """Edges (E, 4), m, that the border of one of two free spaces has, and that of the other has not.
+
+    An edge has a direction, by which the free region is on its right: between the same points it may have two.
+    """
+    edges = np.concatenate([one.edges, other.edges]).reshape(-1, 4)
+    distinct, count = np.unique(edges, axis=0, return_counts=True)
+    alone: FloatArray = distinct[count == 1]
+    return alone
+
+
 def _first_point(shapes: NDArray[np.object_]) -> tuple[FloatArray, FloatArray]:
     points, owner = shapely.get_coordinates(shapes, return_index=True)
     first = np.searchsorted(owner, np.arange(len(shapes)))

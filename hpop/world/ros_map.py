@@ -15,9 +15,10 @@ from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
 from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_text, read_yaml
+from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
 from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
-from hpop.world.world import WHOLE, Heights, World
+from hpop.world.world import World
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
@@ -83,11 +84,10 @@ def read(
         "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
     }
     cells = grid.occupied if unknown_is_free else ~grid.free
-    return World(
-        raster=Raster(cells, grid.resolution, grid.origin, *heights),
-        keep_out=zone,
-        outside_is_obstacle=not unknown_is_free,
-    ).read_from(file_source("ros_map", path, options, *contents))
+    raster = Raster(cells, grid.resolution, grid.origin, *heights)
+    return World(Ground(raster=raster, outside_is_obstacle=not unknown_is_free), zone).read_from(
+        file_source("ros_map", path, options, *contents)
+    )
 
 
 def load(path: str | Path) -> OccupancyMap:

@@ -9,18 +9,20 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column, FloatArray, distinct
+from hpop.arrays import BoolArray, Column, FloatArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.world import limits
+from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import Field, grid_points
 from hpop.world.lazy_field import LazyField, TiledField
 from hpop.world.obstruction import RasterBalls, disjoint_prisms, prism_obstruction
-from hpop.world.planar import FreeSpace
+from hpop.world.planar import FreeSpace, edges_of_one
 from hpop.world.shapes import Obstacle, Raster
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
+    from hpop.world.ground import Ground
     from hpop.world.world import World
 
 MAX_NODES = 25_000_000
@@ -32,34 +34,57 @@ MAX_HEIGHTS = 16
 PAD = 3
 SAMPLE = 8
 """Bytes of a sample."""
-ROWS = 1 << 16
-"""Samples of the clearance that are looked for together."""
+BLOCK = 8
+"""Nodes along a side of what is sampled, or known, together."""
+SLACK = 1e-6
+"""Metres by which an edge counts as nearer than it is."""
 CLEARANCE = "the clearance was sampled"
 OBSTRUCTION = "the obstruction was sampled"
 
 
-def sample_clearance(world: World, free: FreeSpace) -> Field:
-    """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`."""
-    spacing = _spacing(world, math.inf)
+def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
+    """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`.
+
+    ``last`` is a free space on this ground with its samples. Those whose nearest edge both free spaces have are taken
+    from there, to the last bit what they would be; the others are taken anew, in whole blocks.
+    """
+    spacing = _spacing(ground, math.inf)
     border = max(4 * spacing, 0.5)
-    x0, y0, x1, y1 = world.bounds
+    x0, y0, x1, y1 = ground.bounds
     xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
     limits.hold(CLEARANCE, xs.size * ys.size * SAMPLE, 2 * xs.size * ys.size * SAMPLE)
-    values = np.empty((ys.size, xs.size))
-    step = max(1, ROWS // xs.size)
-    for begin in range(0, ys.size, step):
-        limits.check(CLEARANCE)
-        x, y = np.meshgrid(xs, ys[begin : begin + step])
-        values[begin : begin + step] = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
+    if last is None:
+        values, anew = np.empty((ys.size, xs.size)), np.ones((-(-ys.size // BLOCK), -(-xs.size // BLOCK)), dtype=bool)
+    else:
+        values, anew = last[1].values.copy(), _near(edges_of_one(free, last[0]), last[1].values, xs, ys)
     limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
-    return Field(np.clip(values, -limit, limit), spacing, (float(xs[0]), float(ys[0]), 0.0))
+    for begin, blocks in zip(range(0, ys.size, BLOCK), anew, strict=True):
+        limits.check(CLEARANCE)
+        rows, columns = slice(begin, begin + BLOCK), blocks.repeat(BLOCK)[: xs.size]
+        x, y = np.meshgrid(xs[columns], ys[rows])
+        signed = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
+        values[rows, columns] = np.clip(signed, -limit, limit)
+    return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
 
 
-def sample_obstruction(world: World, radius: float, z: float) -> Field:
+def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
+    """Blocks of nodes (ys, xs) of which one may be nearer to some edges (E, 4), m, than its clearance (H, W), m."""
+    rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
+    if not len(edges):
+        return np.zeros((rows.size, columns.size), dtype=bool)
+    farthest = np.maximum.reduceat(np.maximum.reduceat(np.abs(clearance), rows), columns, axis=1)
+    middle = 0.5 * (BLOCK - 1) * (xs[1] - xs[0])
+    x, y = np.meshgrid(xs[columns] + middle, ys[rows] + middle)
+    apart = EdgeGrid.build(edges).distance(x.ravel(), y.ravel()).reshape(x.shape)
+    near: BoolArray = apart - math.sqrt(2) * middle <= farthest + SLACK
+    return near
+
+
+def sample_obstruction(ground: Ground, radius: float, z: float) -> Field:
     """Sample the obstruction of a ball at height z, m; see `World.obstruction_field`."""
-    if world.raster is None:
-        return _sample_polygons(world, radius, z)
-    return _sample_raster(world, world.raster, radius, z)
+    if ground.raster is None:
+        return _sample_polygons(ground, radius, z)
+    return _sample_raster(ground, ground.raster, radius, z)
 
 
 def obstructed(world: World, pose: Pose, radius: float) -> Column:
@@ -89,26 +114,26 @@ def obstructed(world: World, pose: Pose, radius: float) -> Column:
     return result
 
 
-def _spacing(world: World, limit: float) -> float:
-    x0, y0, x1, y1 = world.bounds
-    return max(min(world.cell, limit), math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+def _spacing(ground: Ground, limit: float) -> float:
+    x0, y0, x1, y1 = ground.bounds
+    return max(min(ground.cell, limit), math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
 
 
-def _sample_polygons(world: World, radius: float, z: float) -> Field:
-    spacing = _spacing(world, radius / FINENESS)
-    xs, ys = grid_points(world.bounds, spacing)
+def _sample_polygons(ground: Ground, radius: float, z: float) -> Field:
+    spacing = _spacing(ground, radius / FINENESS)
+    xs, ys = grid_points(ground.bounds, spacing)
     limits.hold(OBSTRUCTION, xs.size * ys.size * (SAMPLE + 1))
-    obstacles = list(world.obstacles)
-    if world.outside_is_obstacle:
-        inside = [(shapely.intersection(o.polygon, world.extent), o) for o in obstacles]
+    obstacles = list(ground.obstacles)
+    if ground.outside_is_obstacle:
+        inside = [(shapely.intersection(o.polygon, ground.extent), o) for o in obstacles]
         obstacles = [part for geometry, o in inside for part in _prisms(geometry, o.z_min, o.z_max)]
-        around = shapely.box(*world.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
-        obstacles += _prisms(shapely.difference(around, world.extent))
+        around = shapely.box(*ground.bounds).buffer(2 * radius + 2 * spacing, join_style="mitre")
+        obstacles += _prisms(shapely.difference(around, ground.extent))
     prisms = disjoint_prisms(obstacles)
     return LazyField(xs, ys, spacing, lambda x, y: prism_obstruction(*prisms, x, y, z, radius))
 
 
-def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Field:
+def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> Field:
     finest = int(math.sqrt(MAX_NODES / raster.cells.size))
     split = max(1, min(math.ceil(FINENESS * raster.resolution / radius), finest))
     fine = raster
@@ -116,8 +141,8 @@ def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Fie
     if split > 1:
         cells = raster.cells.repeat(split, axis=0).repeat(split, axis=1)
         fine = Raster(cells, raster.resolution / split, raster.origin, *raster.heights)
-    balls = RasterBalls(fine, radius, z, world.outside_is_obstacle, pad=PAD)
-    beside = [part for o in world.obstacles for part in _beside_cells(world, raster, o)]
+    balls = RasterBalls(fine, radius, z, ground.outside_is_obstacle, pad=PAD)
+    beside = [part for o in ground.obstacles for part in _beside_cells(ground, raster, o)]
     prisms = disjoint_prisms(beside)
 
     def sample(rows: slice, columns: slice) -> FloatArray:
@@ -133,13 +158,13 @@ def _sample_raster(world: World, raster: Raster, radius: float, z: float) -> Fie
     return TiledField(balls.shape, fine.resolution, (float(x), float(y), raster.origin[2]), balls.side, sample)
 
 
-def _beside_cells(world: World, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
+def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
     """Return what an obstacle adds to the raster: a volume that both fill counts once."""
     bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
     if bottom >= top:
         return [obstacle]
-    rest = shapely.difference(obstacle.polygon, world.raster_solid())
-    if world.outside_is_obstacle:
+    rest = shapely.difference(obstacle.polygon, ground.raster_solid())
+    if ground.outside_is_obstacle:
         rest = shapely.intersection(rest, raster.rectangle())
     parts = _prisms(rest, bottom, top)
     if obstacle.z_min < bottom:

@@ -1,8 +1,8 @@
 """What a camera sees: landmarks behind obstacles or not, and how much of the open space round it.
 
-Both are fields over the plane, sampled once per world and camera height and kept by the world. A line of sight runs in
-three dimensions: an obstacle hides a landmark where the line passes over the obstacle's outline between its bottom and
-its top.
+Both are fields over the plane, sampled once per ground and camera height and kept by the ground. A line of sight runs
+in three dimensions: an obstacle hides a landmark where the line passes over the obstacle's outline between its bottom
+and its top.
 
 An obstacle begins to hide where a line from the landmark *enters* it. So what contains a landmark (a display case, the
 cell of a map in which a picture hangs) does not hide it; it does where the line has left it and enters it again. A
@@ -33,6 +33,7 @@ from hpop.world.sampling import MAX_HEIGHTS
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
+    from hpop.world.ground import Ground
     from hpop.world.world import World
 
 MAX_NODES = 2_000_000
@@ -66,9 +67,9 @@ class Window(NamedTuple):
     columns: slice
     values: FloatArray
 
-    def field(self, world: World) -> Field:
+    def field(self, ground: Ground) -> Field:
         """The samples as a field; beyond them it has the value of their border."""
-        xs, ys, spacing = _grid(world)
+        xs, ys, spacing = _grid(ground)
         return Field(self.values, spacing, (float(xs[self.columns.start]), float(ys[self.rows.start]), 0.0))
 
 
@@ -85,7 +86,8 @@ def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float 
     array([1., 0., 1.])
     """
     key = ("line of sight", landmark, float(camera_z), float(far))
-    return world._cached(key, lambda: _lit(world, landmark, camera_z, far).field(world))
+    ground = world.ground
+    return ground.derived(key, lambda: _lit(ground, landmark, camera_z, far).field(ground))
 
 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
@@ -95,15 +97,15 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
     behind (1 from all sides if it has no front), times 1 up to ``near`` m, falling linearly to 0 at ``far`` m from the
     camera.
     """
-    landmark = world.content.landmarks[index]
+    ground, landmark = world.ground, world.content.landmarks[index]
     key = ("landmark", landmark, float(camera_z), float(near), float(far))
-    return world._cached(key, lambda: _seen(world, landmark, camera_z, near, far).field(world))
+    return ground.derived(key, lambda: _seen(ground, landmark, camera_z, near, far).field(ground))
 
 
-def _seen(world: World, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
+def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
     """The samples of :func:`landmark_field`; it is 0 beyond them."""
-    sight = _lit(world, landmark, camera_z, far)
-    xs, ys, _ = _grid(world)
+    sight = _lit(ground, landmark, camera_z, far)
+    xs, ys, _ = _grid(ground)
     dx, dy = (xs[sight.columns] - landmark.x)[None, :], (ys[sight.rows] - landmark.y)[:, None]
     flat = np.hypot(dx, dy)
     distance = np.hypot(flat, camera_z - landmark.z)
@@ -158,8 +160,9 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     """
     if not (math.isfinite(radius) and radius > 0):
         raise OptionError(f"the radius of an isovist must be a finite length above 0 m; got {shown(radius)}.")
-    key = ("openness", world._active((camera_z, camera_z)), float(radius))
-    return world._cached(key, lambda: _sample_openness(world, float(camera_z), float(radius)))
+    ground = world.ground
+    key = ("openness", ground.layer((camera_z, camera_z)), float(radius))
+    return ground.derived(key, lambda: _sample_openness(ground, float(camera_z), float(radius)))
 
 
 def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
@@ -193,16 +196,18 @@ def _fields(world: World, z: float, near: float, far: float) -> list[Field]:
 
 
 def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
+    ground, landmarks = world.ground, world.content.landmarks
+
     def make() -> Field:
-        xs, ys, spacing = _grid(world)
+        xs, ys, spacing = _grid(ground)
         limits.hold(SIGHT, xs.size * ys.size * SAMPLE, xs.size * ys.size * (SCRATCH + SAMPLE))
         seen = np.zeros((ys.size, xs.size))
-        for share, landmark in zip(_shares(world), world.content.landmarks, strict=True):
-            window = _seen(world, landmark, z, near, far)
+        for share, landmark in zip(_shares(world), landmarks, strict=True):
+            window = _seen(ground, landmark, z, near, far)
             seen[window.rows, window.columns] += share * window.values
         return Field(np.clip(1.0 - seen, 0.0, 1.0), spacing, (float(xs[0]), float(ys[0]), 0.0))
 
-    return world._cached(("landmarks", z, float(near), float(far)), make)
+    return ground.derived(("landmarks", landmarks, z, float(near), float(far)), make)
 
 
 def _unseen_on_symbols(world: World, pose: Pose, z: float, near: float, far: float, fov: float) -> Column:
@@ -217,19 +222,21 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
     from hpop.world._sight import unseen
 
+    ground, landmarks = world.ground, world.content.landmarks
+
     def make() -> tuple[FloatArray, IntArray]:
-        sizes = [_part(world, landmark, far) for landmark in world.content.landmarks]
+        sizes = [_part(ground, landmark, far) for landmark in landmarks]
         samples = [(r.stop - r.start) * (c.stop - c.start) for r, c in sizes]
         limits.hold(SIGHT, sum(samples) * SAMPLE, 2 * sum(samples) * SAMPLE + max(samples) * SCRATCH)
-        seen = [_seen(world, landmark, z, near, far) for landmark in world.content.landmarks]
+        seen = [_seen(ground, landmark, z, near, far) for landmark in landmarks]
         begin = np.cumsum([0, *(window.values.size for window in seen)])
         boxes = [(w.rows.start, w.values.shape[0], w.columns.start, w.values.shape[1]) for w in seen]
         parts = [(share * w.values).ravel() for share, w in zip(_shares(world), seen, strict=True)]
         return np.concatenate(parts), np.column_stack([begin[:-1], boxes])
 
-    values, windows = world._cached(("landmarks in view", z, float(near), float(far)), make)
-    marks = np.array([(mark.x, mark.y) for mark in world.content.landmarks])
-    xs, ys, spacing = _grid(world)
+    values, windows = ground.derived(("landmarks in view", landmarks, z, float(near), float(far)), make)
+    marks = np.array([(mark.x, mark.y) for mark in landmarks])
+    xs, ys, spacing = _grid(ground)
     x, y, yaw = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (pose.x, pose.y, pose.yaw)))
     corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
     out = np.empty(x.size)
@@ -249,14 +256,14 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
     return out.reshape(x.shape)
 
 
-def _lit(world: World, landmark: Landmark, camera_z: float, far: float) -> Window:
+def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
     """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
     from hpop.world._sight import lit, shadows
 
     limits.check(SIGHT)
-    xs, ys, spacing = _grid(world)
-    rows, columns = _part(world, landmark, far)
-    edges, bottom, top = _outlines(world)
+    xs, ys, spacing = _grid(ground)
+    rows, columns = _part(ground, landmark, far)
+    edges, bottom, top = _outlines(ground)
     near, beyond = _hiding(bottom, top, landmark.z, camera_z)
     hides = near < beyond
     step = spacing / SPLIT
@@ -274,9 +281,9 @@ def _lit(world: World, landmark: Landmark, camera_z: float, far: float) -> Windo
     return Window(rows, columns, np.clip(out, 0.0, 1.0))
 
 
-def _part(world: World, landmark: Landmark, far: float) -> tuple[slice, slice]:
+def _part(ground: Ground, landmark: Landmark, far: float) -> tuple[slice, slice]:
     """Rows and columns of the samples that are looked at."""
-    xs, ys, _ = _grid(world)
+    xs, ys, _ = _grid(ground)
     return _within(ys, landmark.y, far), _within(xs, landmark.x, far)
 
 
@@ -309,16 +316,16 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 # Isovists
 
 
-def _sample_openness(world: World, camera_z: float, radius: float) -> Field:
+def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
     from hpop.world._sight import isovists
 
-    xs, ys, spacing = _grid(world, min(radius / FINENESS, COARSEST))
+    xs, ys, spacing = _grid(ground, min(radius / FINENESS, COARSEST))
     limits.hold(OPENNESS, xs.size * ys.size * SAMPLE, xs.size * ys.size * SCRATCH)
     x, y = (c.ravel() for c in np.meshgrid(xs, ys))
-    solid = world.solid(camera_z, camera_z)
-    bottom, top = _outside_heights(world)
+    solid = ground.solid((camera_z, camera_z))
+    bottom, top = _outside_heights(ground)
     if bottom < camera_z < top:
-        solid = shapely.union_all([solid, _outside(world)])
+        solid = shapely.union_all([solid, _outside(ground)])
     edges = _edges(solid)
     angles = (np.arange(RAYS) + 0.5) * (2 * math.pi / RAYS)
     cos, sin = np.cos(angles), np.sin(angles)
@@ -348,39 +355,39 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 # Geometry
 
 
-def _grid(world: World, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
+def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
     """Positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
-    x0, y0, x1, y1 = world.bounds
-    spacing = max(world.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
-    xs, ys = grid_points(world.bounds, spacing)
+    x0, y0, x1, y1 = ground.bounds
+    spacing = max(ground.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+    xs, ys = grid_points(ground.bounds, spacing)
     return xs, ys, spacing
 
 
-def _outside(world: World) -> BaseGeometry:
+def _outside(ground: Ground) -> BaseGeometry:
     """What is obstacle beyond the extent, m."""
-    width = BEYOND + 2 * _grid(world)[2]
-    around = shapely.box(*world.bounds).buffer(width, join_style="mitre")
-    return shapely.difference(around, world.extent) if world.outside_is_obstacle else shapely.MultiPolygon()
+    width = BEYOND + 2 * _grid(ground)[2]
+    around = shapely.box(*ground.bounds).buffer(width, join_style="mitre")
+    return shapely.difference(around, ground.extent) if ground.outside_is_obstacle else shapely.MultiPolygon()
 
 
-def _outside_heights(world: World) -> tuple[float, float]:
-    return world.raster.heights if world.raster is not None else (-math.inf, math.inf)
+def _outside_heights(ground: Ground) -> tuple[float, float]:
+    return ground.raster.heights if ground.raster is not None else (-math.inf, math.inf)
 
 
-def _outlines(world: World) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Edges (E, 4) of all obstacles, each by itself, m, and the bottom and top (E,) of each edge's obstacle, m."""
 
     def make() -> tuple[FloatArray, FloatArray, FloatArray]:
         solids: list[tuple[BaseGeometry, tuple[float, float]]]
-        solids = [(obstacle.polygon, obstacle.heights) for obstacle in world.obstacles]
-        if world.raster is not None:
-            solids.append((world.raster_solid(), world.raster.heights))
-        solids.append((_outside(world), _outside_heights(world)))
+        solids = [(obstacle.polygon, obstacle.heights) for obstacle in ground.obstacles]
+        if ground.raster is not None:
+            solids.append((ground.raster_solid(), ground.raster.heights))
+        solids.append((_outside(ground), _outside_heights(ground)))
         edges = [_edges(geometry) for geometry, _ in solids]
         heights = np.repeat([heights for _, heights in solids], [len(part) for part in edges], axis=0)
         return np.concatenate(edges), heights[:, 0].copy(), heights[:, 1].copy()
 
-    return world._cached(("outlines",), make)
+    return ground.derived(("outlines",), make)
 
 
 def _edges(geometry: BaseGeometry) -> FloatArray:

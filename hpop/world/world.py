@@ -1,9 +1,9 @@
-"""The workspace: obstacles, where a robot may be, and how much of a camera's surroundings is obstructed."""
+"""The workspace: the ground and what it holds, where a robot may be, and what obstructs a camera's surroundings."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -20,65 +20,53 @@ from hpop.text import shown
 from hpop.world.cache import Cache
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
-from hpop.world.extent import check_area, check_size, extent_of
+from hpop.world.extent import check_area
 from hpop.world.field import Field
+from hpop.world.ground import WHOLE, Ground, Heights, union
 from hpop.world.planar import FreeSpace, without
-from hpop.world.sampling import obstructed, sample_clearance, sample_obstruction
-from hpop.world.shapes import Obstacle, Raster, check_heights, check_prisms, overlaps
+from hpop.world.sampling import obstructed
+from hpop.world.shapes import Obstacle, Raster, check_heights
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
 
-WHOLE = (-math.inf, math.inf)
-CELL = 0.1
-"""Field cell of a polygon world, m."""
-
 T = TypeVar("T")
-Heights = tuple[float, float]
+W = TypeVar("W", bound="World")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class World:
-    """Obstacles and free space, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
+    """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
-    obstacles            upright prisms
-    raster               occupancy cells, or None
-    keep_out             shapely geometry, m: closed to the robot, invisible to the camera
-    extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
-                         bounding box of the obstacles
-    outside_is_obstacle  whether the camera counts all beyond the extent as obstacle (as high as the raster's
-                         cells; the whole height without a raster)
-    notes                what a reader left out or mended
-    content              people, landmarks and zones; see `with_content`
-    source               how to build the same world again, see `describe`
+    ground    obstacles, and the extent where the robot must stay: all that is solid
+    keep_out  shapely geometry, m: closed to the robot, invisible to the camera
+    notes     what a reader left out or mended
+    content   people, landmarks and zones; see `with_content`
+    source    how to build the same world again, see `describe`
 
-    Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled.
+    Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled. What
+    follows from the ground alone is kept with the ground, so other people in the same building cost none of it.
     """
 
-    obstacles: tuple[Obstacle, ...] = ()
-    raster: Raster | None = None
+    ground: Ground
     keep_out: BaseGeometry = field(default_factory=MultiPolygon)
-    extent: BaseGeometry = field(default_factory=MultiPolygon)
-    outside_is_obstacle: bool = False
     notes: tuple[str, ...] = ()
     content: Content = field(default_factory=Content)
     source: Mapping[str, Any] | None = field(default=None, init=False)
+    cache: Cache = field(init=False)
 
     def __post_init__(self) -> None:
-        """Fill in the extent and check the geometries."""
-        object.__setattr__(self, "obstacles", check_prisms(self.obstacles))
-        if not isinstance(self.raster, Raster | None):
+        """Check what is closed to the robot."""
+        if not isinstance(self.ground, Ground):
             raise MapError(
-                f"raster must be a hpop.world.Raster; got {shown(self.raster)}. See World.from_cells(cells)."
+                f"ground must be a hpop.world.Ground, of obstacles and an extent; got {shown(self.ground)}. See "
+                "World.from_geojson(path) and World.from_polygons(polygons)."
             )
-        extent = extent_of(self.obstacles, self.raster) if _is_empty(self.extent) else self.extent
-        check_area("extent", extent)
         check_area("keep_out", self.keep_out)
-        check_size(extent)
-        areas = [zone.area for zone in self.content.zones]
-        check_joinable([*(o.polygon for o in self.obstacles), extent, self.keep_out, *areas], "the world")
-        object.__setattr__(self, "extent", extent)
-        object.__setattr__(self, "_cache", Cache())
+        areas = [self.keep_out, *(zone.area for zone in self.content.zones)]
+        if not all(area.is_empty for area in areas):
+            check_joinable([*(o.polygon for o in self.obstacles), self.extent, *areas], "the world")
+        object.__setattr__(self, "cache", Cache(beside=self.ground.cache))
 
     def __repr__(self) -> str:
         from hpop.world.description import summary
@@ -87,20 +75,24 @@ class World:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields without what was derived from them."""
-        return {key: value for key, value in self.__dict__.items() if key != "_cache"}
+        return {key: value for key, value in self.__dict__.items() if key != "cache"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the fields."""
-        self.__dict__.update(state, _cache=Cache())
+        self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
-    def _cached(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+    def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+        """What ``make`` gives, kept with this world; what the content does not change belongs to `Ground.derived`.
+
+        The key says all on which it depends besides. One thread makes it while others wait.
+        """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
-    @property
-    def cache(self) -> Cache:
-        """What was derived from this world, and is dropped with it."""
-        cache: Cache = self.__dict__["_cache"]
-        return cache
+    def stand_in(self, kind: type[W]) -> W:
+        """Return this very world as a kind of world that reads its fields otherwise: what either derives, both have."""
+        view = object.__new__(kind)  # nothing is checked or computed again
+        view.__dict__.update(self.__dict__)
+        return view
 
     # Constructors
 
@@ -131,9 +123,9 @@ class World:
                     f"(1, 1)]); got {shown(shape)}."
                 )
             prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
-        if _is_empty(extent):
+        if isinstance(extent, BaseGeometry) and extent.is_empty:
             raise MapError("extent is empty: the robot would have nowhere to be.")
-        return cls(tuple(prisms), keep_out=_or_nothing(keep_out), extent=_or_nothing(extent))
+        return cls(Ground(tuple(prisms), extent=_or_nothing(extent)), _or_nothing(keep_out))
 
     @classmethod
     def from_cells(
@@ -153,7 +145,7 @@ class World:
         array([0.25])
         """
         raster = Raster(occupied, resolution, origin, *check_heights(height))
-        return cls(raster=raster, keep_out=_or_nothing(keep_out), outside_is_obstacle=outside_is_obstacle)
+        return cls(Ground(raster=raster, outside_is_obstacle=outside_is_obstacle), _or_nothing(keep_out))
 
     @classmethod
     def from_ros_map(
@@ -216,64 +208,65 @@ class World:
     def read_from(self, source: Mapping[str, Any]) -> World:
         """Note, as a reader does, which files this world comes from; `dataclasses.replace` drops the note."""
         object.__setattr__(self, "source", source)
+        object.__setattr__(self.ground, "path", source["path"])
         return self
 
     # Geometry in the plane
 
-    def _active(self, z: Heights) -> tuple[tuple[int, ...], bool]:
-        """Which obstacles, and whether the raster, overlap a height range: the key of all cached geometry."""
-        low, high = float(z[0]), float(z[1])
-        if not low <= high:
-            raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
-        prisms = tuple(i for i, o in enumerate(self.obstacles) if overlaps(o.heights, (low, high)))
-        return prisms, self.raster is not None and overlaps(self.raster.heights, (low, high))
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Upright prisms."""
+        return self.ground.obstacles
 
-    def raster_solid(self) -> BaseGeometry:
-        """Union (m) of the occupied cells, whatever their heights; empty without a raster.
+    @property
+    def raster(self) -> Raster | None:
+        """Occupancy cells."""
+        return self.ground.raster
 
-        Raises MapError, with the file that they were read from, where their outlines have too many corners.
-        """
+    @property
+    def extent(self) -> BaseGeometry:
+        """Where the robot must stay, m."""
+        return self.ground.extent
 
-        def make() -> BaseGeometry:
-            try:
-                return MultiPolygon() if self.raster is None else self.raster.solid()
-            except MapError as error:
-                if self.source is None:
-                    raise
-                raise MapError(f"{self.source['path']}: {error}") from None
+    @property
+    def outside_is_obstacle(self) -> bool:
+        """Whether the camera counts all beyond the extent as obstacle."""
+        return self.ground.outside_is_obstacle
 
-        return self._cached(("raster",), make)
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the extent, m."""
+        return self.ground.bounds
 
-    def _solid(self, active: tuple[tuple[int, ...], bool]) -> BaseGeometry:
-        def make() -> BaseGeometry:
-            prisms, cells = active
-            shapes: list[BaseGeometry] = [self.obstacles[i].polygon for i in prisms]
-            if cells and not shapes:
-                return self.raster_solid()
-            return _union([*shapes, self.raster_solid()] if cells else shapes)
+    @property
+    def cell(self) -> float:
+        """Longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        return self.ground.cell
 
-        return self._cached(("solid", active), make)
+    @property
+    def has_heights(self) -> bool:
+        """Whether any obstacle has a height range, so that what a camera sees depends on its height."""
+        return self.ground.has_heights
 
     def solid(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """Union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
-        return self._solid(self._active((z_min, z_max)))
+        return self.ground.solid((z_min, z_max))
 
     @property
     def closed(self) -> BaseGeometry:
         """Where the robot must not be though nothing solid is there, m: keep-out zones and people who stand."""
-        return self._cached(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
+        return self.derived(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """`solid` and `closed`, m: where the robot must not be. The extent bounds it besides."""
-        active = self._active((z_min, z_max))
-        return self._cached(("blocked", active), lambda: _union([self._solid(active), self.closed]))
+        layer = self.ground.layer((z_min, z_max))
+        return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
         """Return the extent without all that is blocked, its border indexed for exact distances."""
-        return self._cached(
-            ("free", self._active(z)),
-            lambda: FreeSpace(without(self.extent, self.blocked(*z))),
-        )
+        if self.closed.is_empty:
+            return self.ground.free_space(z)
+        return self.derived(("free", self.ground.layer(z)), lambda: FreeSpace(without(self.extent, self.blocked(*z))))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
         """Distance (M,), m, to the nearest obstacle, keep-out zone or border of the extent; 0 beyond them.
@@ -319,20 +312,6 @@ class World:
         world = replace(self, content=content)
         return world if self.source is None else world.read_from(self.source)
 
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the extent, m."""
-        x0, y0, x1, y1 = shapely.bounds(self.extent)
-        return float(x0), float(y0), float(x1), float(y1)
-
-    @property
-    def cell(self) -> float:
-        """Longest panel (m) for quadrature along a motion, about the spacing of the fields."""
-        if self.raster is not None:
-            return min(self.raster.resolution, 2 * CELL)
-        x0, y0, x1, y1 = self.bounds
-        return min(CELL, min(x1 - x0, y1 - y0) / 50)
-
     # Fields
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
@@ -342,7 +321,11 @@ class World:
         most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
         in the extent, and usually far closer: check a result with `clearance`, which is exact.
         """
-        return self._cached(("clearance", self._active(z)), lambda: sample_clearance(self, self.free_space(z)))
+        if self.closed.is_empty:
+            return self.ground.clearance_field(z=z)
+        return self.derived(
+            ("clearance", self.ground.layer(z)), lambda: self.ground.sampled_clearance(self.free_space(z), z)
+        )
 
     def obstruction(self, pose: Pose, radius: float) -> Column:
         """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
@@ -352,12 +335,6 @@ class World:
         only one.
         """
         return obstructed(self, pose, radius)
-
-    @property
-    def has_heights(self) -> bool:
-        """Whether any obstacle has a height range, so that what a camera sees depends on its height."""
-        ranges = [o.heights for o in self.obstacles] + ([self.raster.heights] if self.raster else [])
-        return any(r != WHOLE for r in ranges)
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
         """Obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
@@ -370,8 +347,7 @@ class World:
             raise OptionError(f"radius must be a finite length above 0 m; got {shown(radius)}.")
         if not math.isfinite(z):
             raise OptionError(f"a camera height must be finite; got {shown(z)}.")
-        z = z if self.has_heights else 0.0
-        return self._cached(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
+        return self.ground.obstruction_field(radius, z)
 
     # Saving
 
@@ -391,17 +367,6 @@ class World:
         from hpop.world.description import build
 
         return build(description)
-
-
-def _union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Union, m; one alone is not computed again, which in a building takes a tenth of a second."""
-    filled = [geometry for geometry in geometries if not geometry.is_empty]
-    return filled[0] if len(filled) == 1 else shapely.union_all(filled)
-
-
-def _is_empty(geometry: Any) -> bool:
-    """Whether a geometry is empty; what is none is refused elsewhere."""
-    return isinstance(geometry, BaseGeometry) and geometry.is_empty
 
 
 def _or_nothing(geometry: BaseGeometry | None) -> BaseGeometry:

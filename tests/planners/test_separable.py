@@ -16,7 +16,7 @@ from hpop.problem import Problem
 from hpop.symbols import lift
 from hpop.testing import random_world
 from hpop.world import Field
-from hpop.world.world import WHOLE
+from hpop.world.ground import WHOLE
 
 FIELD = Field(np.random.default_rng(5).random((7, 9)), 0.3, (1.0, 2.0, 0.4))
 OTHER = Field(np.random.default_rng(6).random((5, 5)), 0.5)
@@ -141,7 +141,7 @@ def test_every_smooth_criterion_has_the_derivatives_of_whole_columns(name):
         States(**{m: lift(x[(first[i] + k).tolist()], N) for i, m in enumerate(NODES)}, clock=lift(clock, N))
         for k, clock in ((0, casadi.MX.zeros(N)), (1, x[last.tolist()]))
     )
-    motions = Motions(SparseWorld.of(world), model, Forward(sign=lift(signs, N)), start, end, panels=2)
+    motions = Motions(world.stand_in(SparseWorld), model, Forward(sign=lift(signs, N)), start, end, panels=2)
     batches = moments(motions) if criterion.aggregate == "max" else [motions]
     columns = iter(slacks.tolist())
     token = instead_of_hinges.set(lambda below: lift(x[next(columns)], N))

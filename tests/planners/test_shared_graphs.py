@@ -9,7 +9,6 @@ import shapely
 
 import hpop
 from hpop.planners.lattice import Lattice
-from hpop.world import cache
 from tests.watched import watched
 
 CRITERIA = ({"watched": {"weight": 1.0}}, "length", "turns")
@@ -132,8 +131,8 @@ def test_what_is_kept_goes_with_the_world():
 
 def test_what_is_kept_is_bounded_in_bytes(monkeypatch):
     room = world()
-    room.cache._limit = 400_000
+    room.cache._budget.limit = 400_000
     for x in (1.0, 1.1, 1.2, 1.3):
         problem = asked(room, start=(x, 1.0, 0.0), goal=(7.0, 1.0, None))
         problem.solve("lattice", step=0.25)
-        assert sum(map(cache.nbytes, room.cache._values.values())) <= 400_000
+        assert room.cache.size + room.ground.cache.size <= 400_000

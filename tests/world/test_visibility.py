@@ -12,7 +12,7 @@ from shapely import affinity
 
 from hpop.errors import OptionError
 from hpop.symbols import lift
-from hpop.world import World
+from hpop.world import Ground, World
 from hpop.world.content import Landmark
 from hpop.world.visibility import (
     _grid,
@@ -151,7 +151,7 @@ def test_outside_hides_only_where_it_is_obstacle():
     corner = shapely.Polygon([(0, 0), (12, 0), (12, 3), (3, 3), (3, 8), (0, 8)])
     far_apart = ([10.0], [1.5])
     for outside, seen in ((False, 1.0), (True, 0.0)):
-        world = World(extent=corner, outside_is_obstacle=outside)
+        world = World(Ground(extent=corner, outside_is_obstacle=outside))
         assert line_of_sight(world, Landmark(1.5, 7), 1.2)(*far_apart) == pytest.approx(seen)
         assert line_of_sight(world, Landmark(1.5, 7), 1.2)([1.5], [1.5]) == pytest.approx(1.0)
 

@@ -15,7 +15,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from hpop.errors import MapError, OptionError
-from hpop.world import Obstacle, Raster, World
+from hpop.world import Ground, Obstacle, Raster, World
 from hpop.world.description import unpack_cells
 from hpop.world.obstruction import polygon_obstruction
 
@@ -82,7 +82,7 @@ def test_multipolygons_become_several_obstacles():
             lambda: World.from_polygons([], extent=[(0, 0), (1, 0), (1, 1)]),
             r"extent must be a valid .*; got \[\(0, 0\)",
         ),
-        (lambda: World(raster=np.zeros((2, 2), dtype=bool)), r"raster must be a hpop\.world\.Raster"),
+        (lambda: Ground(raster=np.zeros((2, 2), dtype=bool)), r"raster must be a hpop\.world\.Raster"),
         (lambda: World.from_cells([[1, 0], [0]], 1.0), r"all rows of one length; got \[\[1, 0\], \[0\]\]"),
         (lambda: World.from_cells(np.zeros((2, 2)), 1.0), "bool"),
         (lambda: World.from_cells(np.zeros(4, dtype=bool), 1.0), "2-D"),
@@ -103,6 +103,8 @@ def test_a_world_that_makes_no_sense_is_refused(make, message):
 @pytest.mark.parametrize("wrong", ["x", 3, [shapely.box(0, 0, 1, 1)], None])
 def test_a_world_is_not_made_of_anything(wrong):
     with pytest.raises(MapError, match=r"obstacles must be hpop\.world\.Obstacle prisms; got .* World\.from_geojson"):
+        Ground(wrong)
+    with pytest.raises(MapError, match=r"ground must be a hpop\.world\.Ground, .*; got .* World\.from_geojson"):
         World(wrong)
 
 
@@ -205,9 +207,9 @@ def test_beyond_a_polygon_extent_is_obstacle_only_if_asked():
     wall = (1.0 - 0.5) ** 2 * (2 + 0.5) / 4
     column = Obstacle(shapely.box(-3, 4, 0.2, 5))  # half of it beyond the extent: counts once
     for outside, expected in ((True, wall), (False, 0.0)):
-        world = World((column,), extent=EXTENT, outside_is_obstacle=outside)
+        world = World(Ground((column,), extent=EXTENT, outside_is_obstacle=outside))
         assert world.obstruction(at([0.5, 5], [8, 5]), 1.0) == pytest.approx([expected, 0], abs=0.003)
-    inside_out = World((column,), extent=EXTENT, outside_is_obstacle=True)
+    inside_out = World(Ground((column,), extent=EXTENT, outside_is_obstacle=True))
     assert inside_out.obstruction(at([0.1], [4.5]), 0.05) == pytest.approx([1.0])
 
 
@@ -216,7 +218,7 @@ def test_what_cells_and_prisms_both_fill_counts_once():
     cells[:, 20:] = True  # x > 2, up to 1 m
     raster = Raster(cells, 0.1, (0, 0, 0), 0.0, 1.0)
     prism = Obstacle(shapely.box(1.5, -1, 3, 5), 0.5, 2.0)
-    world = World((prism,), raster, outside_is_obstacle=False)
+    world = World(Ground((prism,), raster, outside_is_obstacle=False))
     squares = Obstacle(raster.solid(), 0.0, 1.0)
     x, y, z = np.array([1.0, 1.8, 2.5]), np.full(3, 2.0), 0.8
     expected = polygon_obstruction([prism, squares], x, y, z, 0.7)
@@ -318,7 +320,8 @@ def test_worlds_from_files_survive_their_description(shared_data, name, build):
 def test_a_map_that_was_added_to_is_described_with_what_was_added(shared_data):
     world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
     table = Obstacle(shapely.box(0, 0, 1, 1), 0, 0.8)
-    same(through_json(replace(world, obstacles=(table,))), replace(world, obstacles=(table,)))
+    added = replace(world, ground=replace(world.ground, obstacles=(table,)))
+    same(through_json(added), added)
 
 
 def test_a_changed_map_is_noticed(tmp_path):

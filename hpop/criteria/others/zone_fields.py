@@ -23,13 +23,13 @@ SAME_PLACE = 1e-9  # share of a path's length within which its nearest point is 
 
 def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
     """Each limit, m/s, with the share of a place where it holds; where speed zones overlap, the lowest holds."""
+    zones = tuple((float(zone.limit), zone.area) for zone in world.content.zones if zone.limit is not None)
 
     def make() -> tuple[tuple[float, Field], ...]:
-        zones = [zone for zone in world.content.zones if zone.kind == "speed" and zone.limit is not None]
         found = []
         lower: BaseGeometry = shapely.Polygon()
-        for limit in sorted({float(zone.limit) for zone in zones if zone.limit is not None}):
-            area = shapely.union_all([zone.area for zone in zones if zone.limit == limit])
+        for limit in sorted({limit for limit, _ in zones}):
+            area = shapely.union_all([area for other, area in zones if other == limit])
             rest = shapely.difference(area, lower)
             lower = shapely.union(lower, area)
             if rest.area > 0:
@@ -37,7 +37,7 @@ def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
                 found.append((limit, _field(xs, ys, _shares(rest, xs, ys))))
         return tuple(found)
 
-    return world._cached(("speed limits",), make)
+    return world.ground.derived(("speed limits", zones), make)
 
 
 def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
@@ -46,11 +46,9 @@ def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
     The direction at a place is that of the nearest segment of the zone's path; beyond a corner, where two segments are
     equally near, it is half way between theirs.
     """
-
-    def make() -> tuple[tuple[Field, Field], ...]:
-        return tuple(_flow(world, zone) for zone in world.content.zones if zone.kind == "one-way")
-
-    return world._cached(("one-way flows",), make)
+    zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
+    key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
+    return world.ground.derived(key, lambda: tuple(_flow(world, zone) for zone in zones))
 
 
 def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
