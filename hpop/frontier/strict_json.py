@@ -9,9 +9,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any, NoReturn
 
 SLICE = 2**16  # values of a long list that are written at once
+SLICE_OF_ROWS = 2**9  # lists of whole numbers
 
 _encoded = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(", ", ": ")).encode
 _dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode
@@ -41,6 +43,10 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
     if not any(issubclass(kind, dict | list | tuple) for kind in set(map(type, entries))):
         yield from [_encoded(value)] if keys is not None else _line(value)
         return
+    if keys is None and _is_table(value):
+        yield from _rows(value, indent + 1)
+        yield f"\n{' ' * indent}]"
+        return
     yield "[" if keys is None else "{"
     for i, entry in enumerate(entries):
         yield f"{',' if i else ''}\n{' ' * (indent + 1)}"
@@ -48,6 +54,19 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
             yield f"{_encoded(keys[i])}: "
         yield from pieces(entry, indent + 1)
     yield f"\n{' ' * indent}{']' if keys is None else '}'}"
+
+
+def _is_table(rows: Any) -> bool:
+    """Whether all entries are lists of whole numbers, of which a front has one a trajectory."""
+    return set(map(type, rows)) == {list} and set(map(type, chain.from_iterable(rows))) <= {int}
+
+
+def _rows(rows: Any, indent: int) -> Iterator[str]:
+    """A list of lists of whole numbers but for its last bracket, many lines at once."""
+    line = f"\n{' ' * indent}"
+    for begin in range(0, len(rows), SLICE_OF_ROWS):
+        several = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
+        yield f"{',' if begin else '['}{line}{several}"
 
 
 def _line(values: Any) -> Iterator[str]:

@@ -25,7 +25,7 @@ from hpop.planners.base import quantised
 from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.search import Graph
 from hpop.planners.state_graph import StateGraph
-from hpop.planners.stretches import Stretch
+from hpop.planners.stretches import KINDS, MOVE, TURN, Stretches
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 ALIGNED = 1e-9  # rad: a turn by less is none
-KINDS = ("turn", "move", "turn")
+MOTIONS = (TURN, MOVE, TURN)  # of a join
 BY = "at most a turn, a move and a turn"
+NODES = 2**31  # more than a graph has
 START, GOAL = "start", "goal"
 
 
@@ -171,10 +172,10 @@ class Joins:
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
         """The first motions, the moves and the last ones, each with the joins that it is of."""
         graph = self.graph
-        for i, kind in enumerate(KINDS):
+        for i, law in enumerate(MOTIONS):
             rows = np.flatnonzero(self.present[i])
             start, end = (self.corners[j].take(rows) for j in (i, i + 1))
-            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
+            yield rows, Motions(graph.world, graph.model, graph.model.laws[KINDS[law]], start, end)
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Costs (J, k) in quanta, rounded once a join."""
@@ -186,12 +187,21 @@ class Joins:
                 costs[rows, j] = np.maximum(costs[rows, j], paid) if worst else costs[rows, j] + paid
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
-    def stretch(self, row: int) -> Stretch:
-        """One of them, to be checked as part of a whole trajectory."""
-        kept = [i for i in range(len(KINDS)) if self.present[i][row]]
-        corners = [self.corners[i] for i in (0, *(i + 1 for i in kept))]
-        x, y, yaw = (np.array([getattr(states, name)[row] for states in corners]) for name in ("x", "y", "yaw"))
-        return Stretch(x, y, yaw, tuple(KINDS[i] for i in kept))
+    def stretches(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
+        """The joins between nodes (n,), where there are any, to be checked as parts of whole trajectories."""
+        known, asked = self.tails * NODES + self.heads, tails * NODES + heads
+        ranked = np.argsort(known, kind="stable")
+        rows = ranked[np.searchsorted(known[ranked], asked[there])]
+        kept = np.zeros((there.size, len(self.corners)), dtype=np.bool_)
+        kept[there] = np.stack(
+            [np.ones(rows.size, dtype=np.bool_), *(present[rows] for present in self.present)], axis=1
+        )
+        x, y, yaw = (
+            np.stack([getattr(corner, name)[rows] for corner in self.corners], axis=1)[kept[there]]
+            for name in ("x", "y", "yaw")
+        )
+        law = np.broadcast_to([MOVE, *MOTIONS], kept.shape)[kept]
+        return Stretches(x, y, yaw, law, kept.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,29 +352,22 @@ class JoinedEnds(StateGraph):
         start = self.inner.arcs.start
         return np.append(start, np.full(len(self.ends), start[-1]))
 
-    def stretches(self, paths: Sequence[IntArray]) -> list[Stretch]:
-        """Through the states (n+1,) of each path, the motions of joins written out."""
-        inside = [path < self.inner.size for path in paths]
-        through = [path[own] for path, own in zip(paths, inside, strict=True)]
-        inner = iter(self.inner.stretches([path for path in through if path.size]))
-        joins: dict[tuple[int, int], Stretch] = {}
-        found = []
-        for path, own in zip(paths, inside, strict=True):
-            beside = np.flatnonzero(~(own[1:] & own[:-1])).tolist()
-            pairs = [(int(path[i]), int(path[i + 1])) for i in beside]
-            for pair in pairs:
-                if pair not in joins:
-                    joins[pair] = self._join(*pair)
-            parts = [joins[pair] for pair in pairs]
-            if own.any():
-                parts.insert(int(not own[0]), next(inner))
-            found.append(Stretch.joined(parts))
-        return found
-
-    def _join(self, tail: int, head: int) -> Stretch:
-        """The join between two nodes."""
-        row = np.flatnonzero((self.joins.tails == tail) & (self.joins.heads == head))[0]
-        return self.joins.stretch(int(row))
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Through states (N,), so many (n,) for each, the motions of joins written out."""
+        inside = ids < self.inner.size
+        ends = np.cumsum(sizes)
+        begins, whole = ends - sizes, sizes == 2
+        inner = np.bincount(np.repeat(np.arange(sizes.size), sizes)[inside], minlength=sizes.size)
+        from_start = ~inside[begins]
+        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # of two nodes, the join between them is the first
+        after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
+        return Stretches.joined(
+            [
+                self.joins.stretches(ids[begins], ids[after], from_start),
+                self.inner.stretches(ids[inside], inner),
+                self.joins.stretches(ids[before], ids[ends - 1], to_goal),
+            ]
+        )
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """What the inner graph says of the states to which the ends are joined, in words."""

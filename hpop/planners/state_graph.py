@@ -23,7 +23,7 @@ from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import quantised
 from hpop.planners.purse import Purse
 from hpop.planners.search import Graph
-from hpop.planners.stretches import Stretch, stretches, trajectories
+from hpop.planners.stretches import Stretches
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -196,12 +196,13 @@ class StateGraph(ABC):
 
     def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
         """The trajectories through the states (n+1,) of each path: one motion an edge, yaw continuous."""
-        return trajectories(self.model, self.stretches(paths))
-
-    def stretches(self, paths: Sequence[IntArray]) -> list[Stretch]:
-        """The same, not yet checked."""
+        sizes = np.array([path.size for path in paths], dtype=np.int64)
         ids = np.concatenate([np.zeros(0, np.int64), *paths])
-        return stretches(self.states(ids), self.places(ids), [path.size for path in paths])
+        return self.stretches(ids, sizes).trajectories(self.model)
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """The same through states (N,), so many (n,) of them for each, not yet checked."""
+        return Stretches.through(self.states(ids), self.places(ids), sizes)
 
 
 def _name(criterion: Criterion) -> Hashable:
