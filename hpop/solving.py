@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 StageCallback = Callable[[Front], None]
+SOME = 4_000  # points that are made, re-evaluated and saved within half a second
+SOME_WITH_MEMORY = 200  # where criteria look at each trajectory by itself
 
 
 def fronts(
@@ -45,28 +48,27 @@ def fronts(
         check_goal(problem, planner)
     before: Front | None = None
     for planner in made:
-        candidates: Candidates | None = None
+        stages: Candidates | None = None
+        last: Candidates | None = None
         try:
             for now in _stages(problem, planner, progress, executor):
-                candidates = joined(candidates, replace(now, stats={"planner": planner.name, **now.stats}))
-                if stage is not None and now.status is Status.UNFINISHED and candidates.trajectories:
-                    stage(_union(before, front(problem, candidates)))
+                stages = stages if last is None else joined(stages, last)
+                last = replace(now, stats={"planner": planner.name, **now.stats})
+                if stage is not None and now.status is Status.UNFINISHED:
+                    candidates = joined(stages, last)
+                    if len(candidates.trajectories):
+                        stage(_union(before, front(problem, candidates)))
         except KeyboardInterrupt:
-            if candidates is not None:
-                candidates = replace(candidates, status=Status.INTERRUPTED)
+            if last is not None:
+                last = replace(last, status=Status.INTERRUPTED)
             elif before is not None:
                 yield replace(before, status=f"{before.status}{JOINT}{Status.INTERRUPTED}")
                 return
             else:
                 raise
-        assert candidates is not None  # a planner has at least one stage
-        if progress:
-            progress(Progress("evaluation"))
-        try:
-            found = front(problem, candidates, progress)
-        except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
-            found = front(problem, replace(candidates, status=Status.INTERRUPTED), progress)
-        before = _union(before, found)
+        assert last is not None  # a planner has at least one stage
+        save = partial(_save_some, problem, before, stages, stage)
+        before = _union(before, _evaluated(problem, stages, last, save, progress))
         yield before
         if Status.INTERRUPTED in before.status:
             return
@@ -133,6 +135,38 @@ def _stages(
         yield planner.solve(problem, progress, executor=executor)
     else:
         yield planner.solve(problem, progress)
+
+
+def _evaluated(
+    problem: Problem,
+    stages: Candidates | None,
+    last: Candidates,
+    save: Callable[[Candidates], bool],
+    progress: ProgressCallback | None,
+) -> Front:
+    """The front of a planner's last answer and its stages; what was found is worth the time of a first Ctrl-C."""
+    if progress:
+        progress(Progress("evaluation"))
+    is_some_saved = save(last)
+    try:
+        return front(problem, joined(stages, last), progress)
+    except KeyboardInterrupt:
+        if is_some_saved:
+            raise
+    last = replace(last, status=Status.INTERRUPTED)
+    save(last)
+    return front(problem, joined(stages, last), progress)
+
+
+def _save_some(
+    problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
+) -> bool:
+    """Hand over some of many points that an interrupted planner found; whether there were so many."""
+    number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
+    if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
+        return False
+    stage(_union(before, front(problem, joined(stages, last.spread(number)))))
+    return True
 
 
 def _union(before: Front | None, found: Front) -> Front:

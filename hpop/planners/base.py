@@ -16,6 +16,7 @@ from hpop.criteria.base import Criterion, Group
 from hpop.criteria.quanta import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
+from hpop.planners.deferred import Deferred
 from hpop.registry import made, planners
 from hpop.status import ProgressCallback, Status
 from hpop.text import shown
@@ -34,7 +35,7 @@ class Candidates:
 
     objectives    the criteria that it optimised, in the order of the columns of ``planned``
     filters       further criteria that it could not optimise, but by which the front shall be filtered
-    trajectories  n of them
+    trajectories  n of them; a sequence may make them when they are asked for
     planned       (n, k) costs as the planner added them up, in the criteria's units
     tolerance     (n, k) by how much a re-evaluated cost may differ from the planned one
     status        how the planner ended
@@ -45,7 +46,7 @@ class Candidates:
     """
 
     objectives: tuple[Criterion, ...]
-    trajectories: tuple[Trajectory, ...]
+    trajectories: Sequence[Trajectory]
     planned: FloatArray
     tolerance: FloatArray
     status: Status
@@ -54,6 +55,22 @@ class Candidates:
     notes: tuple[str, ...] = ()
     stats: Mapping[str, Any] = field(default_factory=dict)
     filters: tuple[Criterion, ...] = ()
+
+    def spread(self, number: int) -> Candidates:
+        """So many of them: the best in each planned cost, and of the others, in the order of these, every so many."""
+        order = np.lexsort(self.planned.T[::-1])
+        every = order[np.linspace(0, order.size - 1, number - self.planned.shape[1]).astype(np.int64)]
+        rows = np.unique(np.concatenate([self.planned.argmin(axis=0), every]))
+        some = self.trajectories
+        return replace(
+            self,
+            trajectories=some.take(rows) if isinstance(some, Deferred) else [some[i] for i in rows],
+            planned=self.planned[rows],
+            tolerance=self.tolerance[rows],
+            provenance=tuple(self.provenance[i] for i in rows),
+            certificate=f"{self.certificate}; {rows.size:,} of the {order.size:,} points, before the others are "
+            "re-evaluated",
+        )
 
 
 class Planner(Protocol):
@@ -116,7 +133,7 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     better = f", which may be better in {', '.join(c.name for c in now.filters)}" if final and now.filters else ""
     return replace(
         now,
-        trajectories=now.trajectories + tuple(before.trajectories[i] for i in new),
+        trajectories=(*now.trajectories, *(before.trajectories[i] for i in new)),
         planned=np.concatenate([now.planned, before.planned[new]]),
         tolerance=np.concatenate([now.tolerance, before.tolerance[new]]),
         provenance=now.provenance + tuple(before.provenance[i] for i in new),

@@ -16,6 +16,7 @@ from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.base import Candidates, Objectives
 from hpop.planners.claims import at_memory_limit, missing, within
+from hpop.planners.deferred import Deferred
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.planners.state_graph import StateGraph
@@ -221,20 +222,22 @@ class GraphQuery:
         ``blocks``: why there is no path, where the caller knows.
         """
         objectives, space = self.objectives, self.space
-        nodes: list[IntArray] = [paths.nodes(i) for i in range(len(paths.costs))]
+        edges = paths.lengths
         # A sum is rounded once an edge, a worst edge once.
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
-        rounds = np.where(adds_up, np.array([[max(1, n.size - 1)] for n in nodes]).reshape(-1, 1), 1)
+        rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
         blocked = (blocks or self._what_blocks(),) if paths.status is Status.NO_PATH else ()
         options = space.options
         return Candidates(
             objectives=objectives.optimised,
-            trajectories=space.trajectories(nodes),
+            trajectories=Deferred(
+                len(paths), lambda rows: space.stretches(*paths.through(rows)).trajectories(space.model)
+            ),
             planned=paths.costs * self.quanta,
             tolerance=rounds * self.quanta,
             status=paths.status,
             certificate=f"{name}: {claim}{objectives.certificate}",
-            provenance=_origins({"planner": name, **options}, [n.size - 1 for n in nodes], provenance),
+            provenance=_origins({"planner": name, **options}, edges.tolist(), provenance),
             notes=(*objectives.notes, *self.notes, *blocked, *self._coarse(paths, rounds), *notes),
             filters=objectives.filters,
             stats={

@@ -405,5 +405,6 @@ def test_all_motions_of_a_law_are_checked_at_once(monkeypatch):
     monkeypatch.setattr("hpop.planners.stretches.refuse_impossible", lambda *motions: checks.append(motions[-1].size))
     problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length", "turns", "exposure"])
     found = Lattice(step=0.4).solve(problem)
+    assert checks == []  # made when they are asked for
+    assert sum(map(len, found.trajectories)) == sum(checks)
     assert len(checks) == 2  # turns and moves
-    assert sum(checks) == sum(map(len, found.trajectories))

@@ -85,6 +85,20 @@ class ParetoPaths:
         heads = self._graph.heads[self._paths[i]].astype(np.int64)
         return np.concatenate([np.array([self._source], np.int64), heads])
 
+    @property
+    def lengths(self) -> IntArray:
+        """Arcs (n,) of each path."""
+        return np.array([path.size for path in self._paths], dtype=np.int64)
+
+    def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Nodes (N,) of the paths of some rows (r,), one path after another, and how many (r,) each has."""
+        several = [self._paths[row] for row in rows]
+        sizes = np.array([path.size for path in several], dtype=np.int64) + 1
+        nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
+        heads = np.delete(np.arange(nodes.size), np.cumsum(sizes) - sizes)
+        nodes[heads] = self._graph.heads[np.concatenate([np.zeros(0, np.int64), *several])]
+        return nodes, sizes
+
     def arcs(self, i: int) -> IntArray:
         """Arcs of path i, as indices into the arcs that the caller gave."""
         return self._graph.arc[self._paths[i]].astype(np.int64)
