@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from hpop.front import Front
     from hpop.planners import Planner
-    from hpop.problem import Problem
     from hpop.scenario import Scenario
 
 MOST_FAULTS = 20
@@ -150,7 +149,7 @@ def plan(
         report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
         if checkpoint is not None:
             _tidy(checkpoint, front)
-        _draw(loaded.problem, front, out, imports)
+        _draw(loaded, front, out, imports)
     except KeyboardInterrupt:  # nothing that was found is lost
         what = "complete and saved" if _is_complete(front) else "saved"
         left = f"the pictures were left out; `hpop show {quote(str(out))}` prints the front"
@@ -273,7 +272,7 @@ def _solved(
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with report.progress_bar() as progress, PicturesBeside(out, imports) as pictures:
+    with report.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()
@@ -285,7 +284,7 @@ def _solved(
             keep(front)
             if waits and is_first:
                 with suppress(OutputError):  # which the last pictures will meet as well; the search goes on
-                    results.draw(scenario.problem, front, out, map_alone=True)
+                    results.draw(scenario.problem, front, out, map_alone=True, max_memory=_most(scenario))
             else:
                 pictures.stage()
 
@@ -305,15 +304,23 @@ def _solved(
     return fronts, say.first
 
 
-def _draw(problem: Problem, front: Front, out: Path, imports: Sequence[str]) -> None:
+def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
     """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
     from hpop.status import Status
 
     if Status.INTERRUPTED in front.status:
-        PicturesBeside(out, imports).start()
+        PicturesBeside(out, imports, _most(scenario)).start()
         echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
     else:
-        echo(f"written to {out}: {', '.join([SAVED, *results.draw(problem, front, out)])}")
+        drawn = results.draw(scenario.problem, front, out, max_memory=_most(scenario))
+        echo(f"written to {out}: {', '.join([SAVED, *drawn])}")
+
+
+def _most(scenario: Scenario) -> int | None:
+    """Bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
+    from hpop.planners.purse import common_purse
+
+    return common_purse(scenario.planners).budget.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:

@@ -2,8 +2,8 @@
 
 Drawing takes seconds of Python, which would stand in the way of a search that goes on, and of a user who has stopped
 one. The other process reads what is saved, a front with its problem, so it needs nothing else but the user's own code,
-if there is any; ``python -P -m hpop.pictures all|map FOLDER [FILE_OR_MODULE ...]`` is all it runs; nothing of the
-current folder (-P).
+if there is any; ``python -P -m hpop.pictures all|map FOLDER BYTES [FILE_OR_MODULE ...]`` is all it runs, BYTES the
+most for the map's field (0: no limit); nothing of the current folder (-P).
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; mo
 class PicturesBeside:
     """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops.
 
-    imports  files and modules that register what the front was planned with
+    imports     files and modules that register what the front was planned with
+    max_memory  bytes  for the map's field
     """
 
-    def __init__(self, folder: Path, imports: Sequence[str] = ()) -> None:
+    def __init__(self, folder: Path, imports: Sequence[str] = (), max_memory: int | None = None) -> None:
         self.folder = folder
         self.imports = imports
+        self.max_memory = max_memory
         self._timer: Timer | None = None
         self._process: Popen[Any] | None = None
         matplotlib_folder.provide()
@@ -59,7 +61,8 @@ class PicturesBeside:
         self._begin("all")
 
     def _begin(self, which: str) -> None:
-        command = [sys.executable, "-P", "-m", "hpop.pictures", which, str(self.folder), *self.imports]
+        given = [which, str(self.folder), str(self.max_memory or 0), *self.imports]
+        command = [sys.executable, "-P", "-m", "hpop.pictures", *given]
         with suppress(OSError), interrupts_held():  # or a process would be begun that nobody can stop
             # A session of its own: Ctrl-C on the terminal is not meant for it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
@@ -79,7 +82,7 @@ class PicturesBeside:
             half.unlink(missing_ok=True)
 
 
-def draw(which: str, folder: Path, imports: Sequence[str]) -> None:
+def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
     """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
     from hpop import garbage
 
@@ -93,9 +96,10 @@ def draw(which: str, folder: Path, imports: Sequence[str]) -> None:
         os.nice(NICENESS)
     own_code.register(imports)
     front = Front.load(folder / "front.json")
-    save_pictures(Problem.from_description(front.problem or {}), front, folder, map_alone=which == "map")
+    problem = Problem.from_description(front.problem or {})
+    save_pictures(problem, front, folder, map_alone=which == "map", max_memory=max_memory)
 
 
 if __name__ == "__main__":
     current_folder.distrust()
-    draw(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])
+    draw(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]) or None, sys.argv[4:])

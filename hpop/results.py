@@ -119,11 +119,13 @@ def save(front: Front, out: Path) -> None:
         raise OutputError(f"{error}; the front is saved in {rescue / SAVED}") from None
 
 
-def draw(problem: Problem, front: Front, out: Path, *, map_alone: bool = False) -> list[str]:
+def draw(
+    problem: Problem, front: Front, out: Path, *, map_alone: bool = False, max_memory: int | None = None
+) -> list[str]:
     """Names of the pictures drawn; they come last, and whatever goes wrong with them, the front is saved."""
     try:
         from hpop.view import save_pictures
 
-        return [path.name for path in save_pictures(problem, front, out, map_alone=map_alone)]
+        return [path.name for path in save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory)]
     except Exception as error:
         raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error

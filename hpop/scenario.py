@@ -45,7 +45,7 @@ from hpop.criteria.quanta import with_quanta
 from hpop.errors import LimitError
 from hpop.motions import Model
 from hpop.planners.base import Planner
-from hpop.planners.purse import OPTIONS, Exhausted, Purse, purse_to_read
+from hpop.planners.purse import OPTIONS, Exhausted, Purse, common_purse
 from hpop.problem import Problem
 from hpop.registry import criteria, models, planners, readers
 from hpop.scenario_faults import Faults, entries
@@ -118,7 +118,7 @@ def load_scenario(path: str | Path) -> Scenario:
     with faults.collected(("groups",)):
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
-    folder, purse = document.path.parent, purse_to_read(chosen)
+    folder, purse = document.path.parent, common_purse(chosen)
     given_as = reader or next(name for name, value in file.world if value is not None)
     with faults.collected(("world", given_as)), _reading(purse):
         bare = (

@@ -145,8 +145,8 @@ class Limited(Protocol):
         """Its limits."""
 
 
-def purse_to_read(planners: Iterable[object]) -> Purse:
-    """What reading a map for some planners may spend: as much as the one that may spend most; without end, if one may.
+def common_purse(planners: Iterable[object]) -> Purse:
+    """What is done for several planners, such as to read a map, may spend as much as the one that may spend most.
 
     That one cannot plan any more where reading takes more, and so none can.
     """

@@ -101,6 +101,8 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
 
     Colours range from 0 to what 99 in 100 free places stay below, and grow faster at first: the corners of a
     room are several times as obstructed as the places where a robot drives.
+
+    Raises LimitPassed where a limit of whoever draws does not allow for the field.
     """
     pixel = max(view.width, view.height) / PIXELS
     x = np.arange(view.x_min + pixel / 2, view.x_max, pixel)
@@ -121,6 +123,11 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
     )
     image.set_clip_path(outline(world.extent), transform=axes.transData)
     return image
+
+
+def draw_bare_floor(axes: Axes, world: World) -> None:
+    """Draw the extent white, where its obstructed fraction is left out."""
+    axes.add_patch(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
 
 
 def draw_obstacles(axes: Axes, world: World, camera_z: float, view: View) -> list[Patch]:

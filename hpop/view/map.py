@@ -31,7 +31,7 @@ from hpop.text import printable
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, EndPose, draw_ends, end_poses
-from hpop.view.ground import View, ball_of, draw_field, draw_obstacles, draw_scale_bar, view_of
+from hpop.view.ground import View, ball_of, draw_bare_floor, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE, Sheet
 from hpop.view.style import (
     DASHES,
@@ -50,6 +50,7 @@ from hpop.view.style import (
     turns_in_place,
     whole_ticks,
 )
+from hpop.world.limits import LimitPassed
 
 WRAP = 60  # characters a line of costs in the legend
 CLAIM_WRAP = 118  # characters a line of what is claimed
@@ -122,8 +123,12 @@ def draw_map(
     bars: list[Bar] = []
     if scale is not None:
         bars += _draw_all(axes, front, scale, rows)
-    field = draw_field(axes, problem.world, view, ball)
-    bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
+    try:
+        field = draw_field(axes, problem.world, view, ball)
+        bars.append(Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m)", False, "max"))
+    except LimitPassed:
+        draw_bare_floor(axes, problem.world)
+        symbols.append(Patch(color="none", label="obstructed fraction left out:\nit takes more than max_memory"))
     symbols += _planners(front)
     lines, claim = _draw_named(axes, front, named), _claim(front)
     turns = np.concatenate([np.zeros((0, 2)), *(_turn_places(front.trajectories[mark.row]) for mark in named)])

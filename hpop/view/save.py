@@ -15,21 +15,31 @@ from PIL import Image
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
+from hpop.planners.purse import Purse
 from hpop.problem import Problem
+from hpop.status import Budget
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
+from hpop.world import limits
 
 DPI = 200
 COMPRESSION = 4  # of 9: a third of the time of zlib's usual 6, for a tenth of the bytes
 
 
 def save_pictures(
-    problem: Problem, front: Front, folder: str | os.PathLike[str], *, dpi: float = DPI, map_alone: bool = False
+    problem: Problem,
+    front: Front,
+    folder: str | os.PathLike[str],
+    *,
+    dpi: float = DPI,
+    map_alone: bool = False,
+    max_memory: int | None = None,
 ) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
+    The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes.
     A knee that stays where it is, since the start is the goal, has no trace and no places.
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
     one has no use for are removed. All are drawn before the first is written.
@@ -39,7 +49,8 @@ def save_pictures(
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
-    figures = {"map.png": draw_map(problem, front)}
+    with limits.within(Purse(Budget(max_memory=max_memory))):
+        figures = {"map.png": draw_map(problem, front)}
     if len(front) and not map_alone:
         figures["front.png"] = draw_front(front)
         knee = front.knee().item

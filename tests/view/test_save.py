@@ -3,13 +3,17 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from hpop.errors import OutputError
+from hpop.planners.purse import Purse
+from hpop.status import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
+from hpop.world import limits
 
 
 @pytest.fixture
@@ -65,6 +69,17 @@ def test_an_empty_front_gives_the_map_alone(problem, empty, tmp_path):
     (tmp_path / "trace.png").write_text("of an earlier front")
     assert [path.name for path in save_pictures(problem, empty, tmp_path, dpi=50)] == ["map.png"]
     assert os.listdir(tmp_path) == ["map.png"]
+
+
+def test_a_field_that_takes_more_memory_than_it_may_is_left_out_and_the_map_says_so(problem, empty, tmp_path):
+    problem = replace(problem, world=replace(problem.world))  # of which nothing is made yet
+    assert len(save_pictures(problem, empty, tmp_path, dpi=50, max_memory=10_000)) == 1
+    assert not any(key[0] == "obstruction" for key in problem.world.cache._values)
+    with limits.within(Purse(Budget(max_memory=10_000))):
+        (legend,) = (legend for legend in draw_map(problem, empty).legends)
+    assert any("left out:\nit takes more than max_memory" in text.get_text() for text in legend.get_texts())
+    draw_map(problem, empty)
+    assert any(key[0] == "obstruction" for key in problem.world.cache._values)
 
 
 def test_pictures_that_are_there_are_replaced(problem, empty, tmp_path):
