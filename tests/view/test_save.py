@@ -72,14 +72,15 @@ def test_an_empty_front_gives_the_map_alone(problem, empty, tmp_path):
 
 
 def test_a_field_that_takes_more_memory_than_it_may_is_left_out_and_the_map_says_so(problem, empty, tmp_path):
-    problem = replace(problem, world=replace(problem.world))  # of which nothing is made yet
+    ground = replace(problem.world.ground)  # of which nothing is made yet
+    problem = replace(problem, world=replace(problem.world, ground=ground))
     assert len(save_pictures(problem, empty, tmp_path, dpi=50, max_memory=10_000)) == 1
-    assert not any(key[0] == "obstruction" for key in problem.world.cache._values)
+    assert not any(key[0] == "obstruction" for key in ground.cache._values)
     with limits.within(Purse(Budget(max_memory=10_000))):
         (legend,) = (legend for legend in draw_map(problem, empty).legends)
     assert any("left out:\nit takes more than max_memory" in text.get_text() for text in legend.get_texts())
     draw_map(problem, empty)
-    assert any(key[0] == "obstruction" for key in problem.world.cache._values)
+    assert any(key[0] == "obstruction" for key in ground.cache._values)
 
 
 def test_pictures_that_are_there_are_replaced(problem, empty, tmp_path):
