@@ -23,6 +23,7 @@ hpop.errors.MapError
 hpop.errors.OptionError
 hpop.frontier.Front
 hpop.frontier.FrontError
+hpop.goals.Goal
 hpop.history.History
 hpop.math.hypot
 hpop.models.DifferentialDrive

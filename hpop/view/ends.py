@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from hpop.goals import GoalSet
 from hpop.problem import Problem
-from hpop.view.style import GOAL, START
+from hpop.view.style import GOAL, START, mapped
 
 CIRCLE = 12.0  # points across
 RING = 19.0  # points across
@@ -20,7 +20,7 @@ Place = Sequence[float]
 
 
 class EndPose(NamedTuple):
-    """Where the base, or the camera of a robot without one, is at an end: m, m, rad; None where its yaw is free."""
+    """Where a robot is at an end: m, m, rad; None where its yaw is free."""
 
     x: float
     y: float
@@ -29,11 +29,9 @@ class EndPose(NamedTuple):
 
 def end_poses(problem: Problem) -> tuple[EndPose, tuple[EndPose, ...]]:
     """Where a problem starts, and all places where it may end, if its goal lists them."""
-    model, space = problem.model, problem.model.space
-    body = "base" if "base" in model.provides else "camera"
-    poses = []
+    space, poses = problem.model.space, []
     for values in (problem.start, *(problem.goals if isinstance(problem.target, GoalSet) else ())):
-        pose = model.pose(body, space.state(values, free=space.angles))
+        pose = mapped(problem.model, space.state(values, free=space.angles))
         x, y, yaw = (float(column[0]) for column in (pose.x, pose.y, pose.yaw))
         if not math.isnan(x + y):
             poses.append(EndPose(x, y, None if math.isnan(yaw) else yaw))

@@ -43,6 +43,7 @@ from hpop.view.style import (
     Quantity,
     drawn_rows,
     how_many_drawn,
+    mapped_points,
     marks,
     new_figure,
     plain,
@@ -168,13 +169,13 @@ def path_points(trajectory: Trajectory) -> FloatArray:
         share = np.concatenate([np.arange(count) / count for count in pieces])
         times = trajectory.times[owner] + share * trajectory.durations[owner]
         states = trajectory.at(np.append(times, trajectory.duration))
-    return np.stack([states.x, states.y], axis=1)
+    return mapped_points(trajectory.model, states)
 
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
     """Where (N, 2), m, the base turns without moving."""
     turns = turns_in_place(trajectory)
-    return np.stack([trajectory.states.x[1:][turns], trajectory.states.y[1:][turns]], axis=1)
+    return mapped_points(trajectory.model, trajectory.states)[1:][turns]
 
 
 def _scale(front: Front, colour: str | None) -> Quantity:

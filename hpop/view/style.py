@@ -25,6 +25,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.motions import Model, Pose, States
 from hpop.text import printable, shown
 from hpop.trajectory import Trajectory
 
@@ -188,10 +189,22 @@ def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, 
 
 
 def turns_in_place(trajectory: Trajectory) -> BoolArray:
-    """Tell which motions (n,) turn the base by more than a degree and do not move it."""
-    s = trajectory.states
-    turns: BoolArray = (np.abs(np.diff(s.yaw)) > LEAST_TURN) & (np.hypot(np.diff(s.x), np.diff(s.y)) == 0.0)
+    """Tell which motions (n,) turn the body that maps show by more than a degree and do not move it."""
+    pose = mapped(trajectory.model, trajectory.states)
+    still = np.hypot(np.diff(pose.x), np.diff(pose.y)) == 0.0
+    turns: BoolArray = (np.abs(np.diff(pose.yaw)) > LEAST_TURN) & still
     return turns
+
+
+def mapped(model: Model, states: States) -> Pose:
+    """Where the body that maps show is: the base, or the camera of a robot without one."""
+    return model.pose("base" if "base" in model.provides else "camera", states)
+
+
+def mapped_points(model: Model, states: States) -> FloatArray:
+    """Places (M, 2), m, of that body."""
+    pose = mapped(model, states)
+    return np.stack([pose.x, pose.y], axis=1)
 
 
 def new_figure(width: float, height: float, layout: Any = "constrained") -> Figure:

@@ -31,6 +31,7 @@ from hpop.view.style import (
     NORMAL,
     QUIET,
     SMALL,
+    mapped_points,
     new_figure,
     plain,
     turns_in_place,
@@ -118,8 +119,8 @@ def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray
     number = np.zeros(len(trajectory))
     np.add.at(number, owner, grown)
     turning = turns_in_place(trajectory)
-    places = np.stack([trajectory.states.x, trajectory.states.y], axis=1)[1:][turning]
-    _, spots = np.unique(np.round(places, SPOT), axis=0, return_inverse=True)
+    turned_at = mapped_points(trajectory.model, trajectory.states)[1:][turning]
+    _, spots = np.unique(np.round(turned_at, SPOT), axis=0, return_inverse=True)
     spots = spots.reshape(-1)
     number[turning] = np.bincount(spots, number[turning])[spots]
     return number[owner]
@@ -127,7 +128,7 @@ def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray
 
 def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
     criterion = trace.criteria[column]
-    points = np.stack([trace.states.x, trace.states.y], axis=1)
+    points = mapped_points(trace.trajectory.model, trace.states)
     norm = Normalize(0.0, float(shown.max(initial=0.0)) or 1.0)
     turning = turns_in_place(trace.trajectory)
     pieces = np.stack([points[:-1], points[1:]], axis=1)[~turning]  # (moves, 2, 2)
@@ -160,7 +161,7 @@ def _turns_at_ends(points: FloatArray, turns: FloatArray) -> dict[str, BoolArray
 
 
 def _turn_entry(trajectory: Trajectory) -> list[Handle]:
-    points = np.stack([trajectory.states.x, trajectory.states.y], axis=1)
+    points = mapped_points(trajectory.model, trajectory.states)
     turns = points[1:][turns_in_place(trajectory)]
     if not len(turns):
         return []

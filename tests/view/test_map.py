@@ -365,3 +365,12 @@ def test_a_driven_trajectory_is_drawn_along_its_curves():
     there = points[np.argmin(np.hypot(points[:, 0] - s.x[1], points[:, 1] - s.y[1])) :]
     np.testing.assert_allclose(np.hypot(there[:, 0] - centre[0], there[:, 1] - centre[1]), 1.0, atol=1e-6)
     assert np.hypot(*np.diff(points, axis=0).T).max() < 0.2
+
+
+def test_each_goal_of_a_set_is_drawn_and_the_legend_says_that_any_will_do(make_problem) -> None:
+    problem = make_problem(goal=[(9, 1, 0), (9, 3, None), (1, 1, None)])
+    figure = draw_map(problem, problem.solve("lattice", step=1.0))
+    drawn = [line.get_xydata().tolist() for line in part(figure, "map").lines if line.get_gid() == "goal"]
+    assert drawn == [[[9.0, 1.0]], [[9.0, 3.0]], [[1.0, 1.0]]]
+    legend = " ".join(text.get_text() for legend in figure.legends for text in legend.get_texts())
+    assert "G: goal, any of 3, heading along the arrow, if there is one" in legend
