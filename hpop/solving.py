@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 StageCallback = Callable[[Front], None]
 SOME = 4_000  # points that are made, re-evaluated and saved within half a second
-SOME_WITH_MEMORY = 200  # where criteria look at each trajectory by itself
+SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
 
 
 def fronts(
