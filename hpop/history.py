@@ -15,34 +15,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.motions import Model, Motions, Pose
+from hpop.motions import Instants, Model, Motions
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
-    """What the robot does at regular times, its real speed ramps included. Columns (N,).
+class Track(Instants):
+    """What the robot does at ``times`` (N,), s, its real speed ramps included."""
 
-    times              s, from 0 to the end
-    base, camera       poses
-    speed              m/s, along the heading
-    turn_rate          rad/s
-    acceleration       m/s², along the heading
-    turn_acceleration  rad/s²
-    camera_velocity    (x, y) m/s, world frame
-    """
-
-    times: FloatArray
-    base: Pose
-    camera: Pose
-    speed: FloatArray
-    turn_rate: FloatArray
-    acceleration: FloatArray
-    turn_acceleration: FloatArray
-    camera_velocity: tuple[FloatArray, FloatArray]
+    def __init__(self, executed: Trajectory, times: FloatArray) -> None:
+        states, (rates, changes) = executed.at(times), executed.rates(times)
+        self.times = times
+        super().__init__(
+            executed.model,
+            states.names,
+            times.size,
+            times,
+            lambda name: getattr(states, name),
+            lambda name: (getattr(rates, name), getattr(changes, name)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,27 +86,13 @@ class History:
 
     def track(self, step: float) -> Track:
         """Samples of the execution every ``step`` seconds at most, evenly spaced, both ends included."""
-        executed, model = self.executed, self.model
-        count = max(2, int(np.ceil(executed.duration / step - 1e-9)) + 1)
-        times = np.linspace(0.0, executed.duration, count)
-        states = executed.at(times)
-        first, second = executed.rates(times)
-        base, camera = model.pose("base", states), model.pose("camera", states)
-        ahead, left = np.cos(states.yaw), np.sin(states.yaw)
-        velocity = (
-            first.x - first.yaw * (camera.y - base.y),
-            first.y + first.yaw * (camera.x - base.x),
-        )
-        return Track(
-            times=times,
-            base=base,
-            camera=camera,
-            speed=first.x * ahead + first.y * left,
-            turn_rate=first.yaw,
-            acceleration=second.x * ahead + second.y * left,
-            turn_acceleration=second.yaw,
-            camera_velocity=velocity,
-        )
+        lasts = self.executed.duration
+        count = max(2, int(np.ceil(lasts / step - 1e-9)) + 1)
+        return self.at(np.linspace(0.0, lasts, count))
+
+    def at(self, times: FloatArray) -> Track:
+        """Moments (N,) of the execution, s; before its start and after its end the robot stands."""
+        return Track(self.executed, times)
 
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
         """Running values (N,) at executed times, read where each planned motion (M,) is completed."""

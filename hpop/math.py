@@ -34,6 +34,22 @@ def hypot(x: Column, y: Column) -> Column:
     return np.where(square > 0, np.sqrt(square), 0.0)
 
 
+def norm(vector: tuple[Column, Column, Column]) -> Column:
+    """Length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
+
+    What is no column leaves the others their simpler form: of one alone this is `smooth_abs`, of two `hypot`.
+
+    >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
+    (7.0, 1.5)
+    """
+    columns = [column for column in vector if not (isinstance(column, float) and column == 0.0)]
+    if not columns:
+        return 0.0
+    if len(columns) == 1:
+        return smooth_abs(columns[0])
+    return hypot(hypot(*columns[:2]), columns[2]) if len(columns) == 3 else hypot(*columns)
+
+
 def smooth_abs(x: Column) -> Column:
     """|x|; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact at zero and outside.
 

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.errors import ModelError
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.laws import Move, Turn
-from hpop.motions import Law, Model, States, StateSpace
+from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
+from hpop.motions import Body, Law, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import FARTHEST
 from hpop.trajectory import Trajectory
 
@@ -35,7 +37,7 @@ class PlanarModel(Model):
     """A robot that stands upright on a floor: what follows from its parts and its laws.
 
     A model of your own is a frozen dataclass, whose fields are its parameters, and gives ``name`` (in the registry),
-    ``space``, ``laws``, ``parts`` and its bodies.
+    ``space``, ``laws``, ``parts`` and ``mounts``.
     """
 
     executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}
@@ -62,6 +64,11 @@ class PlanarModel(Model):
         """The states: x, y and yaw among them, which place the parts; see :func:`plane_space`."""
 
     @property
+    @abstractmethod
+    def mounts(self) -> Mapping[str, Mount]:
+        """Its bodies by name, "base" and "camera" for example, and where they are on the base."""
+
+    @property
     def provides(self) -> frozenset[str]:
         """A base in the plane; "turn-move" and "rigid" where the laws and the states say so."""
         found = {"base", "plane"}
@@ -70,6 +77,32 @@ class PlanarModel(Model):
         if set(self.space.names) == {"x", "y", "yaw"}:
             found.add("rigid")
         return frozenset(found)
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of a body in each of the states."""
+        return RigidPose(self._mount(body), states)
+
+    def twist(self, body: str, states: States, rates: States) -> Twist:
+        """How fast a body moves and turns."""
+        return RigidTwist(self._mount(body), states, rates)
+
+    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
+        """How fast that changes."""
+        return RigidTwistRate(self._mount(body), states, rates, changes)
+
+    def body(self, name: str, motions: Motions) -> Body:
+        """What a body does in each of the motions; in closed form if the law knows its way and rotation."""
+        known = isinstance(motions.law, PlanarLaw)
+        return rigid_body(name, self._mount(name), motions) if known else integrated(name, motions)
+
+    def extent(self, motions: Motions) -> tuple[Column, Column]:
+        """How far (M,), m and rad, no body moves or turns farther: levers lengthen their ways."""
+        return farthest(motions, max(mount.lever for mount in self.mounts.values()))
+
+    def _mount(self, body: str) -> Mount:
+        if body not in self.mounts:
+            raise ModelError(f"{self.name} has the bodies {', '.join(self.mounts)}, not {body!r}")
+        return self.mounts[body]
 
     def collision(self, world: World) -> PlanarCollision:
         """Exact for straight motions, and never too kind for those that turn."""

@@ -7,12 +7,13 @@ over motions therefore runs unchanged on graphs, on trajectories and inside nonl
 
 from __future__ import annotations
 
-from hpop.motions.batch import Body, Motions, missing
+from hpop.motions.batch import Motions, missing
+from hpop.motions.bodies import Body, integrated
 from hpop.motions.collision import Collision, PlaneCollision
 from hpop.motions.instants import Instants, Rate
 from hpop.motions.laws import Curve, Law, Model, Phase, is_curve, slopes
 from hpop.motions.space import StateSpace
-from hpop.motions.states import Pose, States
+from hpop.motions.states import Pose, States, Twist, Vector
 
 __all__ = [
     "Body",
@@ -28,6 +29,9 @@ __all__ = [
     "Rate",
     "StateSpace",
     "States",
+    "Twist",
+    "Vector",
+    "integrated",
     "is_curve",
     "missing",
     "slopes",

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
-from hpop.math import hypot, is_symbolic, smooth_abs
-from hpop.motions.instants import Instants, Rate
+from hpop.math import is_symbolic
+from hpop.motions.bodies import Body
+from hpop.motions.instants import Instants, Rate, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.states import Pose, States, picked_states
+from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -24,24 +25,11 @@ SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwis
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A moving body as a criterion sees it over a batch of motions.
+class _Probe(NamedTuple):
+    """What a rate has read, by name (:class:`Instants`), and on symbols its value (M,) at the start."""
 
-    start, end  poses at both ends of each motion
-    length      (M,)  m    path length
-    turned      (M,)  rad  absolute rotation
-    rotation    (M,)  rad  signed rotation, counter-clockwise positive
-    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none: the motion itself,
-                      or maximal stretches of a curve in which the heading changes with one sign
-    """
-
-    start: Pose
-    end: Pose
-    length: Column
-    turned: Column
-    rotation: Column
-    turns: tuple[Column, ...]
+    read: frozenset[str]
+    value: Column | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,47 +77,28 @@ class Motions:
     @cached_property
     def base(self) -> Body:
         """The robot's base."""
-        return self._body("base")
+        return self.model.body("base", self)
 
     @cached_property
     def camera(self) -> Body:
         """The camera."""
-        return self._body("camera")
-
-    def _body(self, name: str) -> Body:
-        law, rotation = self.law, self.law.turned(self.start, self.end)
-        turned: Column = smooth_abs(rotation)
-        turns: tuple[Column, ...] = (rotation,)
-        if is_curve(law):
-            turned, turns = law.swept(self.start, self.end), self.turns or law.bends(self.start, self.end)
-        return Body(
-            start=self.model.pose(name, self.start),
-            end=self.model.pose(name, self.end),
-            length=self._length(name),
-            turned=turned,
-            rotation=rotation,
-            turns=turns,
-        )
-
-    def _length(self, name: str) -> Column:
-        """Path length (M,) of a body, m; on curves one off the axis goes now a longer, now a shorter way than it."""
-        lever = self.model.lever(name)
-        if lever and is_curve(self.law):
-            return self.integrate(lambda s: hypot(*s.velocity(self.model.pose(name, s.state))))
-        return self.law.travel(self.start, self.end, lever)
+        return self.model.body("camera", self)
 
     def integrate(self, rate: Rate) -> Column:
         """Time integral (M,) of a rate along each motion.
 
         Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
-        degrees. A rate that reads nothing that changes (the camera's position during a turn about it) is exact.
+        degrees. A rate that reads nothing that changes (the camera's position during a turn about it) is exact, and so
+        is one that reads accelerations that stay the same within each phase.
         """
-        constant = self._constant(rate)
+        probe = self._probe(rate)
+        constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
         total: Column = 0.0
         for phase in self.phases:
-            total = total + phase.duration * self._phase_mean(rate, phase)
+            mean = self._at_once(rate, phase, probe) if self._is_even(probe) else self._phase_mean(rate, phase)
+            total = total + phase.duration * mean
         return total
 
     def worst(self, rate: Rate) -> Column:
@@ -137,12 +106,13 @@ class Motions:
 
         A rate that changes by at most c a metre is missed by at most c/4 of a field cell.
         """
-        constant = self._constant(rate)
+        probe = self._probe(rate)
+        constant = self._constant(rate, probe)
         if constant is not None:
             return constant
         largest: Column = None
         for phase in self.phases:
-            value = self._phase_worst(rate, phase)
+            value = self._at_once(rate, phase, probe) if self._is_even(probe) else self._phase_worst(rate, phase)
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
@@ -151,32 +121,49 @@ class Motions:
         (phase,) = self.phases
         return self._instants(phase, share, None)
 
-    def _constant(self, rate: Rate) -> Column | None:
+    def _probe(self, rate: Rate) -> _Probe:
+        """What a rate reads, learnt from one motion at its start; from all on symbols, whose value is kept."""
+        owner = None if self._symbolic else np.zeros(min(1, len(self)), dtype=np.int64)
+        instants = self._instants(self.phases[0], 0.0, owner)
+        value = rate(instants)
+        return _Probe(frozenset(instants.read), value if self._symbolic else None)
+
+    def _constant(self, rate: Rate, probe: _Probe) -> Column | None:
         """The rate (M,), if nothing that it reads changes within the motions; else None.
 
-        What it reads is learnt from one motion. Motions in a row that begin alike in that (the turns at one place of a
-        lattice) are then evaluated once.
+        Motions in a row that begin alike in that (the turns at one place of a lattice) are evaluated once.
         """
-        phase, fixed = self.phases[0], self.law.varies | {"t", "velocity"}
-        if self._symbolic:
-            instants = self._instants(phase, 0.0, None)
-            value = rate(instants)
-            return None if instants.read & fixed else value
-        probe = self._instants(phase, 0.0, np.zeros(min(1, len(self)), dtype=np.int64))
-        rate(probe)
-        if probe.read & fixed:
+        if not probe.read <= self._kept_states:
             return None
+        if self._symbolic:
+            return probe.value
         new = np.zeros(len(self), dtype=bool)
         new[:1] = True
         for name in probe.read:
             column = getattr(self.start, name)
             new[1:] |= column[1:] != column[:-1]
         first = np.flatnonzero(new)
-        instants = self._instants(phase, 0.0, first)
+        instants = self._instants(self.phases[0], 0.0, first)
         values = np.broadcast_to(rate(instants), first.shape)
         if instants.read - probe.read:  # it reads more elsewhere: take no shortcut
             return None
         return np.repeat(values, np.diff(np.append(first, len(self))))
+
+    def _is_even(self, probe: _Probe) -> bool:
+        """Whether what a rate reads stays the same within each phase: second derivatives of what changes evenly."""
+        even = self.law.even if is_curve(self.law) else self.start.names
+        return probe.read <= self._kept_states | {second_derivative(name) for name in even}
+
+    def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column:
+        """The rate (M,) at one moment of a phase in which it stays the same; on symbols, each is written once."""
+        if probe.value is not None and phase is self.phases[0]:
+            return probe.value
+        return rate(self._instants(phase, 0.5, None))
+
+    @property
+    def _kept_states(self) -> frozenset[str]:
+        """Names of the states that do not change within the motions."""
+        return frozenset(self.start.names) - self.law.varies
 
     @property
     def _symbolic(self) -> bool:
@@ -233,9 +220,9 @@ class Motions:
         if self.panels is not None:
             return np.full(len(self), self.panels)
         share = phase.end - phase.begin
-        farthest = self.law.travel(self.start, self.end, self.model.lever("camera"))
-        lengths = np.maximum(self.base.length, farthest) * share / self.world.cell
-        angles = self.base.turned * share / PANEL_ANGLE
+        farthest, most_turned = self.model.extent(self)
+        lengths = farthest * share / self.world.cell
+        angles = most_turned * share / PANEL_ANGLE
         # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
         stretch = {"speed-up": 2.0, "slow-down": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
         panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
@@ -274,7 +261,8 @@ class Motions:
         t = None
         if self.t0 is not None:
             t = pick(self.t0 + self._elapsed_before(phase)) + u * picked.duration
-        return Instants(self, len(self) if owner is None else owner.size, t, column, derivatives)
+        size = len(self) if owner is None else owner.size
+        return Instants(self.model, self.start.names, size, t, column, derivatives)
 
     def _elapsed_before(self, phase: Phase) -> Column:
         """Time (M,) from the start of each motion to the start of a phase, s."""

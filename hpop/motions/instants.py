@@ -10,17 +10,19 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.errors import UnsupportedCriterion
-from hpop.motions.states import LazyStates, Pose
+from hpop.math import norm
+from hpop.motions.states import LazyStates, Pose, Twist, Vector
 
 if TYPE_CHECKING:
-    from hpop.motions.batch import Motions
+    from hpop.motions.laws import Model
 
 
 class Instants:
     """Moments within motions: what a rate is a function of.
 
-    ``s.camera`` and ``s.base`` are poses; ``s.speed``, ``s.turn_rate``, ``s.acceleration``, ``s.turn_acceleration`` and
-    ``s.camera_velocity`` say how fast they change; ``s.state`` has the states and ``s.t`` the time.
+    ``s.camera`` and ``s.base`` are poses; ``s.twist("camera")`` says how fast a body moves and turns, and
+    ``s.twist_rate("camera")`` how fast that changes; ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
+    ``s.turn_acceleration`` are the base's. ``s.state`` has the states and ``s.t`` the time.
 
     Columns are computed when they are first read, and what was read is remembered: a rate that reads nothing that
     changes during a motion is constant, and is then evaluated once.
@@ -28,73 +30,97 @@ class Instants:
 
     def __init__(
         self,
-        motions: Motions,
+        model: Model,
+        names: tuple[str, ...],
         size: int,
         t: Column,
         column: Callable[[str], Column],
         derivatives: Callable[[str], tuple[Column, Column]],
     ) -> None:
-        self._motions = motions
+        self._model = model
         self._t = t
-        self._derivatives = derivatives
         self.read: set[str] = set()
-        self.state = LazyStates(motions.start.names, size, column, self.read)
+        self.state = LazyStates(names, size, column, self.read)
+
+        def first(name: str) -> Column:
+            self.read.add(f"{name}'")
+            return derivatives(name)[0]
+
+        def second(name: str) -> Column:
+            self.read.add(second_derivative(name))
+            return derivatives(name)[1]
+
+        self.rates = LazyStates(names, size, first, set())
+        self.changes = LazyStates(names, size, second, set())
 
     @property
     def t(self) -> Column:
         """Time of each moment, s, from the start of the trajectory."""
         self.read.add("t")
-        if self._motions.t0 is None:
+        if self._t is None:
             raise UnsupportedCriterion("it asks for the time, which edges of a graph without time do not have")
         return self._t
 
     @cached_property
     def base(self) -> Pose:
         """Pose of the base."""
-        return self._motions.model.pose("base", self.state)
+        return self._model.pose("base", self.state)
 
     @cached_property
     def camera(self) -> Pose:
         """Pose of the camera."""
-        return self._motions.model.pose("camera", self.state)
+        return self._model.pose("camera", self.state)
+
+    def twist(self, body: str) -> Twist:
+        """How fast a body moves, m/s, and turns, rad/s: three columns each, world frame."""
+        return self._model.twist(body, self.state, self.rates)
+
+    def twist_rate(self, body: str) -> Twist:
+        """Acceleration, m/s², and angular acceleration, rad/s², of a body; a planned move begins at cruise speed."""
+        return self._model.twist_rate(body, self.state, self.rates, self.changes)
 
     @cached_property
     def speed(self) -> Column:
-        """Speed of the base along its heading, m/s."""
-        return self._ahead(0)
+        """Speed of the base, m/s: along its heading, where it has wheels (backwards it is negative)."""
+        velocity = self.twist("base").velocity
+        return self._along_heading(velocity) if self._on_wheels else norm(velocity)
 
     @cached_property
     def turn_rate(self) -> Column:
-        """Yaw rate, rad/s."""
-        return self._derivative("yaw", 0)
+        """Yaw rate of the base, rad/s."""
+        return self.twist("base").rotation[2]
 
     @cached_property
     def acceleration(self) -> Column:
-        """Acceleration of the base along its heading, m/s²; a planned move begins and ends at cruise speed."""
-        return self._ahead(1)
+        """Rate at which the speed of the base changes, m/s²; a planned move begins and ends at cruise speed."""
+        acceleration = self.twist_rate("base").velocity
+        if self._on_wheels:
+            return self._along_heading(acceleration)
+        along = sum(v * a for v, a in zip(self.twist("base").velocity, acceleration, strict=True))
+        return np.where(self.speed > 0, along / np.where(self.speed > 0, self.speed, 1.0), 0.0)
 
     @cached_property
     def turn_acceleration(self) -> Column:
-        """Angular acceleration, rad/s²."""
-        return self._derivative("yaw", 1)
+        """Angular acceleration of the base about the vertical, rad/s²."""
+        return self.twist_rate("base").rotation[2]
 
     @cached_property
     def camera_velocity(self) -> tuple[Column, Column]:
         """Velocity (x, y) of the camera in the world frame, m/s."""
-        return self.velocity(self.camera)
+        return self.twist("camera").velocity[:2]
 
-    def velocity(self, body: Pose) -> tuple[Column, Column]:
-        """Velocity (x, y) of a body that is rigidly mounted on the base, m/s, world frame."""
-        x, y, rate = (self._derivative(name, 0) for name in ("x", "y", "yaw"))
-        return x - rate * (body.y - self.base.y), y + rate * (body.x - self.base.x)
+    @property
+    def _on_wheels(self) -> bool:
+        return "wheels" in self._model.provides
 
-    def _ahead(self, order: int) -> Column:
+    def _along_heading(self, vector: Vector) -> Column:
         yaw = self.base.yaw
-        return self._derivative("x", order) * np.cos(yaw) + self._derivative("y", order) * np.sin(yaw)
+        return vector[0] * np.cos(yaw) + vector[1] * np.sin(yaw)
 
-    def _derivative(self, name: str, order: int) -> Column:
-        self.read.add("velocity")
-        return self._derivatives(name)[order]
+
+def second_derivative(name: str) -> str:
+    """How the second derivative of a state by time is called among what a rate has read."""
+    return f"{name}''"
 
 
 Rate = Callable[[Instants], Column]

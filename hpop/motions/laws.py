@@ -10,9 +10,11 @@ import numpy as np
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.motions.collision import Collision
 from hpop.motions.space import StateSpace
-from hpop.motions.states import Pose, States
+from hpop.motions.states import Pose, States, Twist
 
 if TYPE_CHECKING:
+    from hpop.motions.batch import Motions
+    from hpop.motions.bodies import Body
     from hpop.trajectory import Trajectory
     from hpop.world import World
 
@@ -69,12 +71,6 @@ class Law(Protocol):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """State ``name`` where ``share`` of the motion is done."""
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
-        """Path length (M,), m, of a point of the robot ``lever`` metres from the base's axis."""
-
-    def turned(self, start: States, end: States) -> Column:
-        """Signed rotation (M,), rad, of the base."""
-
 
 @runtime_checkable
 class Curve(Law, Protocol):
@@ -87,11 +83,12 @@ class Curve(Law, Protocol):
     def extra(self) -> tuple[str, ...]:
         """Names of the states that it needs beside the model's own."""
 
+    @property
+    def even(self) -> frozenset[str]:
+        """Names of the states whose second derivative by time stays the same within a motion."""
+
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
         """First and second derivative of state ``name`` by the share."""
-
-    def swept(self, start: States, end: States) -> Column:
-        """Absolute rotation (M,), rad, of the base."""
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
@@ -146,8 +143,17 @@ class Model(Protocol):
     def pose(self, body: str, states: States) -> Pose:
         """Pose of a body in each of the states."""
 
-    def lever(self, body: str) -> float:
-        """Distance of a body from the base's axis, m."""
+    def twist(self, body: str, states: States, rates: States) -> Twist:
+        """How fast a body moves and turns, given the first derivatives of the states by time."""
+
+    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
+        """The time derivative of :meth:`twist`, given the second derivatives as well."""
+
+    def body(self, name: str, motions: Motions) -> Body:
+        """What a body does in each of the motions: :func:`hpop.motions.bodies.integrated`, or a closed form."""
+
+    def extent(self, motions: Motions) -> tuple[Column, Column]:
+        """How far (M,), m and rad, no body moves or turns farther: it chooses the panels of quadratures."""
 
     def collision(self, world: World) -> Collision:
         """What planning asks which states and motions are free: never too kind."""

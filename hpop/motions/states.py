@@ -42,8 +42,14 @@ class States:
         return States(**{name: column[index] for name, column in self.__dict__.items()})
 
 
+Vector = tuple[Column, Column, Column]
+
+
 class Pose(Protocol):
-    """Where a body is: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up."""
+    """Where a body is: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up, roll to the right.
+
+    ``ahead``, ``left`` and ``up`` are its axes, unit vectors.
+    """
 
     @property
     def x(self) -> Column: ...
@@ -55,6 +61,23 @@ class Pose(Protocol):
     def yaw(self) -> Column: ...
     @property
     def pitch(self) -> Column: ...
+    @property
+    def roll(self) -> Column: ...
+    @property
+    def ahead(self) -> Vector: ...
+    @property
+    def left(self) -> Vector: ...
+    @property
+    def up(self) -> Vector: ...
+
+
+class Twist(Protocol):
+    """How fast a body moves and turns: three columns each, world frame; the number 0.0 for what is always zero."""
+
+    @property
+    def velocity(self) -> Vector: ...
+    @property
+    def rotation(self) -> Vector: ...
 
 
 class LazyStates(States):

@@ -70,7 +70,8 @@ class VariablePath:
         cvxpy = _cvxpy()
         # A body off the axis may be nearer than the axis by its lever. The bound of a piece is worst at its ends; a
         # piece keeps its share of a segment, so its ends are linear in the vertices.
-        enough = enough + self.model.lever(body)
+        at_origin = self.model.pose(body, States(x=np.zeros(1), y=np.zeros(1), yaw=np.zeros(1)))
+        enough = enough + math.hypot(float(at_origin.x[0]), float(at_origin.y[0]))
         normals, shares, constants = [np.zeros((1, 2))], [np.zeros((1, self.corridor.segments + 1))], [np.zeros(1)]
         for i, (region, segment) in enumerate(zip(self.corridor.regions, self.corridor.warm_segments, strict=True)):
             ends = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(math.dist(*segment) / PIECE)))

@@ -12,7 +12,8 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.errors import OptionError
-from hpop.motions import Law, Motions, Phase, Rate, States
+from hpop.models.rigid import PlanarLaw
+from hpop.motions import Motions, Phase, Rate, States
 from hpop.planners.needs import in_plane
 from hpop.symbols import elementwise
 from hpop.world import World
@@ -100,7 +101,7 @@ class Rounded:
     would be stuck on it.
     """
 
-    exact: Law
+    exact: PlanarLaw
 
     @property
     def kind(self) -> str:

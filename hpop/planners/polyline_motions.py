@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.math import wrap
+from hpop.models.rigid import PlanarLaw
 from hpop.motions import Motions, States
 from hpop.planners.nlp import Rounded
 from hpop.planners.vertices import Polyline, Structure
@@ -84,7 +85,7 @@ class Pieces:
         )
         x, y = lift(x[at], len(at)), lift(y[at], len(at))
         start, end = States(x=x, y=y, yaw=before), States(x=x, y=y, yaw=before + wrap(after - before))
-        return [moves, Motions(world, model, Rounded(model.laws["turn"]), start, end, panels=panels)]
+        return [moves, Motions(world, model, Rounded(cast(PlanarLaw, model.laws["turn"])), start, end, panels=panels)]
 
     def numbers(self, problem: Problem, polyline: Polyline) -> list[Motions]:
         """The same motions of one polyline, as criteria see them who report their cost."""

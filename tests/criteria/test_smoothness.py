@@ -10,7 +10,6 @@ from hpop.criteria import Smoothness, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.motions import States
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -25,13 +24,14 @@ def cost(poses, ramp=0.1, **model):
 def minimum_jerk(distance, duration, ramp):
     """Flash and Hogan 1985: x = D (10 s³ - 15 s⁴ + 6 s⁵), whose squared jerk integrates to 720 D²/T⁵."""
 
-    def rates(t):
+    def at(t):
         s = t / duration
         change = distance * (60 * s - 180 * s**2 + 120 * s**3) / duration**2
-        return None, States(x=0.6 * change, y=0.8 * change)
+        return SimpleNamespace(twist_rate=lambda body: SimpleNamespace(velocity=(0.6 * change, 0.8 * change, 0.0)))
 
     history = SimpleNamespace(
-        executed=SimpleNamespace(duration=duration, rates=rates),
+        executed=SimpleNamespace(duration=duration),
+        at=at,
         passed=np.array([0.0, duration]),
         of_motions=lambda column: np.array([distance]),
     )

@@ -88,7 +88,7 @@ def test_the_camera_stands_where_the_base_turns_it():
     assert camera.x == pytest.approx([1.3, 0.9])
     assert camera.y == pytest.approx([2.1, 2.3])
     assert camera.z.tolist() == [1.5, 1.5]
-    assert robot.lever("camera") == pytest.approx(math.hypot(0.3, 0.1))
+
     assert robot.pose("base", states).x.tolist() == [1.0, 1.0]
     with pytest.raises(ModelError, match="bodies base and camera, not 'arm'"):
         robot.pose("arm", states)

@@ -17,13 +17,15 @@ class VisualMotion(NamedTuple):
     times         (N,)    s, from 0 to the end
     step          s, between them
     acceleration  (N, 3)  m/s², ahead, left, up
-    turn_rate     (N,)    rad/s, counter-clockwise
+    turn_rate     (N,)    rad/s, about the vertical, counter-clockwise
+    tilt_rate     (N,)    rad/s, upwards
     """
 
     times: FloatArray
     step: float
     acceleration: FloatArray
     turn_rate: FloatArray
+    tilt_rate: FloatArray
 
 
 def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
@@ -47,5 +49,5 @@ def visual_motion(m: History, longest: float) -> VisualMotion:
     cos, sin = np.cos(pose.yaw[1:-1]), np.sin(pose.yaw[1:-1])
     ahead = cos * acceleration[:, 0] + sin * acceleration[:, 1]
     left = cos * acceleration[:, 1] - sin * acceleration[:, 0]
-    turn_rate = (pose.yaw[2:] - pose.yaw[:-2]) / (2 * step)
-    return VisualMotion(times[1:-1], step, np.stack([ahead, left, acceleration[:, 2]], axis=1), turn_rate)
+    turn_rate, tilt_rate = ((angle[2:] - angle[:-2]) / (2 * step) for angle in (pose.yaw, pose.pitch))
+    return VisualMotion(times[1:-1], step, np.stack([ahead, left, acceleration[:, 2]], axis=1), turn_rate, tilt_rate)

@@ -9,8 +9,8 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import hinge, smooth_abs
-from hpop.motions import Curve, Motions
+from hpop.math import hinge, norm
+from hpop.motions import Motions
 from hpop.options import MOST, set_reals
 
 FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
@@ -19,7 +19,7 @@ FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
 @criterion("angular_acceleration", group="C", unit="rad/s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class AngularAcceleration:
-    """∫ (|α| - α_th)₊ dt of the camera's yaw: rotation that is seen, and that the canals should report but do not.
+    """∫ (|α| - α_th)₊ dt, α the camera's angular acceleration: seen, and not reported by the canals, which should.
 
     threshold  α_th, rad/s²; 1 deg/s² by default
 
@@ -38,13 +38,4 @@ class AngularAcceleration:
 
     def cost(self, m: Motions) -> Column:
         """Excess (M,), rad/s."""
-        if isinstance(m.law, Curve):
-            return m.duration * self._excess(m.moment(0.5).turn_acceleration)
-        total: Column = 0.0
-        for phase in m.phases:
-            _, change = phase.share_rates(0.5)
-            total = total + phase.duration * self._excess(m.camera.rotation * change)
-        return total
-
-    def _excess(self, acceleration: Column) -> Column:
-        return hinge(smooth_abs(acceleration) - self.threshold)
+        return m.integrate(lambda s: hinge(norm(s.twist_rate("camera").rotation) - self.threshold))

@@ -48,13 +48,12 @@ class OpticFlow(_Flow):
 
     def cost(self, m: Motions) -> Column:
         """Flow (M,), rad."""
-        if camera_stays(m):
+        if m.camera.stays:
             return m.camera.turned
-        around, straight = self._around(m), m.law.varies <= {"x", "y"}
+        around = self._around(m)
 
         def rate(s: Instants) -> Column:
-            turn_rate = 0.0 if straight else s.turn_rate
-            return around.mean_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate, self.nearest)
+            return around.mean_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate(m, s), self.nearest)
 
         return m.integrate(rate)
 
@@ -72,20 +71,19 @@ class PeakOpticFlow(_Flow):
 
     def cost(self, m: Motions) -> Column:
         """Fastest flow (M,), rad/s."""
-        if camera_stays(m):
+        if m.camera.stays:
             return fastest_turn(m)
-        around, straight = self._around(m), m.law.varies <= {"x", "y"}
+        around = self._around(m)
 
         def rate(s: Instants) -> Column:
-            turn_rate = 0.0 if straight else s.turn_rate
-            return around.peak_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate, self.nearest)
+            return around.peak_flow(s.camera.x, s.camera.y, s.camera_velocity, turn_rate(m, s), self.nearest)
 
         return m.worst(rate)
 
 
-def camera_stays(m: Motions) -> bool:
-    """Whether no motion of the batch moves the camera: turns about its own axis."""
-    return m.law.varies <= {"yaw"} and m.model.lever("camera") == 0.0
+def turn_rate(m: Motions, s: Instants) -> Column:
+    """Rate (M,), rad/s, at which the camera turns about the vertical."""
+    return 0.0 if m.camera.steady else s.twist("camera").rotation[2]
 
 
 def fastest_turn(m: Motions) -> Column:

@@ -13,7 +13,7 @@ from hpop.motions import Motions
 LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 
 
-@criterion("turns", group="C", unit="1", aggregate="sum", smooth=False, quantum=1.0)
+@criterion("turns", group="C", unit="1", aggregate="sum", requires=("camera", "heading"), smooth=False, quantum=1.0)
 @dataclass(frozen=True)
 class Turns:
     """N, the number of turns of more than one degree, whatever their angle; those at start and goal count.
@@ -27,4 +27,4 @@ class Turns:
 
     def cost(self, m: Motions) -> Column:
         """Number (M,) of turns that end in each motion."""
-        return sum(np.where(np.abs(turn) > LEAST_TURN, 1.0, 0.0) for turn in m.base.turns)
+        return sum(np.where(np.abs(turn) > LEAST_TURN, 1.0, 0.0) for turn in m.camera.turns)

@@ -13,7 +13,7 @@ from hpop.criteria.others.zone_fields import one_way_flows
 from hpop.motions import Instants, Motions
 
 
-@criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("one-way zones",))
+@criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("base", "one-way zones"))
 @dataclass(frozen=True)
 class AgainstFlow:
     """∫ (-v · direction)₊ dt in one-way zones: metres moved against the allowed direction.
@@ -28,7 +28,7 @@ class AgainstFlow:
 
     def cost(self, m: Motions) -> Column:
         """Metres (M,) moved against the direction."""
-        if not m.law.varies & {"x", "y"}:
+        if m.base.stays:
             return 0.0 * m.base.start.x  # who turns in place moves in no direction
         flows = one_way_flows(m.world)
 

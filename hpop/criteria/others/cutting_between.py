@@ -17,7 +17,9 @@ from hpop.world.proxemics import any_moves, position
 CHORDS = 8  # straight pieces that stand for a curve
 
 
-@criterion("cutting_between", group="O", unit="1", aggregate="sum", requires=("groups",), smooth=False, quantum=1.0)
+@criterion(
+    "cutting_between", group="O", unit="1", aggregate="sum", requires=("base", "groups"), smooth=False, quantum=1.0
+)
 @dataclass(frozen=True)
 class CuttingBetween:
     """How often the path crosses a segment p_i p_j between two people of one conversation, all pairs counted.

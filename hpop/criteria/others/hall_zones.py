@@ -18,7 +18,7 @@ from hpop.world.content import Person
 from hpop.world.proxemics import HALL, offset, over
 
 
-@criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("people",))
+@criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class HallZones:
     """∫ Σ_people w(gap) dt: time in people's zones, each zone with its weight; two people disturbed count twice.

@@ -17,7 +17,7 @@ from hpop.world.content import Person
 from hpop.world.proxemics import over, position
 
 
-@criterion("o_space", group="O", unit="s", aggregate="sum", requires=("groups",))
+@criterion("o_space", group="O", unit="s", aggregate="sum", requires=("base", "groups"))
 @dataclass(frozen=True)
 class OSpace:
     """∫ Σ_groups exp(-|p - c|²/2σ²) dt: time in the middle of conversations, 1 at the centre.

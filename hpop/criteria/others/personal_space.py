@@ -27,7 +27,7 @@ def spreads(person: Person) -> tuple[float, float, float]:
     return ahead, ahead * 2.0 / 3.0, ahead / 2.0
 
 
-@criterion("personal_space", group="O", unit="s", aggregate="sum", requires=("people",))
+@criterion("personal_space", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class PersonalSpace:
     """∫ Σ_people exp(-x²/2σ² - y²/2σ_s²) dt: time in people's personal space, 1 where the person is.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from hpop.arrays import Column
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
@@ -28,11 +26,11 @@ def check_radius(radius: float | None) -> None:
 
 
 def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
-    """Velocity (x, y) of the base, m/s, world frame; a law that keeps the base in place is not asked how fast it is."""
-    if not m.law.varies & {"x", "y"}:
+    """Velocity (x, y) of the base, m/s, world frame; a base that stays in its place is not asked how fast it is."""
+    if m.base.stays:
         still = 0.0 * s.base.x
         return still, still
-    return s.speed * np.cos(s.base.yaw), s.speed * np.sin(s.base.yaw)
+    return s.twist("base").velocity[:2]
 
 
 def clock(s: Instants, people: Iterable[Person]) -> Column | None:

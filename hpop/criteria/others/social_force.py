@@ -19,7 +19,7 @@ from hpop.world.proxemics import offset, over
 STANDSTILL = 1e-9  # a length of D below which the force is 0: its range γ|D| is
 
 
-@criterion("social_force", group="O", unit="m/s", aggregate="sum", requires=("people",))
+@criterion("social_force", group="O", unit="m/s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class SocialForce:
     """∫ Σ_people |f| dt: the social force, per unit of mass, that the robot exerts on people, over time.

@@ -13,7 +13,7 @@ from hpop.math import smooth_abs
 from hpop.motions import Instants, Motions
 
 
-@criterion("speeding", group="O", unit="m", aggregate="sum", requires=("speed zones",))
+@criterion("speeding", group="O", unit="m", aggregate="sum", requires=("base", "speed zones"))
 @dataclass(frozen=True)
 class Speeding:
     """∫ (v - limit)₊ dt in speed zones: metres covered beyond what the limits allow.
@@ -27,7 +27,7 @@ class Speeding:
 
     def cost(self, m: Motions) -> Column:
         """Metres (M,) covered in excess."""
-        if not m.law.varies & {"x", "y"}:
+        if m.base.stays:
             return 0.0 * m.base.start.x  # who turns in place covers no metres
         limits = speed_limits(m.world)
 

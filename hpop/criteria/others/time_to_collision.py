@@ -16,7 +16,7 @@ from hpop.world.content import Person
 from hpop.world.proxemics import offset, over
 
 
-@criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("people",), smooth=False)
+@criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("base", "people"), smooth=False)
 @dataclass(frozen=True)
 class TimeToCollision:
     """max over t and people of max(0, 1 - TTC/τ): 1 at contact, 0 where none is near in time.

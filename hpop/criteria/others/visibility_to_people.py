@@ -17,7 +17,7 @@ from hpop.world.content import Person
 from hpop.world.proxemics import HALL, in_frame, over
 
 
-@criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("people",))
+@criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class VisibilityToPeople:
     """∫ Σ_people ½(1 - cos α) (1 - d/range)₊² dt: time near people who would have to turn to see the robot.

@@ -33,7 +33,9 @@ class _RoundTurns:
         return np.sign(turn) * (np.abs(turn) - self.multiple * count)
 
 
-@criterion("orientation_retention", group="P", unit="rad", aggregate="sum", requires=("camera",), smooth=False)
+@criterion(
+    "orientation_retention", group="P", unit="rad", aggregate="sum", requires=("camera", "heading"), smooth=False
+)
 @dataclass(frozen=True)
 class OrientationRetention(_RoundTurns):
     """Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k, over the camera's turns θ_k.
@@ -51,7 +53,9 @@ class OrientationRetention(_RoundTurns):
         return sum(np.abs(self._missed(turn)) for turn in m.camera.turns)
 
 
-@criterion("net_misalignment", group="P", unit="rad", aggregate="trajectory", requires=("camera",), smooth=False)
+@criterion(
+    "net_misalignment", group="P", unit="rad", aggregate="trajectory", requires=("camera", "heading"), smooth=False
+)
 @dataclass(frozen=True)
 class NetMisalignment(_RoundTurns):
     """|wrap(Σ_k e_k)|: by how much the viewer is wrong in the end about where they face.

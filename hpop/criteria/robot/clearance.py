@@ -14,7 +14,7 @@ from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)
+@criterion("clearance", group="R", unit="m", aggregate="max", requires=("base",), quantum=1e-3)
 @dataclass(frozen=True)
 class Clearance:
     """max over t of (enough - d(p(t)))₊: by how much the base's axis comes nearer than ``enough`` metres.

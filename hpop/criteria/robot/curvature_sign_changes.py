@@ -15,7 +15,15 @@ from hpop.options import MOST, set_reals
 LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading in place is no turn, as in `turns`
 
 
-@criterion("curvature_sign_changes", group="R", unit="1", aggregate="trajectory", smooth=False, quantum=1.0)
+@criterion(
+    "curvature_sign_changes",
+    group="R",
+    unit="1",
+    aggregate="trajectory",
+    requires=("base", "heading"),
+    smooth=False,
+    quantum=1.0,
+)
 @dataclass(frozen=True)
 class CurvatureSignChanges:
     """How often the path stops bending to one side and bends to the other: sign flips of the curvature κ.

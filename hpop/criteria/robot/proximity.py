@@ -14,7 +14,7 @@ from hpop.motions import Instants, Motions
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("proximity", group="R", unit="1", aggregate="sum")
+@criterion("proximity", group="R", unit="1", aggregate="sum", requires=("base",))
 @dataclass(frozen=True)
 class Proximity:
     """∫ ds / max(d, least): metres of the base's path, each divided by its clearance d in metres.
@@ -35,7 +35,7 @@ class Proximity:
 
     def cost(self, m: Motions) -> Column:
         """Reciprocal clearance along each motion (M,)."""
-        if not m.law.varies & {"x", "y"}:
+        if m.base.stays:
             return 0.0 * m.duration  # in place: no way is gone
         clearance = m.world.clearance_field()
 

@@ -13,7 +13,7 @@ from hpop.history import History
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("smoothness", group="R", unit="1", aggregate="trajectory", smooth=False)
+@criterion("smoothness", group="R", unit="1", aggregate="trajectory", requires=("base",), smooth=False)
 @dataclass(frozen=True)
 class Smoothness:
     """(T⁵/D²) ∫ |p'''|² dt of the base, dimensionless: how much it jerks, whatever its speed and the size of the path.
@@ -41,8 +41,8 @@ class Smoothness:
         executed = m.executed
         samples = int(np.ceil(executed.duration / self.ramp))
         middles = self.ramp * (np.arange(samples, dtype=np.float64) + 0.5)
-        _, second = executed.rates(middles)
-        x, y = (np.where(middles < executed.duration, a, 0.0) for a in (second.x, second.y))
+        acceleration = m.at(middles).twist_rate("base").velocity
+        x, y = (np.where(middles < executed.duration, a, 0.0) for a in acceleration[:2])
         jumps = np.diff(x, prepend=0.0, append=0.0) ** 2 + np.diff(y, prepend=0.0, append=0.0) ** 2
         when = np.minimum(self.ramp * np.arange(samples + 1), executed.duration)
         elapsed = m.passed[1:]

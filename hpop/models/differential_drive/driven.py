@@ -44,6 +44,7 @@ class Drive:
 
     varies = frozenset({"x", "y", "yaw", "speed", "turn_rate", "clock"})
     extra = ("speed", "turn_rate", "clock")
+    even = frozenset({"yaw", "speed", "turn_rate", "clock"})
     nodes = NODES
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,14 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
 from hpop.models.differential_drive.faults import doubtful, faults
 from hpop.models.laws import Move, Run, Spin, Turn
-from hpop.motions import Law, Pose, States, StateSpace
+from hpop.models.rigid import Mount
+from hpop.motions import Law, States, StateSpace
 from hpop.options import LEAST, MOST, real, set_reals
 from hpop.registry import models
 from hpop.text import shown
@@ -27,41 +27,8 @@ from hpop.trajectory import Trajectory
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m
 LONGEST = 20.0  # m: what is larger is given in another unit
+FIXED, UNWOUND = "fixed", "unwound"  # views: of a camera that looks where the base does, or always the same way
 SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: what is slower does not move
-
-
-@dataclass(frozen=True)
-class RigidPose:
-    """Pose of a body mounted on the base: offset ahead and to the left of the axis, height above the floor, m."""
-
-    states: States
-    ahead: float
-    left: float
-    height: float
-
-    @property
-    def x(self) -> Column:
-        if not (self.ahead or self.left):
-            return self.states.x
-        return self.states.x + self.ahead * np.cos(self.states.yaw) - self.left * np.sin(self.states.yaw)
-
-    @property
-    def y(self) -> Column:
-        if not (self.ahead or self.left):
-            return self.states.y
-        return self.states.y + self.ahead * np.sin(self.states.yaw) + self.left * np.cos(self.states.yaw)
-
-    @property
-    def z(self) -> Column:
-        return np.full(self.states.size, self.height)
-
-    @property
-    def yaw(self) -> Column:
-        return self.states.yaw
-
-    @property
-    def pitch(self) -> Column:
-        return np.zeros(self.states.size)
 
 
 class WheelTrack(NamedTuple):
@@ -89,10 +56,11 @@ class DifferentialDrive(PlanarModel):
     turn_rate          rad/s   of turns in place
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
+    view               "fixed" to the base, or "unwound": the picture is turned back in software as the base turns
+    view_yaw           rad     yaw in the world at which the middle of an unwound picture stays, all the way
 
-    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users
-    favour; turns are fast on purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al.
-    2019).
+    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour; turns are fast on
+    purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al. 2019).
     """
 
     radius: float = 0.3
@@ -106,6 +74,8 @@ class DifferentialDrive(PlanarModel):
     turn_rate: float = 1.5
     turn_acceleration: float = 3.0
     wheel_base: float = 0.4
+    view: str = FIXED
+    view_yaw: float = 0.0
 
     def __post_init__(self) -> None:
         lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")
@@ -114,6 +84,9 @@ class DifferentialDrive(PlanarModel):
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
         for name in (*lengths, *rates):
             object.__setattr__(self, name, float(getattr(self, name)))
+        if self.view not in (FIXED, UNWOUND):
+            raise ModelError(f"view is {FIXED!r} or {UNWOUND!r}, got {shown(self.view)}")
+        set_reals(self, "view_yaw", least=-MOST, most=MOST, kind="an angle in rad", error=ModelError)
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
@@ -154,17 +127,11 @@ class DifferentialDrive(PlanarModel):
         """Largest acceleration of a wheel, m/s²."""
         return max(self.acceleration, 0.5 * self.wheel_base * self.turn_acceleration)
 
-    def pose(self, body: str, states: States) -> Pose:
-        """Pose of "base" or "camera" in each of the states."""
-        if body == "camera":
-            return RigidPose(states, *self.camera_offset, self.camera_height)
-        if body == "base":
-            return RigidPose(states, 0.0, 0.0, 0.0)
-        raise ModelError(f"a differential drive has the bodies base and camera, not {body!r}")
-
-    def lever(self, body: str) -> float:
-        """Distance of a body from the axis, m."""
-        return math.hypot(*self.camera_offset) if body == "camera" else 0.0
+    @cached_property
+    def mounts(self) -> Mapping[str, Mount]:
+        """Its bodies: the base, and the camera on its mast."""
+        view = self.view_yaw if self.view == UNWOUND else None
+        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height, view)}
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -192,6 +159,11 @@ class DifferentialDrive(PlanarModel):
             a - half * change.yaw,
             a + half * change.yaw,
         )
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able parameters; a fixed view is left out, as it was before there was another."""
+        own = super().describe()[self.name]
+        return {self.name: {k: value for k, value in own.items() if self.view != FIXED or not k.startswith("view")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
