@@ -47,6 +47,9 @@ MOST_FAULTS = 20
 NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
+# A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
+# nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
+SPIN = "20"
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -94,6 +97,7 @@ def _folder(context: click.Context, option: click.Parameter, given: str) -> Path
 @click.version_option(__version__, prog_name="hpop")
 def main() -> None:
     """Plan how a robot should move when a human watches through its camera: every optimal trade-off."""
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", SPIN)  # read as NumPy is imported
 
 
 @main.command()
