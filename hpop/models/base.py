@@ -101,7 +101,7 @@ class PlanarModel(Model):
 
     def _mount(self, body: str) -> Mount:
         if body not in self.mounts:
-            raise ModelError(f"{self.name} has the bodies {', '.join(self.mounts)}, not {body!r}")
+            raise ModelError(f"{self.name} has the bodies {' and '.join(self.mounts)}, not {body!r}")
         return self.mounts[body]
 
     def collision(self, world: World) -> PlanarCollision:
