@@ -25,8 +25,8 @@ import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.planners import EpsilonConstraint, Lattice
+from hpop.planners.judgement import is_free
 from hpop.planners.polyline import PolylineProgram
-from hpop.planners.trust import is_free
 from hpop.planners.vertices import Polyline
 from hpop.sweep import processes
 

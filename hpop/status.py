@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hpop.options import MOST_COUNTED, real
@@ -78,3 +79,32 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
+
+
+@dataclass(frozen=True)
+class Watch:
+    """The time of a planner of many jobs: since when it plans, for how long it may, and whom it tells.
+
+    stage       what is being done, in words
+    time_limit  s, or None
+    began       s, on the clock of :func:`time.perf_counter`
+    """
+
+    stage: str
+    time_limit: float | None = None
+    progress: ProgressCallback | None = None
+    began: float = field(default_factory=lambda: time.perf_counter())
+
+    @property
+    def seconds(self) -> float:
+        """Since planning began."""
+        return time.perf_counter() - self.began
+
+    def is_late(self) -> bool:
+        """Whether the time is over."""
+        return self.time_limit is not None and self.seconds > self.time_limit
+
+    def report(self, done: int, left: int, found: int) -> None:
+        """Say how many jobs are done, how many are left and what they found."""
+        if self.progress is not None:
+            self.progress(Progress(self.stage, done, left, found, seconds=self.seconds))

@@ -13,7 +13,7 @@ import os
 import pickle
 import platform
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
@@ -38,6 +38,7 @@ from hpop import current_folder
 from hpop.errors import OptionError
 from hpop.interrupts import ENDING, interrupts_held
 from hpop.options import MOST_WORKERS, whole
+from hpop.status import Status
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -151,6 +152,29 @@ class Sweep(Generic[S, T, R]):
             if stop():
                 return
             yield i, self.job(self.shared, tasks[i])
+
+    def until(
+        self,
+        tasks: Sequence[T],
+        stop: Callable[[], bool],
+        report: Callable[[Mapping[int, R]], None] = lambda results: None,
+    ) -> tuple[dict[int, R], Status]:
+        """Results by the places of their tasks, in that order; and whether ``stop()`` or Ctrl-C ended it before all.
+
+        ``report(results)`` is called first, and after each result.
+        """
+        results: dict[int, R] = {}
+        status = Status.COMPLETE
+        try:
+            report(results)
+            for place, result in self.run(tasks, stop):
+                results[place] = result
+                report(results)
+            if len(results) < len(tasks):
+                status = Status.TIME_LIMIT
+        except KeyboardInterrupt:  # what is finished is kept
+            status = Status.INTERRUPTED
+        return dict(sorted(results.items())), status
 
     def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
         """Results that the executor brings; the places of those that it does not are added to ``lost``.

@@ -17,7 +17,7 @@ from hpop.motions import Motions, States
 from hpop.motions.space import Values
 from hpop.options import MOST
 from hpop.planners.base import edge_objectives
-from hpop.planners.trust import on_map
+from hpop.planners.judgement import on_map
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 

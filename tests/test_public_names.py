@@ -35,6 +35,7 @@ hpop.motions.Motions
 hpop.options
 hpop.planners.Candidates
 hpop.planners.base.edge_objectives
+hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
 hpop.planners.planner
 hpop.planners.search.Graph

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 Group = Literal["P", "C", "R", "O"]
 Aggregate = Literal["sum", "time-mean", "max", "trajectory"]
+Role = Literal["duration", "length", "turns"]
 DEFAULT_QUANTUM = 1e-6
 SPOKEN = 100  # trajectories between two reports of how far an evaluation is
 T = TypeVar("T", bound=type)
@@ -95,11 +96,13 @@ def criterion(
     smooth: bool = True,
     quantum: float = DEFAULT_QUANTUM,
     world_frame: bool = False,
+    role: Role | None = None,
 ) -> Callable[[T], T]:
     """Declare and register a criterion; see :class:`Criterion` for what the arguments mean.
 
     ``world_frame`` says that it knows directions or places by itself, apart from the world's content (where the sun
-    stands), so that turning the world with everything in it changes its cost.
+    stands), so that turning the world with everything in it changes its cost. ``role`` says that it is what planners
+    know as the duration, the length of the way or the number of turns, whatever its name.
 
     Raises CriterionError when the declaration is wrong or the name is taken.
     """
@@ -111,6 +114,7 @@ def criterion(
             "unit must be given; use '1' for a count or a share": bool(unit),
             f"aggregate must be one of {get_args(Aggregate)}, got {aggregate!r}": aggregate in get_args(Aggregate),
             f"requires must be a tuple of names, such as ('camera',), got {requires!r}": isinstance(requires, tuple),
+            f"role must be one of {get_args(Role)} or None, got {role!r}": role in (None, *get_args(Role)),
             f"quantum must be a positive number, got {quantum!r}": 0 < quantum < np.inf,
             "the class must be a dataclass; put @dataclass(frozen=True) below @criterion": dataclasses.is_dataclass(
                 cls
@@ -129,6 +133,7 @@ def criterion(
             "smooth": smooth,
             "quantum": quantum,
             "world_frame": world_frame,
+            "role": role,
         }
         taken = {field.name for field in dataclasses.fields(cls)} & set(declared)
         if taken:
@@ -153,6 +158,11 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     raise CriterionError(
         f"a criterion is a name or an instance such as Turns(), got {shown(spec)}; declare a class with @hpop.criterion"
     )
+
+
+def place_of(role: Role, criteria: Sequence[Criterion]) -> int | None:
+    """Place of the criterion that planners know by a role; None if none of them has it."""
+    return next((j for j, criterion in enumerate(criteria) if getattr(criterion, "role", None) == role), None)
 
 
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:

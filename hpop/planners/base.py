@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
 import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
-from hpop.criteria.base import Criterion, Group
+from hpop.criteria.base import Criterion, Group, place_of
 from hpop.criteria.quanta import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
@@ -72,6 +72,17 @@ class Candidates:
             "re-evaluated",
         )
 
+    def some(self, places: Sequence[int] | IntArray) -> Candidates:
+        """Those at some places, in the order given; what is claimed and noted of all stays."""
+        rows = [int(i) for i in places]
+        return replace(
+            self,
+            trajectories=tuple(self.trajectories[i] for i in rows),
+            planned=self.planned[rows],
+            tolerance=self.tolerance[rows],
+            provenance=tuple(self.provenance[i] for i in rows),
+        )
+
 
 class Planner(Protocol):
     """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options.
@@ -129,14 +140,15 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     if final and not new:
         return now
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
+    earlier = before.some(new)
     what = f" ({', '.join(stages)})" if stages else ""
     better = f", which may be better in {', '.join(c.name for c in now.filters)}" if final and now.filters else ""
     return replace(
         now,
-        trajectories=(*now.trajectories, *(before.trajectories[i] for i in new)),
-        planned=np.concatenate([now.planned, before.planned[new]]),
-        tolerance=np.concatenate([now.tolerance, before.tolerance[new]]),
-        provenance=now.provenance + tuple(before.provenance[i] for i in new),
+        trajectories=(*now.trajectories, *earlier.trajectories),
+        planned=np.concatenate([now.planned, earlier.planned]),
+        tolerance=np.concatenate([now.tolerance, earlier.tolerance]),
+        provenance=now.provenance + earlier.provenance,
         certificate=f"{now.certificate}; with the points of earlier stages{what}{better}",
     )
 
@@ -252,7 +264,7 @@ class Objectives:
         """
         parts = []
         if self.means:
-            timed = any(c.name == "duration" for c in self.optimised)
+            timed = place_of("duration", self.optimised) is not None
             optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
             parts.append(f"; {', '.join(mean.name for mean in self.means)} reported, not optimised{optimal}")
         if self.filters:

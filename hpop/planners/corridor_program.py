@@ -22,6 +22,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.criteria.convex import ConvexCost
 from hpop.errors import CriterionError, OptionError
 from hpop.math import wrap
@@ -36,7 +37,6 @@ from hpop.world.planar import FreeSpace
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
 
-LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is put in line, if that costs nothing
 SHORTEST = 1e-3  # m: a shorter segment is left out
 PIECE = 1.0  # m: distances are bounded piece by piece
 FLAT = 1e-5  # of the weighted, normalised cost: what putting vertices in line may cost
@@ -246,7 +246,7 @@ class CorridorProgram:
         return vertices
 
     def _places(self, vertices: FloatArray, i: int) -> list[FloatArray]:
-        """Where vertex i may go so that a segment or a turn vanishes."""
+        """Where vertex i may go so that a segment or a turn vanishes, or what is less than a turn."""
         places = _near(vertices[i], [vertices[i - 1], vertices[-1]])
         before = next((v for v in vertices[i - 1 :: -1] if math.dist(v, vertices[i]) > 0), None)
         if before is None:

@@ -1,7 +1,7 @@
 """Driven trajectories: the nonlinear program of a differential drive along a given sequence of turns.
 
 Direct collocation in phases. The turns of a polyline are structure: a phase of straight driving (yaw rate exactly
-zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_TURN in all) take turns, so that the number
+zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_PHASE in all) take turns, so that the number
 of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
 accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
 :class:`hpop.models.differential_drive.driven.Drive`, exactly the law by which the trajectory is then evaluated.
@@ -20,6 +20,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.interrupts import interrupts_held
 from hpop.models.differential_drive.driven import Drive
 from hpop.motions import States
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
     from hpop.problem import Problem
 
-LEAST_TURN = math.radians(1.5)  # a turn counts from one degree on
+LEAST_PHASE = 1.5 * LEAST_TURN  # rad: of turning, so that it counts as a turn for sure
 STRAIGHT = 0.1  # s: straight driving that tells two turns of one sign apart
 SHORT = 0.01  # s: any other phase
 LONGEST = 600.0  # s: of a phase
@@ -253,7 +254,7 @@ class DrivenProgram:
         below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
         spread = np.concatenate(list(clearances))
         wheel, bend = model.wheel_acceleration, model.turn_acceleration
-        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_TURN, -np.inf, -np.inf, spread, -np.inf]
+        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_PHASE, -np.inf, -np.inf, spread, -np.inf]
         highs: list[Any] = [
             *(0.0, wheel, bend, model.wheel_speed, np.inf),
             *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf, 0.0),

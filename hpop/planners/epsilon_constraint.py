@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 import warnings
-from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -18,19 +16,18 @@ from hpop.options import MOST_COUNTED, real, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.epsilon_job import PolylineJob, Task
+from hpop.planners.judgement import exceeds, trusted
 from hpop.planners.nlp import require_ipopt
-from hpop.planners.outcome import Outcome
-from hpop.planners.straightened import straightened
-from hpop.planners.trust import exceeds, judge
-from hpop.planners.vertices import Polyline
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, status_after, warm_planner_of
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.planners.outcome import Outcome, Tally
+from hpop.planners.warm_starts import WarmStart, check_warm_start, warm_starts
+from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+NAME = "epsilon-constraint"
 MOST_DIVISIONS = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
 COUNTED = (
     "tried",
@@ -45,7 +42,7 @@ COUNTED = (
 )
 
 
-@planner("epsilon-constraint")
+@planner(NAME)
 @dataclass(frozen=True)
 class EpsilonConstraint:
     """Polylines of any angles that minimise one cost while the others are bounded, from each known trade-off.
@@ -56,7 +53,7 @@ class EpsilonConstraint:
     divisions   count  of further bounds between a known cost and the next better one
     rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m
     epsilon     bounds that hold throughout, by the name of a cost
-    warm_start  planner that gives the warm starts: a name, or ``{name: {option: value}}``
+    warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     max_points  count  of bounds that are tried
     time_limit  s      warm starts included
 
@@ -96,7 +93,7 @@ class EpsilonConstraint:
             for name, bound in self.epsilon.items():
                 real(f"epsilon, the bound on {name},", bound, 0, MOST_COUNTED)
         Budget(self.time_limit)
-        warm_planner_of(self)
+        check_warm_start(self)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -107,33 +104,18 @@ class EpsilonConstraint:
         minimise or to bound that is not among the objectives, a bound that no trajectory keeps and a solver that is
         missing, and what the planner of the warm starts raises.
         """
-        require_ipopt("epsilon-constraint")
-        began = time.perf_counter()
-        objectives = edge_objectives(problem.criteria, "epsilon-constraint")
+        require_ipopt(NAME)
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
         roles = Roles.of(objectives.optimised, self.minimise, problem)
         limits = roles.limits(self.epsilon or {}, problem)
-        first = plan_warm_starts(self, problem, progress, executor)
-        warm, notes = _warm_starts(problem, roles, first)
-        run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, warm, limits, self.divisions), began)
+        warm = warm_starts(self, problem, progress, executor)
+        polylines, costs, dropped = warm.polylines(problem, roles.criteria)
+        known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
+        run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, known, limits, self.divisions), watch)
         run.warn_of_tight_bounds()
-        status = first.status
-        if warm and status is not Status.INTERRUPTED:
-            status = status_after(status, lambda: run.go(progress, executor))
-        return run.candidates(status, objectives, notes)
-
-
-def _warm_starts(problem: Problem, roles: Roles, first: Candidates) -> tuple[list[Known], list[str]]:
-    """The front of another planner, ends put on start and goal, without those that are not free; and notes on it."""
-    if not first.trajectories:
-        return [], [f"no warm start: {first.status}", *first.notes]
-    trajectories, notes = straightened(problem.front(first).trajectories, problem)
-    polylines = [Polyline.of(trajectory, problem) for trajectory in trajectories]
-    judged = judge(problem, roles.criteria, [p.trajectory(problem.model) for p in polylines])
-    stopped = [] if first.status.is_final else [f"the warm starts are not all there are: {first.status}"]
-    return (
-        [Known(polylines[i], judged.costs[i]) for i in judged.kept],
-        [*stopped, *notes, *judged.notes("epsilon-constraint, warm starts")],
-    )
+        status = warm.ended(run.go(executor))
+        return run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
 
 
 @dataclass(eq=False)
@@ -143,30 +125,32 @@ class _Run:
     options: EpsilonConstraint
     job: PolylineJob
     grid: Grid
-    began: float
-    counts: Counter[str] = field(default_factory=Counter)
-    seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0, "solve": 0.0})
-    failures: Counter[str] = field(default_factory=Counter)
-    notes: tuple[str, ...] = ()
+    watch: Watch
+    tally: Tally = field(default_factory=Tally)
+    notes: Sequence[str] = ()
     waiting: int = 0
 
-    def go(self, progress: ProgressCallback | None, executor: Executor | None) -> Status:
-        """Try all bounds; the status says whether any were left."""
-        cap = self.options.max_points
-        self.waiting = sum(map(len, self.grid.levels))
-        self._report(progress)
-        with Sweep(PolylineJob.solve, self.job, executor) as sweep:
-            for cells in self.grid.levels:
-                left = self._unanswered(cells)
-                while left:
-                    if self.counts["tried"] == cap:
-                        return Status.POINT_LIMIT
-                    wave = self.grid.wave(left)[: None if cap is None else cap - self.counts["tried"]]
-                    status = self._try(wave, sweep, progress)
-                    self.notes = tuple(sweep.notes)
-                    if status is not Status.COMPLETE:
-                        return status
-                    left = self._unanswered([cell for cell in left if cell not in wave])
+    def go(self, executor: Executor | None) -> Status:
+        """Try all bounds; the status says whether any were left. What is finished is kept whatever comes."""
+        if not self.grid.warm:
+            return Status.COMPLETE
+        cap, tried = self.options.max_points, self.tally.counts
+        try:
+            self.waiting = sum(map(len, self.grid.levels))
+            with Sweep(PolylineJob.solve, self.job, executor) as sweep:
+                self.notes = sweep.notes
+                for cells in self.grid.levels:
+                    left = self._unanswered(cells)
+                    while left:
+                        if tried["tried"] == cap:
+                            return Status.POINT_LIMIT
+                        wave = self.grid.wave(left)[: None if cap is None else cap - tried["tried"]]
+                        status = self._try(wave, sweep)
+                        if status is not Status.COMPLETE:
+                            return status
+                        left = self._unanswered([cell for cell in left if cell not in wave])
+        except KeyboardInterrupt:
+            return Status.INTERRUPTED
         return Status.COMPLETE
 
     def warn_of_tight_bounds(self) -> None:
@@ -186,14 +170,12 @@ class _Run:
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
         """Cells that are still to be tried."""
         left = self.grid.unanswered(cells)
-        self.counts["skipped"] += len(cells) - len(left)
+        self.tally.counts["skipped"] += len(cells) - len(left)
         self.waiting -= len(cells) - len(left)
         return left
 
-    def _try(
-        self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]], progress: ProgressCallback | None
-    ) -> Status:
-        """Solve for each cell of a wave, the longest first; what is finished is kept whatever comes."""
+    def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]]) -> Status:
+        """Solve for each cell of a wave, the longest first."""
         tasks: list[Task] = []
         for cell in wave:
             start = self.grid.start(cell)
@@ -203,88 +185,76 @@ class _Run:
             else:
                 tasks.append((cell, start))
         tasks.sort(key=lambda task: -len(task[1].polyline.lengths))
-        results: dict[int, Outcome[Found]] = {}
-        try:
-            for i, outcome in sweep.run(tasks, self._late):
-                results[i] = outcome
-                self._report(progress, results.values())
-        finally:
-            for i in sorted(results):
-                self._keep(tasks[i][0], results[i])
-        return Status.COMPLETE if len(results) == len(tasks) else Status.TIME_LIMIT
+        results, status = sweep.until(tasks, self.watch.is_late, self._report)
+        for place, outcome in results.items():
+            self._keep(tasks[place][0], outcome)
+        return status
 
     def _keep(self, cell: Cell, outcome: Outcome[Found]) -> None:
         """File what came of a bound."""
-        self.counts["tried"] += 1
+        self.tally.add(outcome)
+        self.tally.counts["tried"] += 1
         self.waiting -= 1
-        self.counts.update(outcome.counts)
-        for part, seconds in outcome.seconds.items():
-            self.seconds[part] += seconds
         if outcome.found is not None:
             self.grid.found.append(outcome.found)
-            return
-        self.failures[outcome.reason] += 1
-        if outcome.reason.startswith("infeasible"):
+        elif outcome.reason.startswith("infeasible"):
             self.grid.infeasible.append(cell)
 
-    def _late(self) -> bool:
-        limit = self.options.time_limit
-        return limit is not None and time.perf_counter() - self.began > limit
-
-    def _report(self, progress: ProgressCallback | None, finished: Collection[Outcome[Found]] = ()) -> None:
-        if progress is not None:
-            found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished)
-            tried = self.counts["tried"] + len(finished)
-            seconds = time.perf_counter() - self.began
-            progress(Progress("epsilon-constraint", tried, self.waiting - len(finished), found, seconds=seconds))
+    def _report(self, finished: Mapping[int, Outcome[Found]]) -> None:
+        found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished.values())
+        self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
 
     def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
         """What was found, judged once more, with everything that went wrong."""
         found, job, criteria = self.grid.found, self.job, self.job.roles.criteria
-        trajectories = [one.known.polyline.trajectory(job.problem.model) for one in found]
-        size = (len(trajectories), len(criteria))
-        planned = np.array([one.planned for one in found]).reshape(size)
-        tolerance = job.tolerance(planned)
-        epsilon = np.array([one.cell.epsilon for one in found]).reshape(size)
-        judged = judge(job.problem, criteria, trajectories, epsilon=epsilon, planned=planned, tolerance=tolerance)
-        told = [*objectives.notes, *notes, *self.notes]
-        if status in (Status.TIME_LIMIT, Status.POINT_LIMIT) and self.waiting:
-            limit = "time limit" if status is Status.TIME_LIMIT else "max_points"
-            told.append(f"{limit}: {self.waiting} bounds were not tried")
-        told += [f"{count} bounds without a candidate: {why}" for why, count in sorted(self.failures.items())]
-        if self.options.epsilon and self.failures and not judged.kept.size:
-            told.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
-        short = sum("halvings" in found[i].provenance for i in judged.kept)
+        rows = (len(found), len(criteria))
+        planned = np.array([one.planned for one in found]).reshape(rows)
+        limit = "max_points" if status is Status.POINT_LIMIT else status
+        left = [f"{limit}: {self.waiting} bounds were not tried"] * bool(self.waiting)
+        names = ", ".join(criteria[j].name for j in job.roles.smooth)
+        kept = trusted(
+            Candidates(
+                objectives=criteria,
+                trajectories=tuple(one.known.polyline.trajectory(job.problem.model) for one in found),
+                planned=planned,
+                tolerance=job.tolerance(planned),
+                status=status,
+                certificate=(
+                    f"epsilon-constraint: local optima for their number of turns in ({names}), near their warm starts"
+                    f"{objectives.certificate}"
+                ),
+                provenance=tuple(one.provenance for one in found),
+                notes=(*notes, *self.notes, *left, *self.tally.notes("bounds")),
+                filters=objectives.filters,
+                stats={
+                    "planner": NAME,
+                    "warm_starts": len(self.grid.warm),
+                    **{name: self.tally.counts[name] for name in COUNTED},
+                    **self.tally.stats,
+                },
+            ),
+            job.problem,
+            NAME,
+            epsilon=np.array([one.cell.epsilon for one in found]).reshape(rows),
+        )
+        return replace(
+            kept,
+            notes=(*kept.notes, *self._shortcomings(kept)),
+            stats={**kept.stats, "seconds": self.watch.seconds},
+        )
+
+    def _shortcomings(self, kept: Candidates) -> list[str]:
+        """What the candidates that are trusted do not attain."""
+        notes = []
+        if self.options.epsilon and self.tally.failures and not kept.trajectories:
+            notes.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
+        short = sum("halvings" in origin for origin in kept.provenance)
         if short:
-            told.append(
+            notes.append(
                 f"{short} candidates are no local optima: the exact costs bind before the program's, so these stop on "
                 "the way to its solution"
             )
-        kept, names = judged.kept, ", ".join(criteria[j].name for j in job.roles.smooth)
-        return Candidates(
-            objectives=criteria,
-            trajectories=tuple(trajectories[i] for i in kept),
-            planned=planned[kept],
-            tolerance=tolerance[kept],
-            status=status,
-            certificate=(
-                f"epsilon-constraint: local optima for their number of turns in ({names}), near their warm starts"
-                f"{objectives.certificate}"
-            ),
-            provenance=tuple(found[i].provenance for i in kept),
-            notes=(*told, *judged.notes("epsilon-constraint")),
-            filters=objectives.filters,
-            stats={
-                "planner": "epsilon-constraint",
-                "warm_starts": len(self.grid.warm),
-                **{name: self.counts[name] for name in COUNTED},
-                "failed": dict(self.failures),
-                "dropped": judged.dropped,
-                "build_seconds": self.seconds["build"],
-                "solve_seconds": self.seconds["solve"],
-                "seconds": time.perf_counter() - self.began,
-            },
-        )
+        return notes
 
     def _ideal(self) -> str:
         """The ideal of what is bounded, as far as it is known."""

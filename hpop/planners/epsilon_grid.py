@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.criteria.base import Criterion
-from hpop.criteria.comfort.length import Length
+from hpop.criteria.base import Criterion, place_of
 from hpop.errors import OptionError, did_you_mean
 from hpop.planners.base import integral_of
+from hpop.planners.judgement import exceeds
 from hpop.planners.least_length import least_length
 from hpop.planners.treatable import minimised, smooth_places
-from hpop.planners.trust import exceeds
 from hpop.planners.vertices import Polyline
 
 if TYPE_CHECKING:
@@ -52,8 +51,8 @@ class Roles:
         smooth = smooth_places(criteria, problem, "epsilon-constraint")
         if minimise is not None:
             return cls(tuple(criteria), minimised(minimise, criteria), smooth)
-        lengths = [j for j in smooth if criteria[j].name == "length"]
-        return cls(tuple(criteria), (lengths or smooth)[0], smooth)
+        length = place_of("length", criteria)
+        return cls(tuple(criteria), length if length in smooth else smooth[0], smooth)
 
     @property
     def counted(self) -> list[int]:
@@ -93,7 +92,7 @@ class Roles:
 
 def _least(criterion: Criterion, problem: Problem) -> float:
     """The least that a criterion is known to cost between start and goal, whatever the way."""
-    if isinstance(criterion, Length):
+    if place_of("length", [criterion]) is not None:
         return least_length(problem)
     bound = getattr(criterion, "bound", None)
     if bound is None:

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.planners.epsilon_grid import LOOSE, Cell, Found, Known, Roles
+from hpop.planners.judgement import exceeds, judge
 from hpop.planners.outcome import ALONE, Outcome
 from hpop.planners.polyline import PolylineProgram, Solution
-from hpop.planners.trust import exceeds, judge
 from hpop.planners.vertices import PIECE, Polyline, Structure
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 QUADRATURE = 5e-3  # relative: a program's sums over pieces of 0.6 m against sums over field cells
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
-LEAST_TURN = math.radians(1.0)  # a vertex that turns by less is left out, and with it the stop for the turn
 FINER = (4, 16)  # panels a phase of programs that are solved again because their sum was too coarse
 KEPT = 250  # programs that a process keeps, of some 4 MB each
 HALVINGS = 5  # of the way from a warm start to a solution that is not trusted

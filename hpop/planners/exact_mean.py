@@ -15,10 +15,10 @@ from typing import Any, Self, TypeAlias, cast
 import numpy as np
 
 from hpop.criteria import Duration
-from hpop.criteria.base import Criterion
+from hpop.criteria.base import Criterion, Role, place_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
-from hpop.planners.graph_query import MAX_COSTS, TURNS, GraphQuery
+from hpop.planners.graph_query import MAX_COSTS, GraphQuery
 from hpop.planners.purse import Exhausted, Purse
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
@@ -27,7 +27,7 @@ from hpop.text import shown
 
 DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000
-CAPPED = ("duration", "length")
+CAPPED: tuple[Role, ...] = ("duration", "length")
 INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs follow
 
 
@@ -35,11 +35,11 @@ INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs f
 class Detour:
     """The longest way over the least of any path, in the duration or in the length.
 
-    cost    "duration" or "length"
+    cost    the role of the criterion
     factor  from 1 to 1000
     """
 
-    cost: str
+    cost: Role
     factor: float
 
     @classmethod
@@ -191,22 +191,23 @@ def exact_mean(
 
 def _column(query: GraphQuery, detour: Detour) -> int:
     """The graph's column of the cost that is capped."""
-    names = [criterion.name for criterion in query.objectives.optimised]
-    if detour.cost not in names:
+    column = place_of(detour.cost, query.objectives.optimised)
+    if column is None:
+        names = [criterion.name for criterion in query.objectives.optimised]
         raise OptionError(
             f"max_detour caps the cost {detour.cost!r}, but beside the mean only {', '.join(names[OTHERS:])} are "
             f"searched for; list it among the criteria, or cap the duration: max_detour={detour.factor:g}"
         )
-    return names.index(detour.cost)
+    return column
 
 
 def _too_tight(query: GraphQuery, column: int, least: int) -> str:
     """Why no path keeps the cap and the bound on the turns, in words; "" where one of them alone is not kept."""
-    if query.max_turns is None or not least:
+    cost, turns = query.objectives.optimised[column], place_of("turns", query.objectives.optimised)
+    if query.max_turns is None or turns is None or not least:
         return ""
-    cost, place = query.objectives.optimised[column], [c.name for c in query.objectives.optimised].index(TURNS)
-    both = Graph.from_csr(query.graph.indptr, query.graph.heads, query.graph.costs[:, [column, place]])
-    shortest = pareto_paths(both, query.start, query.goals, at_most=[None, query.max_turns])
+    bounded = Graph.from_csr(query.graph.indptr, query.graph.heads, query.graph.costs[:, [column, turns]])
+    shortest = pareto_paths(bounded, query.start, query.goals, at_most=[None, query.max_turns])
     if not len(shortest):
         return ""
     factor = math.ceil(1000 * int(shortest.costs[0, 0]) / least) / 1000

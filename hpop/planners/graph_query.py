@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.criteria.base import place_of
 from hpop.errors import OptionError, QueryError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, real
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 MAX_COSTS = 6
 COARSE = 0.01
 SHARE = "this stage's share of the time"
-TURNS = "turns"  # the criterion that ``max_turns`` bounds
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
@@ -165,15 +165,15 @@ class GraphQuery:
 
         Raises OptionError where turns are bounded, but none of the costs.
         """
-        names = [criterion.name for criterion in self.objectives.optimised]
         if self.max_turns is None:
             return []
-        if TURNS not in names:
+        turns = place_of("turns", self.objectives.optimised)
+        if turns is None:
             raise OptionError(
-                f"max_turns bounds the cost {TURNS!r}, but the costs that are searched for are {self.names}; list it "
+                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
                 "among the criteria, or leave max_turns out"
             )
-        return [self.max_turns if name == TURNS else None for name in names]
+        return [self.max_turns if j == turns else None for j in range(len(self.objectives.optimised))]
 
     @cached_property
     def tie_broken(self) -> Graph | None:

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.criteria.base import place_of
 from hpop.planners.base import Candidates, Objectives, Planner, edge_objectives
-from hpop.planners.graph_query import TURNS, GraphQuery
+from hpop.planners.graph_query import GraphQuery
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths, supported_paths
@@ -102,10 +103,11 @@ def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractCon
     if not any(p.name == "lattice" and getattr(p, "max_detour", None) is None for p in planners):
         return nullcontext()
     criteria = edge_objectives(problem.criteria, "lattice").optimised
-    names = [criterion.name for criterion in criteria]
-    turns = names.index(TURNS) if TURNS in names else -1
+    turns = place_of("turns", criteria)
     onset = Onset.AFTER_FIRST if getattr(planners[0], "answers_in_stages", False) else Onset.AT_ONCE
-    return compiling_beside(["max" if c.aggregate == "max" else "sum" for c in criteria], turns, onset)
+    return compiling_beside(
+        ["max" if c.aggregate == "max" else "sum" for c in criteria], -1 if turns is None else turns, onset
+    )
 
 
 def _share(purse: Purse, seconds: float) -> Budget:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 F = TypeVar("F")
 
@@ -34,3 +35,46 @@ class Outcome(Generic[F]):
     def of(cls, result: F | str, counts: Counter[str], seconds: dict[str, float]) -> Outcome[F]:
         """From a candidate, or the reason that there is none."""
         return cls(None, result, counts, seconds) if isinstance(result, str) else cls(result, "", counts, seconds)
+
+
+@dataclass(eq=False)
+class Tally:
+    """What came of many jobs, added up.
+
+    counts    how often something happened on the way
+    seconds   of building programs and of solving them
+    failures  of the jobs without a candidate, by reason
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0, "solve": 0.0})
+    failures: Counter[str] = field(default_factory=Counter)
+
+    @classmethod
+    def of(cls, outcomes: Iterable[Outcome[Any]]) -> Tally:
+        """Of several jobs."""
+        tally = cls()
+        for outcome in outcomes:
+            tally.add(outcome)
+        return tally
+
+    def add(self, outcome: Outcome[Any]) -> None:
+        """One job more."""
+        self.counts.update(outcome.counts)
+        for part, spent in outcome.seconds.items():
+            self.seconds[part] += spent
+        if outcome.found is None:
+            self.failures[outcome.reason] += 1
+
+    def notes(self, jobs: str) -> list[str]:
+        """A note on each reason for which jobs have no candidate."""
+        return [f"{count} {jobs} without a candidate: {why}" for why, count in sorted(self.failures.items())]
+
+    @property
+    def stats(self) -> dict[str, Any]:
+        """Failures by reason, and seconds."""
+        return {
+            "failed": dict(self.failures),
+            "build_seconds": self.seconds["build"],
+            "solve_seconds": self.seconds["solve"],
+        }

@@ -15,12 +15,12 @@ from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.graph_query import GraphQuery, refuse_unanswerable
+from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
-from hpop.planners.trust import Judgement, judge
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.status import Budget, Progress, ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -216,30 +216,15 @@ def on_roadmap(
         found = query.exact(name, purse.left(), progress, checkpoint=checkpoint)
     except Exhausted as stop:
         return stopped(name, objectives, stop, purse)
-    try:
-        judgement = _judged(problem, found)
-    except KeyboardInterrupt:  # what was found is worth the time; a second Ctrl-C is obeyed
-        found = replace(found, status=Status.INTERRUPTED)
-        judgement = _judged(problem, found)
-    kept = judgement.kept
-    dropped = len(found.trajectories) - kept.size
+    kept = trusted(found, problem, name)
+    dropped = len(found.trajectories) - len(kept.trajectories)
     return replace(
-        found,
-        trajectories=tuple(found.trajectories[i] for i in kept),
-        planned=found.planned[kept],
-        tolerance=found.tolerance[kept],
-        provenance=tuple(found.provenance[i] for i in kept),
+        kept,
         certificate=found.certificate + f"; without {dropped} that were dropped as not to be trusted" * bool(dropped),
-        notes=(*found.notes, *judgement.notes(name)),
         stats={
-            **found.stats,
+            **kept.stats,
             "positions": len(roadmap.positions),
             "moves": int(roadmap.moves[0].size),
             "turns": int(roadmap.turns[0].size),
-            "dropped": judgement.dropped,
         },
     )
-
-
-def _judged(problem: Problem, found: Candidates) -> Judgement:
-    return judge(problem, found.objectives, found.trajectories, planned=found.planned, tolerance=found.tolerance)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.math import wrap
 from hpop.motions import Motions, States
@@ -22,7 +23,6 @@ from hpop.planners.arcs import blocks
 from hpop.planners.state_graph import StateGraph
 
 ALIGNED = 1e-9  # rad: directions that differ by less are one heading
-LEAST_TURN = math.radians(1.0)  # what counts as a turn; smaller ones in a row would turn by any angle and count nothing
 MAX_EDGES = 60_000_000
 TURN = 64  # bytes that laying out a turn takes
 PIECES = 4  # in which a turn is checked, at least
@@ -151,6 +151,7 @@ class StateRoadmap(StateGraph):
     def turns(self) -> tuple[IntArray, IntArray]:
         """Tails and heads of all free turns, between all headings of a position that differ by more than LEAST_TURN.
 
+        Smaller ones in a row would turn by any angle and count nothing.
         The heading at the start may differ by less from what is left in, and that at the goal from what is arrived in.
         """
         at, yaw = self._state

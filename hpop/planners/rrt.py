@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
@@ -16,12 +16,12 @@ from hpop.errors import OptionError, QueryError
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.goals import goal_of, start_of
+from hpop.planners.judgement import trusted
 from hpop.planners.needs import on_wheels
 from hpop.planners.roadmap import checked_ends
 from hpop.planners.rrt_query import Query
 from hpop.planners.rrt_run import Run, load_ompl, run
-from hpop.planners.trust import judge
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 from hpop.text import shown
 
@@ -78,31 +78,15 @@ class RRT:
         """
         load_ompl()
         query, objectives = self._query(problem), edge_objectives(problem.criteria, "rrt")
-        began = time.perf_counter()
-        finished: dict[int, Run] = {}
+        watch = Watch("rrt", self.time_limit, progress)
 
-        def late() -> bool:
-            return self.time_limit is not None and time.perf_counter() - began > self.time_limit
+        def report(done: Mapping[int, Run]) -> None:
+            watch.report(len(done), self.runs - len(done), sum(not one.failure for one in done.values()))
 
-        def report() -> None:
-            if progress:
-                found = sum(not one.failure for one in finished.values())
-                seconds = time.perf_counter() - began
-                progress(Progress("rrt", len(finished), self.runs - len(finished), found, seconds=seconds))
-
-        status = Status.COMPLETE
         with Sweep(run, query, executor) as sweep:
-            try:
-                report()
-                for i, one in sweep.run(self._seeds(), late):
-                    finished[i] = one
-                    report()
-                if len(finished) < self.runs:
-                    status = Status.TIME_LIMIT
-            except KeyboardInterrupt:
-                status = Status.INTERRUPTED
-        ended = _Ended(self, problem, objectives, query, dict(sorted(finished.items())), status, tuple(sweep.notes))
-        return ended.candidates(time.perf_counter() - began)
+            finished, status = sweep.until(self._seeds(), watch.is_late, report)
+        found = _Ended(self, problem, objectives, query, finished, status).candidates()
+        return replace(found, notes=(*found.notes, *sweep.notes), stats={**found.stats, "seconds": watch.seconds})
 
     def _seeds(self) -> list[int]:
         """Seeds of the runs; OMPL takes no 0."""
@@ -138,53 +122,48 @@ class _Ended:
     query: Query
     finished: dict[int, Run]
     status: Status
-    notes: tuple[str, ...]
 
-    def candidates(self, seconds: float) -> Candidates:
+    def candidates(self) -> Candidates:
         """Judge the runs' trajectories, and select."""
-        reached = [i for i, one in self.finished.items() if not one.failure]
-        trajectories = [self.query.trajectory(self.finished[i].controls) for i in reached]
-        optimised = self.objectives.optimised
-        judged = judge(self.problem, optimised, trajectories)
-        trusted = judged.kept.tolist()
-        both = trajectory_costs(self._selecting, [trajectories[j] for j in trusted], self.problem.world)
-        chosen = trusted
-        if self.planner.keep == "selected" and trusted:
-            chosen = [trusted[np.lexsort((both[:, 1], both[:, 0]))[0]]]
-        sign_changes = dict(zip(trusted, both[:, 0].astype(int).tolist(), strict=True))
+        reached = {i: one for i, one in self.finished.items() if not one.failure}
+        trajectories = tuple(self.query.trajectory(one.controls) for one in reached.values())
+        optimised, world, seeds = self.objectives.optimised, self.problem.world, self.planner._seeds()
         failed = Counter(one.failure for one in self.finished.values() if one.failure)
-        seeds = self.planner._seeds()
-        return Candidates(
+        found = Candidates(
             objectives=optimised,
-            trajectories=tuple(trajectories[j] for j in chosen),
-            # A tree adds up no costs; these are what its trajectories were judged by.
-            planned=judged.costs[chosen],
-            tolerance=np.zeros((len(chosen), len(optimised))),
-            status=Status.RUN_LIMIT if self.status is Status.COMPLETE and not chosen else self.status,
-            certificate=self._claim(len(trusted)),
+            trajectories=trajectories,
+            planned=trajectory_costs(optimised, trajectories, world),  # a tree adds up no costs
+            tolerance=np.zeros((len(reached), len(optimised))),
+            status=self.status,
+            certificate="",
             provenance=tuple(
-                {
-                    "planner": "rrt",
-                    "seed": self.planner.seed,
-                    "run": reached[j],
-                    "run_seed": seeds[reached[j]],
-                    "extensions": self.finished[reached[j]].extensions,
-                    "curvature_sign_changes": sign_changes[j],
-                }
-                for j in chosen
+                {"seed": self.planner.seed, "run": i, "run_seed": seeds[i], "extensions": one.extensions}
+                for i, one in reached.items()
             ),
-            notes=(*self._said(both[:, 0], failed), *judged.notes("rrt"), *self.notes),
             filters=self.objectives.filters,
             stats={
                 "planner": "rrt",
                 "runs": len(self.finished),
                 "reached": len(reached),
                 "failed": dict(failed),
-                "dropped": judged.dropped,
                 "extensions": sum(one.extensions for one in self.finished.values()),
-                "curvature_sign_changes": list(sign_changes.values()),
-                "seconds": seconds,
             },
+        )
+        found = trusted(found, self.problem, "rrt")
+        count = len(found.trajectories)
+        sign_changes, lengths = trajectory_costs(self._selecting, found.trajectories, world).T
+        changes = sign_changes.astype(int).tolist()
+        told = [
+            {"planner": "rrt", **origin, "curvature_sign_changes": n}
+            for origin, n in zip(found.provenance, changes, strict=True)
+        ]
+        chosen = range(count) if self.planner.keep == "all" else np.lexsort((lengths, sign_changes))[:1]
+        return replace(
+            replace(found, provenance=tuple(told)).some(chosen),
+            status=Status.RUN_LIMIT if found.status is Status.COMPLETE and not count else found.status,
+            certificate=self._claim(count),
+            notes=(*self._said(sign_changes, failed), *found.notes),
+            stats={**found.stats, "curvature_sign_changes": changes},
         )
 
     @property

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -14,20 +12,20 @@ import numpy as np
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.driven_program import FLAT
+from hpop.planners.judgement import trusted
 from hpop.planners.nlp import require_ipopt
-from hpop.planners.outcome import Outcome
+from hpop.planners.outcome import Outcome, Tally
 from hpop.planners.smoothing_job import Smoothed, SmoothingJob
-from hpop.planners.straightened import straightened
 from hpop.planners.treatable import minimised, smooth_places
-from hpop.planners.trust import judge
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, status_after, warm_planner_of
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.planners.warm_starts import WarmStart, check_warm_start, warm_starts
+from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
-from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+NAME = "smoothing"
+COUNTED = ("programs", "repairs", "saved by quasi-Newton")
 MOST_INTERVALS = 2000  # of a program that a solver can still take
 RAMPS = (
     "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
@@ -35,7 +33,7 @@ RAMPS = (
 )
 
 
-@planner("smoothing")
+@planner(NAME)
 @dataclass(frozen=True)
 class Smoothing:
     """Driven trajectories near known polylines: wheel accelerations as controls, every turn kept, nothing in between.
@@ -45,7 +43,7 @@ class Smoothing:
     minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the polyline's,
                 but worst moments a hundredth of that: they are bounded first of all
     intervals   count  of constant wheel accelerations a trajectory; more where its turns need them
-    warm_start  planner that gives the polylines: a name, or ``{name: {option: value}}``
+    warm_start  what gives the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s      warm starts included
 
     Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
@@ -70,7 +68,7 @@ class Smoothing:
     def __post_init__(self) -> None:
         set_wholes(self, "intervals", least=1, most=MOST_INTERVALS)
         Budget(self.time_limit)
-        warm_planner_of(self)
+        check_warm_start(self)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -81,102 +79,64 @@ class Smoothing:
         minimise that is not among the objectives and for a solver that is missing, and what the planner of the
         polylines raises.
         """
-        require_ipopt("smoothing")
-        began = time.perf_counter()
-        objectives = edge_objectives(problem.criteria, "smoothing")
+        require_ipopt(NAME)
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised
-        smooth_places(criteria, problem, "smoothing")
+        smooth_places(criteria, problem, NAME)
         place = None if self.minimise is None else minimised(self.minimise, criteria)
         job = SmoothingJob(problem, criteria, place, self.intervals)
-        first = plan_warm_starts(self, problem, progress, executor)
-        trajectories, curves = straightened(problem.front(first).trajectories if first.trajectories else (), problem)
-        run = _Run(job, trajectories, began, self.time_limit)
-        status = first.status
-        if trajectories and status is not Status.INTERRUPTED:
-            status = status_after(status, lambda: run.go(progress, executor))
-        stopped = () if first.status.is_final else (f"the polylines are not all there are: {first.status}",)
-        none = () if first.trajectories else (f"nothing to smooth: {first.status}", *first.notes)
-        return run.candidates(status, objectives, (*objectives.notes, *stopped, *curves, *none))
+        warm = warm_starts(self, problem, progress, executor)
+        count = len(warm.trajectories)
+
+        def report(done: Mapping[int, Outcome[Smoothed]]) -> None:
+            watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
+
+        with Sweep(SmoothingJob.solve, job, executor) as sweep:
+            outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
+        left = [f"{ended}: {count - len(outcomes)} polylines were not smoothed"] * (len(outcomes) < count)
+        notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
+        found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
+        stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
+        return replace(found, stats=stats)
 
 
-@dataclass(eq=False)
-class _Run:
-    """One run of the planner: what came of each polyline."""
-
-    job: SmoothingJob
-    polylines: Sequence[Trajectory]
-    began: float
-    time_limit: float | None
-    outcomes: dict[int, Outcome[Smoothed]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-
-    def go(self, progress: ProgressCallback | None, executor: Executor | None) -> Status:
-        """Smooth all polylines; the status says whether any were left."""
-        self._report(progress)
-        with Sweep(SmoothingJob.solve, self.job, executor) as sweep:
-            for i, outcome in sweep.run(self.polylines, self._late):
-                self.outcomes[i] = outcome
-                self._report(progress)
-            self.notes = tuple(sweep.notes)
-        return Status.COMPLETE if len(self.outcomes) == len(self.polylines) else Status.TIME_LIMIT
-
-    def _late(self) -> bool:
-        return self.time_limit is not None and time.perf_counter() - self.began > self.time_limit
-
-    def _report(self, progress: ProgressCallback | None) -> None:
-        if progress is not None:
-            found = sum(outcome.found is not None for outcome in self.outcomes.values())
-            done, seconds = len(self.outcomes), time.perf_counter() - self.began
-            progress(Progress("smoothing", done, len(self.polylines) - done, found, seconds=seconds))
-
-    def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
-        """What was found, judged once more, with everything that went wrong."""
-        job, criteria = self.job, self.job.criteria
-        places = [i for i in sorted(self.outcomes) if self.outcomes[i].found is not None]
-        found = [one for i in places if (one := self.outcomes[i].found) is not None]
-        trajectories = [one.trajectory for one in found]
-        planned, tolerance = (
-            np.array(rows).reshape(len(found), len(criteria))
-            for rows in ([one.planned for one in found], [one.tolerance for one in found])
-        )
-        judged = judge(job.problem, criteria, trajectories, planned=planned, tolerance=tolerance)
-        failed = Counter(outcome.reason for outcome in self.outcomes.values() if outcome.reason)
-        told = [*notes, *self.notes]
-        left = len(self.polylines) - len(self.outcomes)
-        if status is Status.TIME_LIMIT and left:
-            told.append(f"time limit: {left} polylines were not smoothed")
-        told += [f"{count} polylines without a candidate: {why}" for why, count in sorted(failed.items())]
-        counts = sum((outcome.counts for outcome in self.outcomes.values()), Counter[str]())
-        seconds = {
-            part: sum(outcome.seconds[part] for outcome in self.outcomes.values()) for part in ("build", "solve")
-        }
-        kept = judged.kept
-        names = ", ".join(criteria[j].name for j in job.smooth)
-        flat = sum(found[i].provenance["status"] == FLAT for i in kept)
-        nearly = f", {flat} of {kept.size} only nearly: the objective fell no more" if flat else ""
-        return Candidates(
+def _candidates(
+    job: SmoothingJob,
+    objectives: Objectives,
+    outcomes: Mapping[int, Outcome[Smoothed]],
+    status: Status,
+    notes: Sequence[str],
+) -> Candidates:
+    """What was found, judged once more, with everything that went wrong."""
+    tally, criteria = Tally.of(outcomes.values()), job.criteria
+    found = {place: outcome.found for place, outcome in outcomes.items() if outcome.found is not None}
+    rows = (len(found), len(criteria))
+    kept = trusted(
+        Candidates(
             objectives=criteria,
-            trajectories=tuple(trajectories[i] for i in kept),
-            planned=planned[kept],
-            tolerance=tolerance[kept],
+            trajectories=tuple(one.trajectory for one in found.values()),
+            planned=np.array([one.planned for one in found.values()]).reshape(rows),
+            tolerance=np.array([one.tolerance for one in found.values()]).reshape(rows),
             status=status,
-            certificate=(
-                f"smoothing: local optima in ({names}) for the turns and the homotopy class of their polylines"
-                f"{nearly}{objectives.certificate}"
-            ),
-            provenance=tuple({**found[i].provenance, "warm_start": places[i]} for i in kept),
-            notes=(*told, *judged.notes("smoothing"), *((RAMPS,) if kept.size else ())),
+            certificate="",
+            provenance=tuple({**one.provenance, "warm_start": place} for place, one in found.items()),
+            notes=(*notes, *tally.notes("polylines")),
             filters=objectives.filters,
-            stats={
-                "planner": "smoothing",
-                "warm_starts": len(self.polylines),
-                "programs": counts["programs"],
-                "repairs": counts["repairs"],
-                "saved by quasi-Newton": counts["saved by quasi-Newton"],
-                "failed": dict(failed),
-                "dropped": judged.dropped,
-                "build_seconds": seconds["build"],
-                "solve_seconds": seconds["solve"],
-                "seconds": time.perf_counter() - self.began,
-            },
-        )
+            stats={name: tally.counts[name] for name in COUNTED} | tally.stats,
+        ),
+        job.problem,
+        NAME,
+    )
+    count = len(kept.trajectories)
+    flat = sum(origin["status"] == FLAT for origin in kept.provenance)
+    nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
+    names = ", ".join(criteria[j].name for j in job.smooth)
+    return replace(
+        kept,
+        certificate=(
+            f"smoothing: local optima in ({names}) for the turns and the homotopy class of their polylines"
+            f"{nearly}{objectives.certificate}"
+        ),
+        notes=(*kept.notes, *[RAMPS] * bool(count)),
+    )

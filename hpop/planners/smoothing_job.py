@@ -18,9 +18,9 @@ from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
 from hpop.planners.driven_structure import Structure
 from hpop.planners.homotopy import homotopic
+from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.outcome import ALONE, Outcome
-from hpop.planners.trust import judge
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
 

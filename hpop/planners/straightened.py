@@ -11,7 +11,7 @@ import shapely
 from hpop.arrays import FloatArray
 from hpop.models.laws import Move
 from hpop.planners.goals import goal_of, start_of
-from hpop.planners.trust import is_free
+from hpop.planners.judgement import is_free
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -17,15 +16,13 @@ from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.corridor import Corridor, corridors
 from hpop.planners.corridor_program import solvers_from
 from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_corridor
+from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.search.weighted_sum import check_divisions, simplex_lattice
-from hpop.planners.straightened import straightened
 from hpop.planners.treatable import settled
-from hpop.planners.trust import judge
-from hpop.planners.vertices import Polyline
-from hpop.planners.warm_starts import WarmStart, plan_warm_starts, warm_planner_of
+from hpop.planners.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
 from hpop.planners.weights import Weights, asked_weights, check_count
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
 if TYPE_CHECKING:
@@ -46,7 +43,7 @@ class WeightedSumCorridor:
     divisions   count  steps of the simplex lattice of weights
     weights     rows of one weight a convex cost, in the order of the criteria, in place of the simplex lattice
     solver      of the convex programs, by cvxpy's name; where it fails, others that are installed are tried
-    warm_start  planner that gives the warm starts: a name, or ``{name: {option: value}}``
+    warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s      warm starts included
 
     Around each segment of each warm start a convex region is grown in which the robot is free; paths through the same
@@ -75,7 +72,7 @@ class WeightedSumCorridor:
 
     def __post_init__(self) -> None:
         Budget(self.time_limit)
-        warm_planner_of(self)
+        check_warm_start(self)
         if not (isinstance(self.solver, str) and self.solver == SOLVER):
             solvers_from(self.solver)
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
@@ -88,30 +85,24 @@ class WeightedSumCorridor:
         Raises UnsupportedCriterion for a criterion that is neither convex nor settled, OptionError for a solver that is
         not installed or weights that are not one a convex cost, and what the planner of the warm starts raises.
         """
-        began = time.perf_counter()
+        watch = Watch("corridors", self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
-        run = _Run(problem, objectives, self, _convex(objectives, problem), began)
+        run = _Run(problem, objectives, self, _convex(objectives, problem))
         shared = run.shared()
-        first = plan_warm_starts(self, problem, progress, executor)
-        run.learn(first)
-        if not run.corridors or first.status is Status.INTERRUPTED:
-            run.notes += [*(() if first.trajectories else (f"no warm start: {first.status}",)), *first.notes]
-            return run.candidates(first.status)
-        status = Status.COMPLETE
-        try:
-            with Sweep(solve_corridor, shared, executor) as sweep:
-                for place, found in sweep.run(run.corridors, run.is_late):
-                    run.found[place] = found
-                    run.report(progress)
-                run.notes += sweep.notes
-        except KeyboardInterrupt:  # what is finished is kept
-            status = Status.INTERRUPTED
-        if len(run.found) < len(run.corridors):
-            status = status if status is Status.INTERRUPTED else Status.TIME_LIMIT
-            run.notes.append(
-                f"{status}: {len(run.corridors) - len(run.found)} of {len(run.corridors)} corridors were not tried"
-            )
-        return run.candidates(status)
+        warm = warm_starts(self, problem, progress, executor)
+        run.notes += warm.notes
+        run.learn(warm)
+        count = len(run.corridors)
+
+        def report(done: Mapping[int, CorridorPoints]) -> None:
+            watch.report(len(done), count - len(done), sum(len(found.polylines) for found in done.values()))
+
+        with Sweep(solve_corridor, shared, executor) as sweep:
+            run.found, ended = sweep.until(run.corridors, watch.is_late, report)
+        left = [f"{ended}: {count - len(run.found)} of {count} corridors were not tried"] * (len(run.found) < count)
+        run.notes += [*sweep.notes, *left]
+        found = run.candidates(warm.ended(ended))
+        return replace(found, stats={**found.stats, "seconds": watch.seconds})
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:
@@ -143,7 +134,6 @@ class _Run:
     objectives: Objectives
     options: WeightedSumCorridor
     convex: list[int]
-    began: float
     warm_starts: int = 0
     corridors: list[Corridor] = field(default_factory=list)
     found: dict[int, CorridorPoints] = field(default_factory=dict)
@@ -173,42 +163,19 @@ class _Run:
         check_divisions(divisions, k)
         return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
 
-    def learn(self, candidates: Candidates) -> None:
-        """Corridors of the front of another planner, ends put on start and goal, those of its paths that are free."""
-        trajectories, notes = straightened(self.problem.front(candidates).trajectories, self.problem)
-        polylines = [Polyline.of(trajectory, self.problem) for trajectory in trajectories]
-        judged = judge(self.problem, self.criteria, [p.trajectory(self.problem.model) for p in polylines])
-        kept = [polylines[i] for i in judged.kept]
+    def learn(self, warm: WarmStarts) -> None:
+        """Corridors of the warm starts that are free."""
+        kept, _, dropped = warm.polylines(self.problem, self.criteria)
         self.warm_starts = len(kept)
         self.corridors, refused = corridors(kept, self.problem)
-        self.notes += [*notes, *judged.notes(f"{NAME}, warm starts")]
+        self.notes += dropped
         if refused:
             self.notes.append(f"{refused} of {len(kept)} warm starts touch an obstacle: no region can be grown there")
-        if not candidates.status.is_final:
-            self.notes.append(f"the warm starts are incomplete: {candidates.status}")
-
-    def is_late(self) -> bool:
-        """Whether the time is over."""
-        limit = self.options.time_limit
-        return limit is not None and time.perf_counter() - self.began > limit
-
-    def report(self, progress: ProgressCallback | None) -> None:
-        """Tell how many corridors are done."""
-        if progress:
-            points, spent = sum(len(f.polylines) for f in self.found.values()), time.perf_counter() - self.began
-            left = len(self.corridors) - len(self.found)
-            progress(Progress("corridors", len(self.found), left, points, seconds=spent))
-
-    def _each(self) -> Iterator[tuple[int, CorridorPoints, int]]:
-        """Every polyline: its corridor's place and points, and its own place among these."""
-        for place in sorted(self.found):
-            for i in range(len(self.found[place].polylines)):
-                yield place, self.found[place], i
 
     def candidates(self, status: Status) -> Candidates:
         """What was found, judged on the exact geometry, with everything that went wrong."""
-        each = list(self._each())
-        trajectories = [found.polylines[i].trajectory(self.problem.model) for _, found, i in each]
+        each = [(place, found, i) for place, found in self.found.items() for i in range(len(found.polylines))]
+        trajectories = tuple(found.polylines[i].trajectory(self.problem.model) for _, found, i in each)
         planned = np.zeros((len(each), len(self.criteria)))
         counted = [j for j in range(len(self.criteria)) if j not in self.convex]
         counts = [self.criteria[j] for j in counted]
@@ -220,19 +187,19 @@ class _Run:
         for j in (j for j, whole in zip(self.convex, exact, strict=True) if not whole):
             tolerance[:, j] += planned[:, j]  # the cost lies between 0 and its upper bound
             above[:, j] = planned[:, j]
-        judged = judge(self.problem, self.criteria, trajectories, epsilon=above, planned=planned, tolerance=tolerance)
-        return Candidates(
+        found = Candidates(
             objectives=self.criteria,
-            trajectories=tuple(trajectories[i] for i in judged.kept),
-            planned=planned[judged.kept],
-            tolerance=tolerance[judged.kept],
+            trajectories=trajectories,
+            planned=planned,
+            tolerance=tolerance,
             status=status,
             certificate=self._claim(exact),
-            provenance=tuple(self._provenance(*each[i]) for i in judged.kept),
-            notes=(*self.objectives.notes, *self.notes, *self._faults(), *judged.notes(NAME)),
+            provenance=tuple(self._provenance(*one) for one in each),
+            notes=(*self.objectives.notes, *self.notes, *self._faults()),
             filters=self.objectives.filters,
-            stats=self._stats(judged.dropped),
+            stats=self._stats(),
         )
+        return trusted(found, self.problem, NAME, epsilon=above)
 
     def _claim(self, exact: list[bool]) -> str:
         """What is claimed, in words."""
@@ -273,9 +240,9 @@ class _Run:
     def _sum(self, name: str) -> Counter[str]:
         return sum((getattr(found, name) for found in self.found.values()), Counter())
 
-    def _stats(self, dropped: dict[str, int]) -> dict[str, Any]:
+    def _stats(self) -> dict[str, Any]:
         solved = self._sum("solved")
-        every = [self.found[place] for place in sorted(self.found)]
+        every = list(self.found.values())
         seconds = sum(found.solve_seconds for found in every)
         return {
             "planner": NAME,
@@ -290,9 +257,7 @@ class _Run:
             "weights_solved": solved.total(),
             "solvers": dict(solved),
             "failed": dict(self._sum("failed")),
-            "dropped": dropped,
             "build_seconds": sum(found.build_seconds for found in every),
             "solve_seconds": seconds,
             "seconds_per_weight": seconds / max(1, solved.total()),
-            "seconds": time.perf_counter() - self.began,
         }

@@ -12,8 +12,8 @@ from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle
+from hpop.planners.judgement import is_free, judge
 from hpop.planners.lattice import Lattice
-from hpop.planners.trust import is_free, judge
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.verify import verify

@@ -12,10 +12,10 @@ from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.math import wrap
 from hpop.models import DifferentialDrive
 from hpop.planners.base import edge_objectives
+from hpop.planners.judgement import Judgement, judge
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.roadmap_graph import StateRoadmap
 from hpop.planners.search import pareto_paths
-from hpop.planners.trust import Judgement, judge
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -299,7 +299,7 @@ def test_an_interruption_of_the_last_check_keeps_what_was_found(monkeypatch):
         return judge(*arguments, **options)
 
     expected = Roadmap(samples=30).solve(problem())
-    monkeypatch.setattr("hpop.planners.roadmap.judge", interrupted_once)
+    monkeypatch.setattr("hpop.planners.judgement.judge", interrupted_once)
     found = Roadmap(samples=30).solve(problem())
     assert found.status is Status.INTERRUPTED
     assert (found.planned == expected.planned).all()
@@ -311,7 +311,7 @@ def test_a_candidate_that_is_not_to_be_trusted_is_dropped_and_said(monkeypatch):
         return Judgement(judged.costs, ("collides", *judged.reasons[1:]))
 
     expected = Roadmap(samples=30).solve(problem())
-    monkeypatch.setattr("hpop.planners.roadmap.judge", strict)
+    monkeypatch.setattr("hpop.planners.judgement.judge", strict)
     found = Roadmap(samples=30).solve(problem())
     assert (found.planned == expected.planned[1:]).all()
     assert len(found.trajectories) == len(found.provenance) == len(found.tolerance) == len(expected.planned) - 1

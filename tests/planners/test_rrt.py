@@ -14,10 +14,10 @@ from hpop.errors import OptionError, QueryError
 from hpop.front import Front
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
+from hpop.planners.judgement import judge
 from hpop.planners.rrt_close import close
 from hpop.planners.rrt_query import Base, Limits, Query
 from hpop.planners.rrt_run import Run
-from hpop.planners.trust import judge
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.sweep import processes
@@ -262,7 +262,7 @@ def test_time_that_is_up_before_a_run_is_finished_is_said():
 
 def test_time_that_runs_out_keeps_what_is_finished(monkeypatch):
     clock = iter(range(1000))
-    monkeypatch.setattr("hpop.planners.rrt.time.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.status.time.perf_counter", lambda: float(next(clock)))
     candidates = RRT(runs=8, seed=3, keep="all", time_limit=2.5).solve(PROBLEM)
     assert candidates.status is Status.TIME_LIMIT
     assert 0 < candidates.stats["runs"] < 8

@@ -18,7 +18,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.models.differential_drive.driven import Drive, ahead
 from hpop.motions import States
-from hpop.planners import driven_guess, driven_program, smoothing_job, trust
+from hpop.planners import driven_guess, driven_program, judgement, smoothing_job
 from hpop.planners.driven_interval import Forward
 from hpop.planners.driven_program import DrivenProgram
 from hpop.planners.driven_structure import Structure
@@ -170,7 +170,7 @@ def test_a_curve_on_the_other_side_is_dropped(monkeypatch):
 def test_turns_that_nothing_but_the_bound_keeps_are_missed(monkeypatch):
     zigzag = polyline((0, 0, 0), (1.5, 0, 0), (2.5, 0.3, 0), (3.5, 0, 0), (5, 0, 0))
     assert job(OPEN).solve(zigzag).reason == ""
-    monkeypatch.setattr(driven_program, "LEAST_TURN", 0.0)
+    monkeypatch.setattr(driven_program, "LEAST_PHASE", 0.0)
     assert job(OPEN).solve(zigzag).reason == "lowers the number of turns"
 
 
@@ -283,7 +283,7 @@ def test_a_worst_moment_far_above_its_bound_is_not_bounded_out_of_reach():
 
 
 def test_solutions_that_keep_colliding_are_dropped(monkeypatch):
-    monkeypatch.setattr(trust, "is_free", lambda problem, trajectory: False)
+    monkeypatch.setattr(judgement, "is_free", lambda problem, trajectory: False)
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
     outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
     assert outcome.reason == "collides"

@@ -20,10 +20,10 @@ from hpop.frontier import is_nondominated
 from hpop.planners import lattice_stages
 from hpop.planners.base import Candidates, Planner, joined, staged
 from hpop.planners.graph_query import GraphQuery
+from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice
 from hpop.planners.lattice_graph import StateLattice
 from hpop.planners.nearby import DIAGONAL, STRAIGHT, nearby
-from hpop.planners.trust import judge
 from hpop.problem import Problem
 from hpop.status import Budget, Progress, Status
 

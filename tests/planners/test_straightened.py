@@ -8,8 +8,8 @@ import shapely
 
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
+from hpop.planners.judgement import judge
 from hpop.planners.straightened import DEVIATIONS, straightened
-from hpop.planners.trust import judge
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.world import World

@@ -20,7 +20,7 @@ from hpop.planners.corridor_weights import GAP, SMALL, Shared, solve_corridor
 from hpop.planners.vertices import Polyline
 from hpop.problem import Problem
 from hpop.registry import criteria
-from hpop.status import Status
+from hpop.status import Status, Watch
 from hpop.sweep import processes
 from hpop.verify import verify
 from hpop.world import World
@@ -318,7 +318,8 @@ def test_ctrl_c_keeps_what_is_finished(over):
 
 
 def test_time_that_runs_out_is_said(monkeypatch):
-    monkeypatch.setattr("hpop.planners.weighted_sum_corridor._Run.is_late", lambda run: len(run.found) == 1)
+    looks = iter([False, True])
+    monkeypatch.setattr(Watch, "is_late", lambda watch: next(looks))
     found = WeightedSumCorridor(step=STEP, time_limit=100.0).solve(OVER)
     assert found.status is Status.TIME_LIMIT
     assert {p["corridor"] for p in found.provenance} == {0}

@@ -11,7 +11,7 @@ from hpop.math import hypot
 from hpop.motions import Motions, States
 
 
-@criterion("length", group="C", unit="m", aggregate="sum", requires=("base",))
+@criterion("length", group="C", unit="m", aggregate="sum", requires=("base",), role="length")
 @dataclass(frozen=True)
 class Length:
     """D = ∫ sqrt(x'² + y'²) dt of the base.

@@ -13,7 +13,16 @@ from hpop.motions import Motions
 LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 
 
-@criterion("turns", group="C", unit="1", aggregate="sum", requires=("camera", "heading"), smooth=False, quantum=1.0)
+@criterion(
+    "turns",
+    group="C",
+    unit="1",
+    aggregate="sum",
+    requires=("camera", "heading"),
+    smooth=False,
+    quantum=1.0,
+    role="turns",
+)
 @dataclass(frozen=True)
 class Turns:
     """N, the number of turns of more than one degree, whatever their angle; those at start and goal count.

@@ -8,11 +8,10 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import CriterionError
 from hpop.history import History
 from hpop.options import MOST, set_reals
-
-LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading in place is no turn, as in `turns`
 
 
 @criterion(

@@ -9,7 +9,7 @@ from hpop.criteria.base import criterion
 from hpop.motions import Motions
 
 
-@criterion("duration", group="R", unit="s", aggregate="sum")
+@criterion("duration", group="R", unit="s", aggregate="sum", role="duration")
 @dataclass(frozen=True)
 class Duration:
     """T = ∫ dt under the law of the motions (on a graph, the planning law)."""

@@ -6,7 +6,7 @@ import shapely
 
 from hpop.criteria import make_criterion
 from hpop.models import DifferentialDrive
-from hpop.planners.trust import judge
+from hpop.planners.judgement import judge
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.world import World

@@ -1,0 +1,149 @@
+"""Judgement of what a continuous solver returns: re-evaluated, exact ends, free of collisions between all samples.
+
+A nonlinear program knows fields, samples and smoothed corners; what it calls feasible need not be. So every candidate
+is judged on its trajectory alone: by the criteria as fronts report them, and on the exact geometry.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.goals import GoalSet
+from hpop.motions import States
+from hpop.planners.base import Candidates
+from hpop.status import Status
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this, or by half a quantum
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What was found wrong with each candidate.
+
+    costs    (n, k) re-evaluated; NaN where the trajectory does not even lie on the map
+    reasons  n, "" for those to be trusted
+    """
+
+    costs: FloatArray
+    reasons: tuple[str, ...]
+
+    @property
+    def kept(self) -> IntArray:
+        """Places of the candidates to be trusted."""
+        return np.flatnonzero([not reason for reason in self.reasons])
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """How many were dropped, by reason."""
+        return dict(Counter(reason for reason in self.reasons if reason))
+
+    def notes(self, planner: str) -> tuple[str, ...]:
+        """One line that says how many were dropped and why; none if all are kept."""
+        if not self.dropped:
+            return ()
+        why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.dropped.items()))
+        return (f"{planner}: {len(self.reasons) - self.kept.size} of {len(self.reasons)} candidates dropped: {why}",)
+
+
+def judge(
+    problem: Problem,
+    objectives: Sequence[Criterion],
+    trajectories: Sequence[Trajectory],
+    *,
+    epsilon: FloatArray | None = None,
+    planned: FloatArray | None = None,
+    tolerance: FloatArray | None = None,
+) -> Judgement:
+    """Re-evaluate candidates and name what is wrong with each, the gravest first.
+
+    Collisions are looked for on the geometry that the model plans by, which is never too kind.
+
+    Parameters
+    ----------
+    epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE or half a quantum; inf bounds nothing
+    planned, tolerance : (n, k) costs as the planner added them up, and by how much they may be off
+    """
+    count = len(trajectories)
+    reasons = [_fault_of_ends(problem, trajectory) for trajectory in trajectories]
+    costs = np.full((count, len(objectives)), np.nan)
+    on_map = [i for i in range(count) if not reasons[i]]
+    costs[on_map] = trajectory_costs(objectives, [trajectories[i] for i in on_map], problem.world)
+    for i in on_map:
+        if not is_free(problem, trajectories[i]):
+            reasons[i] = "collides"
+        elif epsilon is not None and exceeds(costs[i], epsilon[i], objectives).any():
+            names = [
+                c.name for c, over in zip(objectives, exceeds(costs[i], epsilon[i], objectives), strict=True) if over
+            ]
+            reasons[i] = f"exceeds its bound in {', '.join(names)}"
+        elif planned is not None and tolerance is not None:
+            off = ~(np.abs(costs[i] - planned[i]) <= tolerance[i] + 1e-9 * np.abs(costs[i]))
+            if off.any():
+                names = [c.name for c, wrong in zip(objectives, off, strict=True) if wrong]
+                reasons[i] = f"was planned with too coarse a sum in {', '.join(names)}"
+    return Judgement(costs, tuple(reasons))
+
+
+def trusted(candidates: Candidates, problem: Problem, planner: str, *, epsilon: FloatArray | None = None) -> Candidates:
+    """Those candidates of a planner that are to be trusted; a note and the stats say what was dropped, and why.
+
+    Ctrl-C while they are judged is told by the status: what was found is worth the time. A second one is obeyed.
+
+    Parameters
+    ----------
+    epsilon : (n, k) bounds that the costs had to keep, as for :func:`judge`
+    """
+    asked = {"epsilon": epsilon, "planned": candidates.planned, "tolerance": candidates.tolerance}
+    try:
+        judged = judge(problem, candidates.objectives, candidates.trajectories, **asked)
+    except KeyboardInterrupt:
+        candidates = replace(candidates, status=Status.INTERRUPTED)
+        judged = judge(problem, candidates.objectives, candidates.trajectories, **asked)
+    return replace(
+        candidates.some(judged.kept),
+        notes=(*candidates.notes, *judged.notes(planner)),
+        stats={**candidates.stats, "dropped": judged.dropped},
+    )
+
+
+def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criterion]) -> BoolArray:
+    """Whether each cost (k,) is above its bound by more than the tolerance and half a quantum."""
+    quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
+    return np.asarray(costs > epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
+
+
+def is_free(problem: Problem, trajectory: Trajectory) -> bool:
+    """Whether a trajectory is free of collisions all along, on the exact geometry."""
+    collision = problem.model.collision(problem.world)
+    if not len(trajectory):
+        return bool(collision.states_free(trajectory.states).all())
+    return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(problem.world))
+
+
+def _fault_of_ends(problem: Problem, trajectory: Trajectory) -> str:
+    s, model = trajectory.states, problem.model
+    if not on_map(problem, s).all():
+        return "leaves the map"
+    for name, end, at in (("start", GoalSet((problem.start,)), [0]), ("goal", problem.target, [-1])):
+        if not end.reached(model, s.take(at)).all():
+            return f"misses the {name}"
+    return ""
+
+
+def on_map(problem: Problem, states: States) -> BoolArray:
+    """Whether the base (M,) is within the bounds of the world, if there is a base."""
+    if "base" not in problem.model.provides:
+        return np.ones(states.size, dtype=bool)
+    base, (x_min, y_min, x_max, y_max) = problem.model.pose("base", states), problem.world.bounds
+    return np.asarray((base.x >= x_min) & (base.x <= x_max) & (base.y >= y_min) & (base.y <= y_max))
