@@ -126,7 +126,7 @@ def test_with_criteria_that_have_memory_fewer_are_saved_first(problem: Problem, 
 
     patch.setattr(solving, "SOME", 10**9)
     patch.setattr(solving, "SOME_WITH_MEMORY", 4)
-    (whole,) = asked.fronts([Lattice(step=0.5)], progress=progress, stage=saved.append)
+    (whole,) = asked.fronts([Lattice(step=0.5, max_turns=1000)], progress=progress, stage=saved.append)
     assert [len(front) <= 4 < len(whole) for front in saved] == [True]
 
 

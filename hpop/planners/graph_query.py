@@ -26,6 +26,7 @@ from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
+    from hpop.trajectory import Trajectory
 
 MAX_COSTS = 6
 COARSE = 0.01
@@ -223,6 +224,10 @@ class GraphQuery:
         """
         objectives, space = self.objectives, self.space
         edges = paths.lengths
+
+        def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
+            return space.stretches(*paths.through(rows)).trajectories(space.model)
+
         # A sum is rounded once an edge, a worst edge once.
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
@@ -230,9 +235,7 @@ class GraphQuery:
         options = space.options
         return Candidates(
             objectives=objectives.optimised,
-            trajectories=Deferred(
-                len(paths), lambda rows: space.stretches(*paths.through(rows)).trajectories(space.model)
-            ),
+            trajectories=Deferred(len(paths), trajectories) if len(paths) else (),
             planned=paths.costs * self.quanta,
             tolerance=rounds * self.quanta,
             status=paths.status,
