@@ -78,6 +78,11 @@ class Trajectory:
         >>> Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
         ('move', 'turn', 'move', 'turn')
         """
+        if model.space.names != ("x", "y", "yaw"):
+            raise ModelError(
+                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; give states and "
+                "kinds to Trajectory itself"
+            )
         try:
             through = [(float(x), float(y), float(yaw)) for x, y, yaw in poses]
         except (TypeError, ValueError):

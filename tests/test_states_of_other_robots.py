@@ -13,7 +13,7 @@ import shapely
 
 import hpop
 from hpop import registry
-from hpop.errors import QueryError, ScenarioError
+from hpop.errors import ModelError, QueryError, ScenarioError
 from hpop.motions import States, StateSpace
 from hpop.planners.base import Candidates
 from hpop.problem import Problem
@@ -86,6 +86,11 @@ def test_what_ends_with_another_pan_is_told() -> None:
     assert verify(asked, front_of(asked, straight(0.5))) == []
     faults = verify(asked, front_of(asked, straight(0.6)))
     assert faults == ["trajectory 0 does not begin at the start", "trajectory 0 does not end with the goal's pan"]
+
+
+def test_poses_in_the_plane_are_no_trajectory_of_it() -> None:
+    with pytest.raises(ModelError, match=r"which are \(x m, y m, yaw rad, pan rad\); give states and kinds"):
+        hpop.Trajectory.from_poses(ROBOT, [(1, 1, 0), (5, 1, 0)])
 
 
 def test_a_pan_that_is_free_may_be_any_but_a_stop_is_no_whole_turn() -> None:
