@@ -12,6 +12,7 @@ import shapely
 import hpop
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
+from hpop.planners import Lattice, lattice_stages
 from hpop.problem import Problem
 from hpop.verify import verify
 
@@ -89,3 +90,15 @@ def test_a_planner_that_takes_one_goal_says_who_takes_a_set(planner: str) -> Non
         problem(ON, ["length"]).solve(["lattice", planner])
     assert str(error.value).startswith(f"{planner} takes one goal, got a set of 3; planners that take a set are ")
     assert "any-angle, lattice, roadmap, weighted-sum" in str(error.value)
+
+
+def test_stages_on_a_part_of_the_lattice_end_at_a_member_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lattice_stages, "MOST", 20)
+    monkeypatch.setattr(lattice_stages, "_share", lambda purse, seconds: purse.left())  # no stage ends by the clock
+    monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+    asked = problem(OFF)
+    *before, last = Lattice(step=0.25).stages(asked)
+    assert before
+    for candidates in before:
+        assert verify(asked, asked.front(candidates)) == []
+    assert np.array_equal(asked.front(last).costs, asked.front(Lattice(step=0.25).solve(asked)).costs)
