@@ -61,14 +61,13 @@ def _continues(law: Law, states: States, begin: int, i: int) -> bool:
 def _passed(states: States, ends: list[int], done: Trajectory) -> FloatArray:
     """When each planned state is passed: between the ends of a run, as soon as it has come so far."""
     passed = np.zeros(states.size)
-    for motion, (first, last) in enumerate(pairwise(ends)):
-        begin, end = done.times[motion], done.times[motion + 1]
-        inside = np.arange(first + 1, last)
-        if inside.size:
-            moments = np.linspace(begin, end, RUN_SAMPLES)
-            run = done.at(moments)
-            covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
-            gone = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
-            passed[inside] = np.interp(gone, covered, moments)
-        passed[last] = end
+    passed[ends] = done.times
+    longer = [(motion, *span) for motion, span in enumerate(pairwise(ends)) if span[1] - span[0] > 1]
+    moments = [np.linspace(done.times[motion], done.times[motion + 1], RUN_SAMPLES) for motion, _, _ in longer]
+    runs = done.at(np.concatenate([*moments, []]))
+    for i, (_, first, last) in enumerate(longer):
+        run, inside = runs.take(slice(i * RUN_SAMPLES, (i + 1) * RUN_SAMPLES)), np.arange(first + 1, last)
+        covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
+        gone = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
+        passed[inside] = np.interp(gone, covered, moments[i])
     return passed
