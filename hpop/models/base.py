@@ -70,8 +70,8 @@ class PlanarModel(Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """A base in the plane; "turn-move" and "rigid" where the laws and the states say so."""
-        found = {"base", "plane"}
+        """Its bodies, in the plane; "turn-move" and "rigid" where the laws and the states say so."""
+        found = {"plane", *self.mounts}
         if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):
             found.add("turn-move")
         if set(self.space.names) == {"x", "y", "yaw"}:

@@ -98,8 +98,8 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for: also a camera, a heading, and wheels ``wheel_base`` apart."""
-        return super().provides | {"camera", "heading", "wheels"}
+        """What criteria and planners can ask for: also a heading, and wheels ``wheel_base`` apart."""
+        return super().provides | {"heading", "wheels"}
 
     @cached_property
     def space(self) -> StateSpace:
