@@ -79,7 +79,7 @@ class GoalSet:
 GoalSpec = StateSpec | Sequence[StateSpec] | Goal
 
 
-def goal_of(given: Any, space: StateSpace) -> Values | Goal:
+def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     """A goal, checked: the values of a state, where one is given, a set of several, or a goal of another kind.
 
     Raises QueryError for what is no state of the space.

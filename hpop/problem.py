@@ -13,7 +13,7 @@ from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, mak
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
-from hpop.goals import Goal, GoalSet, GoalSpec, goal_of
+from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
 from hpop.motions import Model, missing
 from hpop.motions.space import StateSpec, Values
 from hpop.options import MOST, real
@@ -86,7 +86,7 @@ class Problem:
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(model.space.state(start, what="start")))
-        object.__setattr__(self, "goal", goal_of(goal, model.space))
+        object.__setattr__(self, "goal", checked_goal(goal, model.space))
         object.__setattr__(self, "criteria", made)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
 

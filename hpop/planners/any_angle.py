@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.goals import goal_of
+from hpop.goals import checked_goal
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner
@@ -151,7 +151,7 @@ def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Proble
                 goals[i] = (goal_x, goal_y, float(states.yaw[-1]))
                 break
     return replace(
-        problem, start=(x, y, float(trajectories[0].states.yaw[0])), goal=goal_of(goals, problem.model.space)
+        problem, start=(x, y, float(trajectories[0].states.yaw[0])), goal=checked_goal(goals, problem.model.space)
     )
 
 

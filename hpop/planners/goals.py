@@ -28,7 +28,7 @@ def goals_of(problem: Problem) -> tuple[End, ...]:
     return tuple(_in_plane(problem, goal) for goal in problem.goals)
 
 
-def goal_of(problem: Problem, what: str) -> End:
+def one_goal(problem: Problem, what: str) -> End:
     """Where it ends; QueryError, which names the planners that can, where ``what`` is given a set of states."""
     goals = goals_of(problem)
     if len(goals) > 1:
@@ -41,7 +41,7 @@ def goal_of(problem: Problem, what: str) -> End:
 def check_goal(problem: Problem, planner: Planner) -> None:
     """Raise QueryError where the problem's goal is a set of states and the planner takes one."""
     if isinstance(problem.goal, GoalSet) and not takes_sets(planner):
-        goal_of(problem, planner.name)
+        one_goal(problem, planner.name)
 
 
 def takes_sets(planner: object) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from hpop.arrays import BoolArray, FloatArray
-from hpop.planners.goals import goal_of, start_of
+from hpop.planners.goals import one_goal, start_of
 from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def least_length(problem: Problem) -> float:
     Wesley 1979, doi 10.1145/359156.359164). The arcs of that space are replaced by their chords, which makes it larger,
     so what is found is a bound. Parts that are no discs on the axis are left out, which makes it a lower one.
     """
-    start, goal = np.array(start_of(problem)[:2]), np.array(goal_of(problem, "a bound of the length")[:2])
+    start, goal = np.array(start_of(problem)[:2]), np.array(one_goal(problem, "a bound of the length")[:2])
     bounds = [math.dist(start, goal)]
     for part in in_plane(problem.model).parts:
         if part.on_axis:

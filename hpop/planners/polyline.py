@@ -19,7 +19,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.interrupts import interrupts_held
-from hpop.planners.goals import goal_of
+from hpop.planners.goals import one_goal
 from hpop.planners.hinges import unhinged
 from hpop.planners.nlp import SparseWorld, moments, reaches, vector
 from hpop.planners.polyline_motions import Pieces, sparse
@@ -99,7 +99,7 @@ class PolylineProgram:
 
     @cached_property
     def _along_last(self) -> bool:
-        return not self.structure.last_turn and goal_of(self.problem, "a polyline")[2] is not None
+        return not self.structure.last_turn and one_goal(self.problem, "a polyline")[2] is not None
 
     @property
     def freedom(self) -> int:

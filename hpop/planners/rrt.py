@@ -15,7 +15,7 @@ from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
-from hpop.planners.goals import goal_of, start_of
+from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import on_wheels
 from hpop.planners.roadmap import checked_ends
@@ -101,7 +101,7 @@ class RRT:
                 "them."
             )
         checked_ends(problem)
-        model, start, goal = on_wheels(problem.model), start_of(problem), goal_of(problem, "rrt")
+        model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")
         collision = model.collision(problem.world)
         for what, (x, y, _) in (("start", start), ("goal", goal)):
             if not collision.clear(np.array([x]), np.array([y]))[0]:

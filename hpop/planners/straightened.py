@@ -10,7 +10,7 @@ import shapely
 
 from hpop.arrays import FloatArray
 from hpop.models.laws import Move
-from hpop.planners.goals import goal_of, start_of
+from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import is_free
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import Trajectory
@@ -28,7 +28,7 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
     The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
     in place there, does not collide. A curve with no such polyline is left out.
     """
-    straight, yaw = list[Trajectory](), goal_of(problem, "a polyline")[2]
+    straight, yaw = list[Trajectory](), one_goal(problem, "a polyline")[2]
     curves, deviations = 0, list[float]()
     for trajectory in trajectories:
         if set(trajectory.kinds) <= {"move", "turn"}:

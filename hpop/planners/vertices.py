@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.planners.goals import goal_of, start_of
+from hpop.planners.goals import one_goal, start_of
 from hpop.trajectory import STRAIGHT, Trajectory
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Polyline:
             rows.append((s.x[i + 1], s.y[i + 1]))
             heading = ahead
         vertices = np.array(rows, float)
-        start, goal = start_of(problem), goal_of(problem, "a polyline")
+        start, goal = start_of(problem), one_goal(problem, "a polyline")
         vertices[0], vertices[-1] = start[:2], goal[:2]
         return cls(vertices, start[2], goal[2])
 
