@@ -271,7 +271,7 @@ def test_an_interruption_is_told_though_the_lattice_ran_out_of_time(monkeypatch)
         return judge(*arguments, **options)
 
     assert AnyAngle(step=STEP).solve(asked).status is Status.TIME_LIMIT
-    monkeypatch.setattr("hpop.planners.roadmap.judge", interrupted_once)
+    monkeypatch.setattr("hpop.planners.judgement.judge", interrupted_once)
     assert AnyAngle(step=STEP).solve(asked).status is Status.INTERRUPTED
 
 
