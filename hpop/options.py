@@ -7,12 +7,15 @@ zero, or goes on for ever.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from math import nan
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 from hpop.errors import HpopError, OptionError
 from hpop.text import shown
+
+T = TypeVar("T")
 
 LEAST = 1e-6
 """Least length, time, speed, ..., SI units: costs are counted in quanta of that, so nothing smaller is told apart."""
@@ -66,9 +69,12 @@ def whole(
     most: int = MOST_COUNTED,
     kind: str = "a whole number",
     *,
+    hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> int:
     """A whole number within bounds, or an error that says what was expected.
+
+    ``hint``: what else to do.
 
     >>> whole("samples", 2**63, 1, 1000)
     Traceback (most recent call last):
@@ -76,8 +82,35 @@ def whole(
     """
     number: Any = value if isinstance(value, Integral) and not isinstance(value, bool) else nan
     if not least <= number <= most:
-        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}")
+        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{f'; {hint}' * bool(hint)}")
     return int(number)
+
+
+def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError] = OptionError) -> T:
+    """One of some words or whole numbers, or an error that lists them.
+
+    >>> one_of("headings", 5, (4, 8, 16))
+    Traceback (most recent call last):
+    hpop.errors.OptionError: headings must be one of 4, 8, 16, got 5
+    """
+    known = tuple(choices)
+    for choice in known:
+        if isinstance(value, str | Integral) and not isinstance(value, bool) and value == choice:
+            return choice
+    raise error(f"{name} must be one of {', '.join(map(str, known))}, got {shown(value)}")
+
+
+def amounts(name: str, given: Any, most: float, what: str = "amounts") -> None:
+    """Check numbers from 0 on by the names of costs; what these are is asked when there is a problem.
+
+    >>> amounts("tolerance", 0.1, MOST)
+    Traceback (most recent call last):
+    hpop.errors.OptionError: tolerance gives amounts by the name of a cost, such as {'length': 0.1}, got 0.1
+    """
+    if not isinstance(given, Mapping):
+        raise OptionError(f"{name} gives {what} by the name of a cost, such as {{'length': 0.1}}, got {shown(given)}")
+    for cost, amount in given.items():
+        real(f"{name} of {cost}", amount, 0, most)
 
 
 def set_reals(
@@ -94,10 +127,13 @@ def set_wholes(
     least: int,
     most: int = MOST_COUNTED,
     kind: str = "a whole number",
+    optional: bool = False,
     error: type[HpopError] = OptionError,
 ) -> None:
-    """Check attributes of a frozen dataclass, each as :func:`whole` does."""
+    """Check attributes of a frozen dataclass, each as :func:`whole` does; ``optional`` ones may be None."""
     for name in names:
+        if optional and getattr(owner, name) is None:
+            continue
         object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most, kind, error=error))
 
 

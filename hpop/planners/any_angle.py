@@ -67,8 +67,7 @@ class AnyAngle:
 
     def __post_init__(self) -> None:
         self._lattice()
-        if self.max_positions is not None:
-            set_wholes(self, "max_positions", least=0)
+        set_wholes(self, "max_positions", least=0, optional=True)
 
     def budget(self) -> Budget:
         """The limits of each of the two searches; the first has reading the map with it."""

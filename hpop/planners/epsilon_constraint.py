@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from hpop.errors import HpopWarning, OptionError
-from hpop.options import MOST_COUNTED, real, set_wholes
+from hpop.errors import HpopWarning
+from hpop.options import MOST_COUNTED, amounts, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.epsilon_grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.epsilon_job import PolylineJob, Task
@@ -22,7 +22,6 @@ from hpop.planners.outcome import Outcome, Tally
 from hpop.planners.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -82,16 +81,9 @@ class EpsilonConstraint:
     def __post_init__(self) -> None:
         set_wholes(self, "divisions", least=0, most=MOST_DIVISIONS)
         set_wholes(self, "rounds", least=1, most=MOST_DIVISIONS)
-        if self.max_points is not None:
-            set_wholes(self, "max_points", least=1)
+        set_wholes(self, "max_points", least=1, optional=True)
         if self.epsilon is not None:
-            if not isinstance(self.epsilon, Mapping):
-                raise OptionError(
-                    "epsilon gives bounds by the name of a cost, such as {'length': 30}, none of them below 0, got "
-                    f"{shown(self.epsilon)}"
-                )
-            for name, bound in self.epsilon.items():
-                real(f"epsilon, the bound on {name},", bound, 0, MOST_COUNTED)
+            amounts("epsilon", self.epsilon, MOST_COUNTED, "bounds")
         Budget(self.time_limit)
         check_warm_start(self)
 

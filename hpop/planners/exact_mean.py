@@ -17,13 +17,13 @@ import numpy as np
 from hpop.criteria import Duration
 from hpop.criteria.base import Criterion, Role, place_of
 from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.options import real
 from hpop.planners.base import Candidates, Objectives, edge_objectives, integral_of
 from hpop.planners.graph_query import MAX_COSTS, GraphQuery
 from hpop.planners.purse import Exhausted, Purse
 from hpop.planners.search import Graph, capped_mean_paths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
 from hpop.status import ProgressCallback, Status
-from hpop.text import shown
 
 DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000
@@ -51,19 +51,16 @@ class Detour:
         """
         spec: Mapping[Any, Any] = max_detour if isinstance(max_detour, Mapping) else {"duration": max_detour}
         cost, factor = next(iter(spec.items()), ("", 0))
-        number = isinstance(factor, int | float | np.number) and not isinstance(factor, bool)
-        if not (len(spec) == 1 and cost in CAPPED and number and 1 <= factor <= LARGEST_DETOUR):
-            raise OptionError(
-                f"max_detour must be a number from 1 to {LARGEST_DETOUR}, the longest duration over the least of any "
-                f"path, or {{'length': number}}, the same of the length, got {shown(max_detour)}; take one such as "
-                "1.3, or leave it out: then the mean's integral is minimised"
-            )
+        kind = "the longest duration over the least of any path, or {'length': the same of the length},"
+        hint = "take one such as 1.3, or leave it out: then the mean's integral is minimised"
+        known = len(spec) == 1 and cost in CAPPED
+        real("max_detour", factor if known else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
         if cost == "length" and max_turns is None:
             raise OptionError(
                 "max_detour caps the length, but turning in place has none: a path could turn for ever where the mean "
                 "is low. Give max_turns as well, such as max_turns=8, or cap the duration, such as max_detour=1.3"
             )
-        return cls(cost, float(factor))
+        return cls(cast(Role, cost), float(factor))
 
     @property
     def option(self) -> DetourSpec:

@@ -59,7 +59,7 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
                 f"tolerance names {name!r}, but the costs that are searched for are {', '.join(names)}."
                 + did_you_mean(name, names)
             )
-        real(f"the tolerance in {name}", value, 0, MOST)
+        real(f"tolerance of {name}", value, 0, MOST)
     slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
     return np.array([min(math.floor(value + 1e-9), MOST_COUNTED) for value in slack], dtype=np.int64)
 

@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.errors import OptionError
-from hpop.text import shown
+from hpop.options import one_of
 
 # One step along each heading, in cells (columns, rows), counter-clockwise from +x.
 STEPS_8 = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -34,8 +33,7 @@ class Headings:
     count: int
 
     def __post_init__(self) -> None:
-        if isinstance(self.count, bool) or not isinstance(self.count, int | np.integer) or self.count not in STEPS:
-            raise OptionError(f"headings must be one of {sorted(STEPS)}, got {shown(self.count)}")
+        one_of("headings", self.count, STEPS)
 
     @property
     def steps(self) -> tuple[tuple[int, int], ...]:

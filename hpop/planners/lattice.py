@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hpop.errors import OptionError
-from hpop.options import LEAST, MOST, real, set_reals, set_wholes
+from hpop.options import LEAST, MOST, amounts, set_reals, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.goals import start_of
@@ -23,7 +23,6 @@ from hpop.planners.purse import Exhausted, Purse, stopped
 from hpop.planners.search.approximation import Precision
 from hpop.planners.search.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -94,15 +93,8 @@ class Lattice:
             Detour.of(self.max_detour, self.max_turns)
         Precision(self.eps)
         if self.tolerance is not None:
-            if not isinstance(self.tolerance, Mapping):
-                raise OptionError(
-                    "tolerance gives amounts by the name of a cost, such as {'length': 0.1}, got "
-                    f"{shown(self.tolerance)}"
-                )
-            for name, amount in self.tolerance.items():
-                real(f"the tolerance in {name}", amount, 0, MOST)
-        if self.max_turns is not None:
-            set_wholes(self, "max_turns", least=0)
+            amounts("tolerance", self.tolerance, MOST)
+        set_wholes(self, "max_turns", least=0, optional=True)
         if self.max_detour is not None and (self.eps or self.tolerance):
             raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
         if self.checkpoint is not None:

@@ -74,8 +74,7 @@ class Roadmap:
     def __post_init__(self) -> None:
         set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
         set_wholes(self, "seed", least=0, most=MOST_SEED)
-        if self.neighbours is not None:
-            set_wholes(self, "neighbours", least=1)
+        set_wholes(self, "neighbours", least=1, optional=True)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
         self.budget()

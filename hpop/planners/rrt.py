@@ -12,8 +12,8 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
-from hpop.errors import OptionError, QueryError
-from hpop.options import MOST_SEED, set_wholes
+from hpop.errors import QueryError
+from hpop.options import MOST_SEED, one_of, set_wholes
 from hpop.planners.base import Candidates, Objectives, edge_objectives, planner
 from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import trusted
@@ -23,7 +23,6 @@ from hpop.planners.rrt_query import Query
 from hpop.planners.rrt_run import Run, load_ompl, run
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -65,8 +64,7 @@ class RRT:
         set_wholes(self, "runs", least=1, most=MOST_RUNS)
         set_wholes(self, "seed", least=0, most=MOST_SEED)
         set_wholes(self, "max_extensions", least=1)
-        if not isinstance(self.keep, str) or self.keep not in get_args(Keep):
-            raise OptionError(f"keep of rrt is 'selected' or 'all', got {shown(self.keep)}")
+        one_of("keep", self.keep, get_args(Keep))
         Budget(self.time_limit)
 
     def solve(

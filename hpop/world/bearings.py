@@ -15,9 +15,8 @@ import shapely
 from shapely.geometry import MultiPolygon
 
 from hpop.arrays import BoolArray, Column, FloatArray
-from hpop.errors import OptionError
 from hpop.math import is_symbolic
-from hpop.text import shown
+from hpop.options import MOST, real, whole
 from hpop.world import limits
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
@@ -184,10 +183,8 @@ def as_seen(world: World, heights: Heights) -> World:
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
     """Return the distances along ``count`` bearings at height z, m; computed once a ground and height."""
-    if not (math.isfinite(z) and count >= 4):
-        raise OptionError(
-            f"bearings need a finite height and at least 4 directions; got z={shown(z)}, count={shown(count)}."
-        )
+    real("the height of bearings", z, -MOST, MOST, "a length in m")
+    whole("the number of bearings", count, 4)
 
     ground = world.ground
 

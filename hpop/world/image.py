@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hpop.errors import MapError
-from hpop.text import shown
+from hpop.options import real
 from hpop.world.files import file_source, read_bytes
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
@@ -47,8 +47,7 @@ def read(
     MapError
         If the image is missing, broken or too large, or an option makes no sense.
     """
-    if not (isinstance(threshold, int | float) and 0 <= threshold <= 1):
-        raise MapError(f"threshold must be a brightness from 0 to 1; got {shown(threshold)}.")
+    real("threshold", threshold, 0, 1, "a brightness", error=MapError)
     resolution = check_positive("resolution", resolution)
     origin = check_pose(origin)
     heights = WHOLE if height is None else check_heights(height)

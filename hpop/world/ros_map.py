@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
+from hpop.options import real
 from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_text, read_yaml
 from hpop.world.ground import WHOLE, Ground, Heights
@@ -99,7 +100,9 @@ def load(path: str | Path) -> OccupancyMap:
         origin = check_pose(data["origin"])
     except MapError as error:
         raise MapError(f"{path}: {error}") from None
-    occupied_thresh, free_thresh = (_threshold(path, data, key) for key in ("occupied_thresh", "free_thresh"))
+    occupied_thresh, free_thresh = (
+        float(real(f"{path}: {key}", data[key], 0, 1, error=MapError)) for key in ("occupied_thresh", "free_thresh")
+    )
     if free_thresh > occupied_thresh:
         raise MapError(f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}.")
     negate = data["negate"]
@@ -181,11 +184,3 @@ def _mapping(text: str, path: str | Path) -> dict[str, Any]:
 
 def _nested(value: Any) -> bool:
     return isinstance(value, dict | list | set)
-
-
-def _threshold(path: str | Path, data: dict[str, Any], key: str) -> float:
-    value = data[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-        hint = " YAML 1.1 reads 1e-3 as text: write 0.001." if isinstance(value, str) else ""
-        raise MapError(f"{path}: {key} must be a number from 0 to 1; got {shown(value)}.{hint}")
-    return float(value)

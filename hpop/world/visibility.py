@@ -25,7 +25,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import Column, FloatArray, IntArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic, smooth_abs, smooth_step
-from hpop.text import shown
+from hpop.options import LEAST, MOST, real
 from hpop.world import limits
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
@@ -158,8 +158,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     R is the distance to the first obstacle that reaches the camera's height, along 360 rays; 0 within obstacles. One
     ray more or less at the edge of a gap changes the share by at most 1/360.
     """
-    if not (math.isfinite(radius) and radius > 0):
-        raise OptionError(f"the radius of an isovist must be a finite length above 0 m; got {shown(radius)}.")
+    real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
     ground = world.ground
     key = ("openness", ground.layer((camera_z, camera_z)), float(radius))
     return ground.derived(key, lambda: _sample_openness(ground, float(camera_z), float(radius)))

@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
+from hpop.options import LEAST, MOST, real
 from hpop.text import shown
 from hpop.world.cache import Cache
 from hpop.world.content import Content, Landmark, Person, Zone
@@ -343,10 +344,8 @@ class World:
         radius the field is within .003 of phi beside straight walls, and within .005 among cells no larger
         than the radius; see `Field` for the general statement.
         """
-        if not (math.isfinite(radius) and radius > 0):
-            raise OptionError(f"radius must be a finite length above 0 m; got {shown(radius)}.")
-        if not math.isfinite(z):
-            raise OptionError(f"a camera height must be finite; got {shown(z)}.")
+        real("radius", radius, LEAST, MOST, "a length in m")
+        real("the height of a camera", z, -MOST, MOST, "a length in m")
         return self.ground.obstruction_field(radius, z)
 
     # Saving

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import re
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -312,9 +311,7 @@ LENGTHS = [{"length": 0.99}, {"length": "1.3"}, {"length": True}, {"width": 1.3}
 
 @pytest.mark.parametrize("detour", [0.99, 0, -1.0, float("nan"), float("inf"), 1e9, "1.3", True, *LENGTHS])
 def test_a_detour_that_makes_no_sense_is_refused(detour):
-    with pytest.raises(
-        OptionError, match=rf"max_detour must be a number from 1 to .*got {re.escape(repr(detour))}; take"
-    ):
+    with pytest.raises(OptionError, match=r"max_detour must be the longest duration .* from 1 to 1,000, got .*; take"):
         Lattice(max_detour=detour, max_turns=5)
 
 

@@ -303,7 +303,7 @@ def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
         ({"seed": -1}, "seed"),
         ({"seed": True}, "seed"),
         ({"max_extensions": 0}, "max_extensions"),
-        ({"keep": "best"}, "'selected' or 'all', got 'best'"),
+        ({"keep": "best"}, "keep must be one of selected, all, got 'best'"),
         ({"time_limit": 0}, "time_limit"),
     ],
 )

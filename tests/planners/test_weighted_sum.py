@@ -138,8 +138,8 @@ def test_a_start_in_collision_is_refused() -> None:
         ({"divisions": 3, "weights": [[1, 1]]}, "not both"),
         ({"weights": []}, "list of lists"),
         ({"weights": 3}, "list of lists"),
-        ({"weights": [[0, 0]]}, "not all zero"),
-        ({"weights": [[-1, 2]]}, "not negative"),
+        ({"weights": [[0, 0]]}, "weights are all zero"),
+        ({"weights": [[-1, 2]]}, "a weight must be a number of at least 0, got -1"),
         ({"time_limit": 0}, "time_limit"),
     ],
 )

@@ -172,7 +172,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"occupied_thresh": 1.5}, "occupied_thresh must be a number from 0 to 1"),
         ({"free_thresh": -0.1}, "free_thresh must be a number from 0 to 1"),
         ({"free_thresh": ".nan"}, "free_thresh"),
-        ({"free_thresh": "1e-3"}, "YAML 1.1"),
+        ({"free_thresh": "1e-3"}, "YAML reads 1e-3 as text"),
         ({"free_thresh": 0.8}, "must not exceed"),
         ({"negate": 2}, "negate must be"),
         ({"negate": "maybe"}, "negate must be"),

@@ -13,7 +13,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
-from hpop.text import shown
+from hpop.options import one_of
 from hpop.world.content import Person
 from hpop.world.proxemics import in_frame, over
 
@@ -42,10 +42,7 @@ class PersonalSpace:
     people: Combination = "sum"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.people, str) or self.people not in get_args(Combination):
-            raise CriterionError(
-                f"'people' must be one of {', '.join(get_args(Combination))}, got {shown(self.people)}"
-            )
+        one_of("people", self.people, get_args(Combination), error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the intrusion, s."""

@@ -14,11 +14,11 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
+from hpop.options import whole
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.mean_limits import MAX_PRODUCT, Limits
 from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, _node, _targets, pareto_paths
 from hpop.status import Budget, ProgressCallback, Status
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.planners.search.checkpoint import CheckpointSpec, Keeper
@@ -220,8 +220,7 @@ def _without(graph: Graph, column: int) -> Graph:
 def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
     """The duration, the integral, then the other costs."""
     for name, column in (("integral", integral), ("duration", duration)):
-        if isinstance(column, bool) or not isinstance(column, int | np.integer) or not 0 <= column < graph.criteria:
-            raise OptionError(f"{name} must be a column from 0 to {graph.criteria - 1}, got {shown(column)}")
+        whole(name, column, 0, graph.criteria - 1, "a column")
         if graph.aggregates[column] != "sum":
             raise GraphError(f"a mean is the ratio of two sums, but {name}, cost {column}, is a 'max'")
     if integral == duration:

@@ -20,10 +20,12 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
+from hpop.options import whole
 from hpop.planners.search.approximation import ANYTHING
 from hpop.planners.search.graph import MAX_SUM, Graph
 from hpop.text import shown
 
+MOST_BOUND = 2**63 - 1
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
 MARGIN = 1e-12  # by which rates are larger than their floats: far more than sums of their products are rounded by
 TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the integral, then the other costs
@@ -49,16 +51,15 @@ class Limits:
         Raises OptionError for what is no limit, GraphError where no limit makes the duration finite, or where sums or
         means could overflow.
         """
-        if not (cap is None or _is_count(cap)):
-            raise OptionError(f"cap must be a whole number >= 0 of the duration's quanta, got {shown(cap)}")
-        bounds = list(at_most) or [None] * graph.criteria
-        fit = len(bounds) == graph.criteria and all(b is None or _is_count(b) for b in bounds)
-        if not fit or any(bounds[j] is not None for j in columns[:OTHERS]):
+        if cap is not None:
+            whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")
+        bounds = [None if b is None else whole("at_most", b, 0, MOST_BOUND) for b in at_most] or [None] * graph.criteria
+        if len(bounds) != graph.criteria or any(bounds[j] is not None for j in columns[:OTHERS]):
             raise OptionError(
-                f"at_most is a whole number >= 0 or None for each of {graph.criteria} costs, None for the integral and "
-                f"the duration, which cap bounds; got {shown(at_most)}"
+                f"at_most is a whole number or None for each of {graph.criteria} costs, None for the integral and the "
+                f"duration, which cap bounds; got {shown(at_most)}"
             )
-        most = np.array([ANYTHING if bounds[j] is None else min(bounds[j], ANYTHING) for j in columns], np.int64)
+        most = np.array([ANYTHING if b is None else min(b, ANYTHING) for b in (bounds[j] for j in columns)], np.int64)
         rates = np.zeros(len(columns))
         if cap is None:
             rates[:] = _rates(graph, columns, most)
@@ -74,10 +75,6 @@ class Limits:
     def cap(self) -> int:
         """What no walk's duration exceeds."""
         return int(self.most[TIME])
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool) and int(value) >= 0
 
 
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:

@@ -343,11 +343,8 @@ def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int
 
 
 def _node(graph: Graph, node: Any, name: str) -> int:
-    if isinstance(node, bool | np.bool_) or not isinstance(node, int | np.integer):
-        raise QueryError(f"{name} must be the number of a node, got {shown(node)}; graph.node(label) gives it")
-    if not 0 <= node < graph.nodes:
-        raise QueryError(f"{name} must be a node from 0 to {graph.nodes - 1}, got {node}")
-    return int(node)
+    hint = "graph.node(label) gives the number of a node"
+    return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
 
 
 def _targets(graph: Graph, target: Any) -> IntArray:

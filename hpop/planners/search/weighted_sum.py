@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
-from hpop.options import whole
+from hpop.options import real, whole
 from hpop.planners.search.graph import Graph
 from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, SearchStats, _node, _targets
 from hpop.planners.search.weight_cone import Vector, WeightCone
@@ -141,13 +142,13 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     (2, 5, 0)
     """
     try:
-        values = [float(w) for w in weights]
-    except (TypeError, ValueError, OverflowError):
+        values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
+    except TypeError:
         raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
     if k is not None and len(values) != k:
         raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
-    if not all(math.isfinite(w) and w >= 0 for w in values) or not any(values):
-        raise OptionError(f"weights must be finite, not negative and not all zero, got {values}")
+    if not any(values):
+        raise OptionError("weights are all zero: one of them must be above")
     fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
     return _smallest([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
 

@@ -290,7 +290,7 @@ def test_what_could_overflow_is_refused_by_name():
     with pytest.raises(GraphError, match=r"means could overflow.*coarser quantum of cost 1 or 0, or smaller limits"):
         search(graph, 0, {1}, 10**10)
     with pytest.raises(GraphError, match="means could overflow"):
-        search(graph, 0, {1}, 10**400)
+        search(graph, 0, {1}, 10**18)
     graph = Graph.from_arcs(2, [0, 0], [1, 0], [[1, 1, 10**15], [1, 1, 10**15]])
     with pytest.raises(GraphError, match="cost 2 could overflow: a walk under the cap may cost up to 1001"):
         search(graph, 0, {1}, 1000)
@@ -312,7 +312,7 @@ def test_the_largest_products_that_are_let_through_are_right():
         ({"integral": 2}, "integral must be a column from 0 to 1, got 2"),
         ({"duration": True}, "duration must be a column from 0 to 1, got True"),
         ({"duration": 0}, "two columns, got 0 for both"),
-        ({"cap": -1}, "cap must be a whole number >= 0 of the duration's quanta, got -1"),
+        ({"cap": -1}, "cap must be a whole number of the duration's quanta, of at least 0, got -1"),
         ({"cap": 1.5}, "cap must be a whole number"),
     ],
 )

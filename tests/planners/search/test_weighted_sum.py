@@ -192,12 +192,12 @@ def test_a_worst_arc_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"weights": [[0, 0]]}, "not all zero"),
-        ({"weights": [[1, -1]]}, "not negative"),
-        ({"weights": [[1, math.nan]]}, "finite"),
+        ({"weights": [[0, 0]]}, "weights are all zero"),
+        ({"weights": [[1, -1]]}, "a weight must be a number of at least 0, got -1"),
+        ({"weights": [[1, math.nan]]}, "a weight must be a number of at least 0, got nan"),
         ({"weights": [[1, 2, 3]]}, "2 costs to be weighted, got 3"),
         ({"weights": [7]}, "lists of numbers"),
-        ({"weights": [["a", "b"]]}, "lists of numbers"),
+        ({"weights": [["a", "b"]]}, "a weight must be a number"),
         ({"divisions": 0}, "whole number"),
         ({"divisions": 2.5}, "whole number"),
         ({"divisions": True}, "whole number"),
