@@ -14,10 +14,10 @@ def within(eps: float, tolerance: Mapping[str, float]) -> str:
     return " and ".join([f"a factor {1 + eps:g}"] * bool(eps) + _amounts(tolerance))
 
 
-def missing(gap: float, tolerance: Mapping[str, float]) -> str:
+def how_far(gap: float, tolerance: Mapping[str, float]) -> str:
     """In words, how much better than the points at hand a missing one may be.
 
-    >>> missing(0.1, {"turns": 2.0})
+    >>> how_far(0.1, {"turns": 2.0})
     '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
     """
     if not math.isfinite(gap):

@@ -10,7 +10,7 @@ import shapely
 from hpop.arrays import FloatArray
 from hpop.math import wrap
 from hpop.planners.driven_program import DrivenProgram
-from hpop.planners.driven_structure import Guess, Structure
+from hpop.planners.driven_structure import Guess, Phases
 from hpop.planners.vertices import Polyline
 from hpop.trajectory import STRAIGHT
 
@@ -33,10 +33,10 @@ def rotations(polyline: Polyline) -> FloatArray:
     return np.asarray(wrap(np.diff([polyline.start_yaw, *headings, last])), dtype=np.float64)
 
 
-def structure_of(polyline: Polyline, intervals: int) -> Structure:
+def structure_of(polyline: Polyline, intervals: int) -> Phases:
     """The turns of a polyline, in place at both ends too, and straight driving between them."""
     turns = np.abs(rotations(polyline)) > STRAIGHT
-    return Structure(int(turns.sum()), not turns[0], not turns[-1], intervals)
+    return Phases(int(turns.sum()), not turns[0], not turns[-1], intervals)
 
 
 def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
@@ -61,7 +61,7 @@ def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
     return np.array(places), np.array(angles)
 
 
-def first_guess(polyline: Polyline, structure: Structure, model: DifferentialDrive) -> Guess:
+def first_guess(polyline: Polyline, structure: Phases, model: DifferentialDrive) -> Guess:
     """Places, headings and speeds along a polyline whose corners are cut by parabolas."""
     places, angles = legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []

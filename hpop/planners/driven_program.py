@@ -25,11 +25,11 @@ from hpop.interrupts import interrupts_held
 from hpop.models.differential_drive.driven import Drive
 from hpop.motions import States
 from hpop.planners.driven_interval import NODES, Interval
-from hpop.planners.driven_structure import Guess, Structure
+from hpop.planners.driven_structure import Guess, Phases
 from hpop.planners.needs import on_wheels
 from hpop.planners.nlp import reaches
 from hpop.planners.separable import Separable
-from hpop.planners.settled import settled
+from hpop.planners.settled import made_feasible
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class DrivenProgram:
 
     problem: Problem
     criteria: tuple[Criterion, ...]
-    structure: Structure
+    structure: Phases
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
@@ -188,9 +188,9 @@ class DrivenProgram:
             )
         ]
         program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
-        (told,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
+        (honest_values,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
 
-        values = casadi.Function("values", [variables, parameters], [told])
+        values = casadi.Function("values", [variables, parameters], [honest_values])
         return _Formulas(intervals, program, derivatives, values, tuple(int(group.numel()) for group in groups))
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
@@ -274,7 +274,7 @@ class DrivenProgram:
         status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
         trajectory = None
         if status in SUCCESS:
-            kept = settled(lambda x: self._formulas.limits(x, parameters), point, box, (lbg, ubg))
+            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, (lbg, ubg))
             if kept is None:
                 status = "Limits_Not_Kept"
             else:

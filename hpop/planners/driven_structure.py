@@ -13,7 +13,7 @@ LEAST_IN = {True: 4, False: 3}  # intervals of a turn, and of straight driving
 
 
 @dataclass(frozen=True)
-class Structure:
+class Phases:
     """What the program cannot change: phases of straight driving and of turning, one after the other.
 
     turns      count

@@ -104,14 +104,16 @@ class EpsilonConstraint:
         warm = warm_starts(self, problem, progress, executor)
         polylines, costs, dropped = warm.polylines(problem, roles.criteria)
         known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
-        run = _Run(self, PolylineJob(problem, roles, self.rounds), Grid(roles, known, limits, self.divisions), watch)
+        run = _GridRun(
+            self, PolylineJob(problem, roles, self.rounds), Grid(roles, known, limits, self.divisions), watch
+        )
         run.warn_of_tight_bounds()
         status = warm.ended(run.go(executor))
         return run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
 
 
 @dataclass(eq=False)
-class _Run:
+class _GridRun:
     """One run of the planner: the grid level by level, wave by wave, and what went wrong."""
 
     options: EpsilonConstraint

@@ -17,7 +17,7 @@ from hpop.planners.epsilon_grid import LOOSE, Cell, Found, Known, Roles
 from hpop.planners.judgement import exceeds, judge
 from hpop.planners.outcome import ALONE, Outcome
 from hpop.planners.polyline import PolylineProgram, Solution
-from hpop.planners.vertices import PIECE, Polyline, Structure
+from hpop.planners.vertices import PIECE, Polyline, PolylineStructure
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -46,7 +46,7 @@ class PolylineJob:
     problem: Problem
     roles: Roles
     rounds: int
-    programs: dict[Structure, PolylineProgram] = field(default_factory=dict)
+    programs: dict[PolylineStructure, PolylineProgram] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "programs": {}}
@@ -109,7 +109,7 @@ class _Attempt:
         quanta = np.array([roles.criteria[j].quantum for j in smooth])
         aim = epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta)
         bounds, at, reason, last = program.bounds(warm), known, "", None
-        told: dict[str, Any] = {"round": number, "panels": panels, "perturbed": False, "repairs": 0}
+        provenance: dict[str, Any] = {"round": number, "panels": panels, "perturbed": False, "repairs": 0}
         while True:
             # What the program is off where it begins is added to the bounds, motion by motion in worst moments.
             corrections = program.corrections(at.polyline)
@@ -117,7 +117,7 @@ class _Attempt:
             given: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
             solution = program.solve(at.polyline, aim + drift, **given)
             if not solution.converged and at is known:
-                told["perturbed"] = True
+                provenance["perturbed"] = True
                 self.counts["perturbed"] += 1
                 nudged = warm.moved(np.random.default_rng(cell.of), NUDGE)
                 again = program.solve(nudged, aim + drift, **given)
@@ -128,10 +128,10 @@ class _Attempt:
             reason, costs = self._judged(solution.polyline)
             at, last = Known(solution.polyline, costs), solution
             if not reason:
-                return self._candidate(at, solution, told)
-            if told["repairs"] == REPAIRS or not program.freedom:
+                return self._candidate(at, solution, provenance)
+            if provenance["repairs"] == REPAIRS or not program.freedom:
                 break
-            told["repairs"] += 1
+            provenance["repairs"] += 1
             self.counts["repairs"] += 1
             grown = program.structure.grown(solution.polyline.structure)
             if grown != program.structure:
@@ -139,7 +139,7 @@ class _Attempt:
                 bounds = program.bounds(warm)
             if reason == "collides":
                 bounds = program.raised(bounds, solution.polyline)
-        between = None if last is None else self._between(known, last, told)
+        between = None if last is None else self._between(known, last, provenance)
         if between is not None:
             return between
         if solution.converged:
@@ -154,7 +154,7 @@ class _Attempt:
         judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
         return judged.reasons[0], judged.costs[0]
 
-    def _between(self, known: Known, solution: Solution, told: dict[str, Any]) -> Found | None:
+    def _between(self, known: Known, solution: Solution, provenance: dict[str, Any]) -> Found | None:
         """Some of the way to a solution that is not trusted, from a warm start that keeps its bounds, if that gains."""
         if exceeds(known.costs, self.cell.epsilon, self.job.roles.criteria).any():
             return None
@@ -164,9 +164,9 @@ class _Attempt:
             if reason:
                 continue
             between = Known(polyline, costs)
-            planned = self._planned(between, told["panels"])[list(self.job.roles.smooth)]
+            planned = self._planned(between, provenance["panels"])[list(self.job.roles.smooth)]
             found = self._candidate(
-                between, dataclasses.replace(solution, costs=planned), {**told, "halvings": halvings}
+                between, dataclasses.replace(solution, costs=planned), {**provenance, "halvings": halvings}
             )
             if self._gain(known, found) <= 0:
                 return None
@@ -174,7 +174,7 @@ class _Attempt:
             return found
         return None
 
-    def _candidate(self, known: Known, solution: Solution, told: dict[str, Any]) -> Found:
+    def _candidate(self, known: Known, solution: Solution, provenance: dict[str, Any]) -> Found:
         """A solution with where it comes from; what no program adds up is planned as it is."""
         cell, roles, planned = self.cell, self.job.roles, known.costs.copy()
         if np.isfinite(solution.costs).all():
@@ -189,7 +189,7 @@ class _Attempt:
             "segments": len(known.polyline.lengths),
             "status": solution.status,
             "iterations": solution.iterations,
-            **told,
+            **provenance,
         }
         return Found(cell, known, planned, provenance)
 
@@ -204,8 +204,8 @@ class _Attempt:
             return found
         self.counts["simplified"] += 1
         simpler = Known(polyline, costs)
-        told = {**found.provenance, "segments": len(polyline.lengths)}
-        return Found(self.cell, simpler, self._planned(simpler, 1), told)
+        provenance = {**found.provenance, "segments": len(polyline.lengths)}
+        return Found(self.cell, simpler, self._planned(simpler, 1), provenance)
 
     def _refined(self, found: Found) -> Found:
         """Solved again with a finer sum, as long as the sum is off by more than may be: it misled the solver."""
@@ -229,7 +229,7 @@ class _Attempt:
         planned[smooth] = np.where(np.isfinite(costs), costs, planned[smooth])
         return planned
 
-    def _program(self, structure: Structure) -> PolylineProgram:
+    def _program(self, structure: PolylineStructure) -> PolylineProgram:
         """The program of a structure, built when it is first needed in this process."""
         programs, roles = self.job.programs, self.job.roles
         if structure not in programs:

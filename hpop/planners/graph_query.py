@@ -16,7 +16,7 @@ from hpop.errors import OptionError, QueryError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.base import Candidates, Objectives
-from hpop.planners.claims import at_memory_limit, missing, within
+from hpop.planners.claims import at_memory_limit, how_far, within
 from hpop.planners.deferred import Deferred
 from hpop.planners.search import Graph, ParetoPaths, pareto_paths
 from hpop.planners.search.checkpoint import CheckpointSpec
@@ -143,7 +143,7 @@ class GraphQuery:
             each = f"points are within {factor} of optimal" if factor else each
             each = each if len(paths) else "the search itself found none"
             ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
-            claim = f"incomplete ({ended}): {each} on {where}, others are missing{missing(gap, tolerance or {})}"
+            claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(gap, tolerance or {})}"
         elif factor:
             claim = (
                 f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "

@@ -24,7 +24,7 @@ from hpop.planners.hinges import unhinged
 from hpop.planners.nlp import SparseWorld, moments, reaches, vector
 from hpop.planners.polyline_motions import Pieces, sparse
 from hpop.planners.treatable import on_symbols
-from hpop.planners.vertices import Polyline, Structure
+from hpop.planners.vertices import Polyline, PolylineStructure
 from hpop.symbols import lift
 from hpop.text import shown
 from hpop.world import World
@@ -77,7 +77,7 @@ class PolylineProgram:
     problem: Problem
     criteria: tuple[Criterion, ...]
     minimise: int
-    structure: Structure
+    structure: PolylineStructure
 
     def __post_init__(self) -> None:
         for criterion in self.criteria:

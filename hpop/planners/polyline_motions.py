@@ -13,7 +13,7 @@ from hpop.math import wrap
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import Motions, States
 from hpop.planners.nlp import Rounded
-from hpop.planners.vertices import Polyline, Structure
+from hpop.planners.vertices import Polyline, PolylineStructure
 from hpop.symbols import lift
 from hpop.world import World
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Pieces:
     """Segments cut into pieces, K in all, and the turns between them."""
 
-    structure: Structure
+    structure: PolylineStructure
 
     @cached_property
     def owner(self) -> IntArray:

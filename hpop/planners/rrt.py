@@ -20,7 +20,7 @@ from hpop.planners.judgement import trusted
 from hpop.planners.needs import on_wheels
 from hpop.planners.roadmap import checked_ends
 from hpop.planners.rrt_query import Query
-from hpop.planners.rrt_run import Run, load_ompl, run
+from hpop.planners.rrt_run import TreeRun, load_ompl, run
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -78,7 +78,7 @@ class RRT:
         query, objectives = self._query(problem), edge_objectives(problem.criteria, "rrt")
         watch = Watch("rrt", self.time_limit, progress)
 
-        def report(done: Mapping[int, Run]) -> None:
+        def report(done: Mapping[int, TreeRun]) -> None:
             watch.report(len(done), self.runs - len(done), sum(not one.failure for one in done.values()))
 
         with Sweep(run, query, executor) as sweep:
@@ -118,7 +118,7 @@ class _Ended:
     problem: Problem
     objectives: Objectives
     query: Query
-    finished: dict[int, Run]
+    finished: dict[int, TreeRun]
     status: Status
 
     def candidates(self) -> Candidates:
@@ -151,13 +151,13 @@ class _Ended:
         count = len(found.trajectories)
         sign_changes, lengths = trajectory_costs(self._selecting, found.trajectories, world).T
         changes = sign_changes.astype(int).tolist()
-        told = [
+        origins = [
             {"planner": "rrt", **origin, "curvature_sign_changes": n}
             for origin, n in zip(found.provenance, changes, strict=True)
         ]
         chosen = range(count) if self.planner.keep == "all" else np.lexsort((lengths, sign_changes))[:1]
         return replace(
-            replace(found, provenance=tuple(told)).some(chosen),
+            replace(found, provenance=tuple(origins)).some(chosen),
             status=Status.RUN_LIMIT if found.status is Status.COMPLETE and not count else found.status,
             certificate=self._claim(count),
             notes=(*self._said(sign_changes, failed), *found.notes),

@@ -10,7 +10,7 @@ from hpop.arrays import FloatArray
 from hpop.math import wrap
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import States
-from hpop.planners.rrt_query import Base, Limits, Query, of_wheels
+from hpop.planners.rrt_query import Base, Query, WheelLimits, of_wheels
 
 if TYPE_CHECKING:
     from hpop.models import DifferentialDrive
@@ -85,7 +85,7 @@ def _ends(model: DifferentialDrive, base: Base, wheels: FloatArray, lasts: Float
 
 def _within_limits(query: Query, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray | None:
     """Controls (k, 3) of wheel accelerations (k, 2), or None if they break a limit; speeds are extreme at ends."""
-    limits = Limits.of(query.model)
+    limits = WheelLimits.of(query.model)
     acceleration, turn_acceleration = of_wheels(query.model, wheels[:, 0], wheels[:, 1])
     speed = base.speed + np.cumsum(acceleration * lasts)
     turn_rate = np.abs(base.turn_rate + np.cumsum(turn_acceleration * lasts))

@@ -31,7 +31,7 @@ _at, _weight = (np.array(column) for column in zip(*NODES, strict=True))
 _TIMES = SHARES[:, None] * _at  # (4, nodes) shares of the drive at which its velocity is summed up to each of SHARES
 
 
-class Limits(NamedTuple):
+class WheelLimits(NamedTuple):
     """What the wheels and the base keep.
 
     Wheels that accelerate by no more than this neither accelerate nor turn the base by more than the model allows; they
@@ -44,7 +44,7 @@ class Limits(NamedTuple):
     wheel_acceleration: float  # m/s²
 
     @classmethod
-    def of(cls, model: DifferentialDrive, share: float = 1.0) -> Limits:
+    def of(cls, model: DifferentialDrive, share: float = 1.0) -> WheelLimits:
         """The limits that follow from a model's, or a share of each."""
         half = 0.5 * model.wheel_base
         return cls(
@@ -81,9 +81,9 @@ class Query:
     extensions: int
 
     @cached_property
-    def limits(self) -> Limits:
+    def limits(self) -> WheelLimits:
         """Limits that trees keep."""
-        return Limits.of(self.model, SHARE)
+        return WheelLimits.of(self.model, SHARE)
 
     @property
     def arrived(self) -> bool:

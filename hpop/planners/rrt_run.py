@@ -26,7 +26,7 @@ VELOCITIES = 0.5  # weight of differences in speed (m/s, rad/s) beside those in 
 _alone = threading.Lock()  # OMPL's random numbers begin at a seed that the whole process shares
 
 
-class Run(NamedTuple):
+class TreeRun(NamedTuple):
     """What came of a run.
 
     controls    (n, 3)  accelerations, m/s² and rad/s², and duration, s, of each drive; none if it failed
@@ -39,18 +39,18 @@ class Run(NamedTuple):
     extensions: int
 
 
-def run(query: Query, seed: int) -> Run:
+def run(query: Query, seed: int) -> TreeRun:
     """Grow one tree; its outcome depends on the arguments alone."""
     if query.arrived:
-        return Run(np.empty((0, 3)), "", 0)
+        return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
         controls, extensions = grow(query, seed)
     if controls is None:
-        return Run(np.empty((0, 3)), "did not reach the goal", extensions)
+        return TreeRun(np.empty((0, 3)), "did not reach the goal", extensions)
     closed = close(query, controls)
     if closed is None:
-        return Run(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
-    return Run(closed, "", extensions)
+        return TreeRun(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
+    return TreeRun(closed, "", extensions)
 
 
 def load_ompl() -> tuple[Any, Any, Any]:

@@ -25,7 +25,7 @@ LEAST = 1e-12  # on the diagonal: limits that say the same, or of which nothing 
 Bounds = tuple[FloatArray, FloatArray]
 
 
-def settled(
+def made_feasible(
     limits: Callable[[FloatArray], tuple[FloatArray, csr_array]], point: FloatArray, box: Bounds, bounds: Bounds
 ) -> FloatArray | None:
     """A point (d,) in the box whose limits are kept within KEPT, or None if STEPS steps lead to none.
@@ -42,7 +42,7 @@ def settled(
     >>> from scipy.sparse import csr_array
     >>> circle = lambda x: (np.array([x @ x]), csr_array(2 * x[None]))
     >>> wide, one = np.full(2, np.inf), np.ones(1)
-    >>> settled(circle, np.array([0.61, 0.81]), (-wide, wide), (one, one)).round(3)
+    >>> made_feasible(circle, np.array([0.61, 0.81]), (-wide, wide), (one, one)).round(3)
     array([0.602, 0.799])
     """
     from scipy.sparse import diags_array, eye_array

@@ -16,7 +16,7 @@ from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.differential_drive.driven import driven
 from hpop.planners.driven_guess import clearances, first_guess, structure_of
 from hpop.planners.driven_program import Driven, DrivenProgram
-from hpop.planners.driven_structure import Structure
+from hpop.planners.driven_structure import Phases
 from hpop.planners.homotopy import homotopic
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
@@ -64,7 +64,7 @@ class SmoothingJob:
     criteria: tuple[Criterion, ...]
     minimise: int | None
     intervals: int
-    programs: dict[Structure, DrivenProgram] = field(default_factory=dict)
+    programs: dict[Phases, DrivenProgram] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "programs": {}}
@@ -110,10 +110,10 @@ class SmoothingJob:
         controls = [(model.acceleration, 0.0, ramp), (0.0, 0.0, cruise), (-model.acceleration, 0.0, ramp)]
         goes = driven(model, pose, controls)
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
-        told = self._told("nothing is free", 0, 0, 0)
-        return judged.reasons[0] or Smoothed(goes, judged.costs[0], self._tolerance(judged.costs[0], goes), told)
+        provenance = self._provenance("nothing is free", 0, 0, 0)
+        return judged.reasons[0] or Smoothed(goes, judged.costs[0], self._tolerance(judged.costs[0], goes), provenance)
 
-    def _program(self, structure: Structure, seconds: dict[str, float]) -> DrivenProgram:
+    def _program(self, structure: Phases, seconds: dict[str, float]) -> DrivenProgram:
         if structure not in self.programs:
             began = time.perf_counter()
             smooth = tuple(self.criteria[j] for j in self.smooth)
@@ -166,7 +166,7 @@ class SmoothingJob:
         self,
         solution: Driven,
         goes: Trajectory,
-        structure: Structure,
+        structure: Phases,
         polyline: Polyline,
         epsilon: FloatArray,
         counts: Counter[str],
@@ -184,13 +184,13 @@ class SmoothingJob:
             return "leaves the homotopy class of its polyline"
         planned = judged.costs[0].copy()
         planned[self.smooth] = solution.costs
-        told = self._told(solution.status, solution.iterations, turns, counts["repairs"])
-        return Smoothed(goes, planned, self._tolerance(planned, goes), told)
+        provenance = self._provenance(solution.status, solution.iterations, turns, counts["repairs"])
+        return Smoothed(goes, planned, self._tolerance(planned, goes), provenance)
 
     def _space(self, part: Any) -> Any:
         return self.problem.world.free_space((part.z_min, part.z_max))
 
-    def _told(self, status: str, iterations: int, turns: int, repairs: int) -> dict[str, Any]:
+    def _provenance(self, status: str, iterations: int, turns: int, repairs: int) -> dict[str, Any]:
         minimise = None if self.minimise is None else self.criteria[self.minimise].name
         return {
             "planner": "smoothing",

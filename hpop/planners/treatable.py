@@ -28,7 +28,7 @@ def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str)
     """
     places = tuple(j for j, criterion in enumerate(criteria) if criterion.smooth)
     for criterion in criteria:
-        if not criterion.smooth and not settled(criterion, problem):
+        if not criterion.smooth and not is_counted(criterion, problem):
             raise UnsupportedCriterion(
                 f"{planner} needs smooth criteria, or counts that the number of moves and turns settles; "
                 f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
@@ -81,7 +81,7 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
     return column
 
 
-def settled(criterion: Criterion, problem: Problem) -> bool:
+def is_counted(criterion: Criterion, problem: Problem) -> bool:
     """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
 
     Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.

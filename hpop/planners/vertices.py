@@ -63,15 +63,15 @@ class Polyline:
         return np.asarray(np.arctan2(dy, dx), dtype=np.float64)
 
     @property
-    def structure(self) -> Structure:
+    def structure(self) -> PolylineStructure:
         """Its structure; pieces are counted with some to spare, so that few numbers of them occur."""
         count = len(self.vertices) - 1
         if not count:
-            return Structure((), False, False)
+            return PolylineStructure((), False, False)
         pieces = tuple(_rounded_up(1.1 * length / PIECE) for length in self.lengths)
         first = abs(wrap(self.headings[0] - self.start_yaw)) > STRAIGHT
         last = self.goal_yaw is not None and abs(wrap(self.goal_yaw - self.headings[-1])) > STRAIGHT
-        return Structure(pieces, bool(first), bool(last))
+        return PolylineStructure(pieces, bool(first), bool(last))
 
     def trajectory(self, model: Any) -> Trajectory:
         """Turns in place and straight moves along the polyline."""
@@ -104,7 +104,7 @@ class Polyline:
 
 
 @dataclass(frozen=True)
-class Structure:
+class PolylineStructure:
     """What a nonlinear program cannot change of a polyline.
 
     pieces      (n,) in how many pieces each segment is integrated
@@ -123,7 +123,7 @@ class Structure:
         """Number of straight segments n."""
         return len(self.pieces)
 
-    def grown(self, other: Structure) -> Structure:
+    def grown(self, other: PolylineStructure) -> PolylineStructure:
         """The same with as many pieces in each segment as another has, if those are more."""
         return replace(self, pieces=tuple(map(max, self.pieces, other.pieces)))
 

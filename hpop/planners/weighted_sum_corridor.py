@@ -19,7 +19,7 @@ from hpop.planners.corridor_weights import SMALL, CorridorPoints, Shared, solve_
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.search.weighted_sum import check_divisions, simplex_lattice
-from hpop.planners.treatable import settled
+from hpop.planners.treatable import is_counted
 from hpop.planners.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.status import Budget, ProgressCallback, Status, Watch
@@ -87,7 +87,7 @@ class WeightedSumCorridor:
         """
         watch = Watch("corridors", self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
-        run = _Run(problem, objectives, self, _convex(objectives, problem))
+        run = _CorridorRun(problem, objectives, self, _convex(objectives, problem))
         shared = run.shared()
         warm = warm_starts(self, problem, progress, executor)
         run.notes += warm.notes
@@ -111,7 +111,7 @@ def _convex(objectives: Objectives, problem: Problem) -> list[int]:
     for j, criterion in enumerate(objectives.optimised):
         if callable(getattr(criterion, "convex", None)):
             places.append(j)
-        elif criterion.smooth or not settled(criterion, problem):
+        elif criterion.smooth or not is_counted(criterion, problem):
             instead = "epsilon-constraint" if criterion.smooth else "lattice"
             raise UnsupportedCriterion(
                 f"{NAME} needs criteria that declare a convex form, or counts that the number of moves and turns "
@@ -127,7 +127,7 @@ def _convex(objectives: Objectives, problem: Problem) -> list[int]:
 
 
 @dataclass(eq=False)
-class _Run:
+class _CorridorRun:
     """One run of the planner: its corridors and what was found in them."""
 
     problem: Problem

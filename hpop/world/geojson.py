@@ -16,7 +16,7 @@ from shapely.geometry import Polygon, shape
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
-from hpop.options import FARTHEST
+from hpop.options import FARTHEST, one_of
 from hpop.text import shown
 from hpop.world import limits
 from hpop.world.crossings import check_each_joinable, check_joinable, check_mendable
@@ -77,8 +77,7 @@ def read(
     MapError
         If the file is missing or no GeoJSON, has no polygons, or a polygon or height makes no sense.
     """
-    if polygons not in get_args(Meaning):
-        raise MapError(f"polygons must be one of {', '.join(get_args(Meaning))}; got {shown(polygons)}.")
+    one_of("polygons", polygons, get_args(Meaning), error=MapError)
     scale = check_positive("scale", scale)
     x0, y0 = check_origin(origin)
     content = read_bytes(path, "GeoJSON file")

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
-from hpop.options import real
+from hpop.options import one_of, real
 from hpop.text import shown
 from hpop.world.files import file_source, read_bytes, read_text, read_yaml
 from hpop.world.ground import WHOLE, Ground, Heights
@@ -109,8 +109,7 @@ def load(path: str | Path) -> OccupancyMap:
     if not isinstance(negate, int) or negate not in (0, 1):
         raise MapError(f"{path}: negate must be 0, 1, true or false; got {shown(negate)}.")
     mode = data.get("mode", "trinary")
-    if mode not in MODES:
-        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}; got {shown(mode)}.")
+    one_of(f"{path}: mode", mode, MODES, error=MapError)
     name = data["image"]
     if not isinstance(name, str) or not name:
         raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}.")

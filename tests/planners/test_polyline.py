@@ -14,7 +14,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners.hinges import unhinged
 from hpop.planners.polyline import PolylineProgram
-from hpop.planners.vertices import Polyline, Structure
+from hpop.planners.vertices import Polyline, PolylineStructure
 from hpop.problem import Problem
 from hpop.symbols import elementwise, lift
 from hpop.trajectory import Trajectory
@@ -74,9 +74,9 @@ def test_standing_still_is_a_polyline_too():
 
 
 def test_turns_of_a_structure():
-    assert Structure((1, 1, 1), True, True).turns == 4
-    assert Structure((1,), False, False).turns == 0
-    assert Structure((), False, False).turns == 0
+    assert PolylineStructure((1, 1, 1), True, True).turns == 4
+    assert PolylineStructure((1,), False, False).turns == 0
+    assert PolylineStructure((), False, False).turns == 0
 
 
 def test_a_simplified_polyline_keeps_the_vertices_that_turn():
@@ -183,8 +183,8 @@ def test_a_finer_quadrature_is_nearer_to_the_exact_costs():
 
 
 def test_a_structure_grows_with_segments_that_have_become_longer():
-    short, long = Structure((1, 8), True, False), Structure((3, 6), True, False)
-    assert short.grown(long) == Structure((3, 8), True, False)
+    short, long = PolylineStructure((1, 8), True, False), PolylineStructure((3, 6), True, False)
+    assert short.grown(long) == PolylineStructure((3, 8), True, False)
     assert short.grown(short) == short
 
 
@@ -285,12 +285,12 @@ def test_bounds_rise_where_a_solution_cuts_a_corner():
 @pytest.mark.parametrize(("criterion", "why"), [(Turns(), "'turns' has no gradient"), (Obstruction(), "time-mean")])
 def test_what_has_no_gradient_or_does_not_add_up_is_refused_by_name(criterion, why):
     with pytest.raises(UnsupportedCriterion, match=why):
-        PolylineProgram(GOAL_FREE, (Length(), criterion), 0, Structure((1, 1), True, False))
+        PolylineProgram(GOAL_FREE, (Length(), criterion), 0, PolylineStructure((1, 1), True, False))
 
 
 def test_what_is_minimised_must_be_there():
     with pytest.raises(OptionError, match="minimise"):
-        PolylineProgram(GOAL_FREE, (Length(),), 1, Structure((1, 1), True, False))
+        PolylineProgram(GOAL_FREE, (Length(),), 1, PolylineStructure((1, 1), True, False))
 
 
 def test_two_segments_without_a_first_turn_may_end_with_any_heading():

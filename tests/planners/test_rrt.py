@@ -16,8 +16,8 @@ from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
 from hpop.planners.rrt_close import close
-from hpop.planners.rrt_query import Base, Limits, Query
-from hpop.planners.rrt_run import Run
+from hpop.planners.rrt_query import Base, Query, WheelLimits
+from hpop.planners.rrt_run import TreeRun
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.sweep import processes
@@ -84,7 +84,7 @@ def test_samples_keep_the_radius_from_the_wall(several):
 
 
 def test_wheels_and_base_keep_their_limits_from_rest_to_rest(several):
-    limits = Limits.of(ROBOT)
+    limits = WheelLimits.of(ROBOT)
     for trajectory in several.trajectories:
         times = np.linspace(0.0, trajectory.duration, 5001)
         wheels, (velocity, acceleration) = ROBOT.wheels(trajectory, times), trajectory.rates(times)
@@ -105,7 +105,7 @@ def test_wheels_and_base_keep_their_limits_from_rest_to_rest(several):
 @pytest.mark.parametrize("wheel_base", [0.2, 0.4, 1.0])
 def test_wheel_limits_allow_what_the_model_allows_and_no_more(wheel_base):
     model = DifferentialDrive(wheel_base=wheel_base)
-    limits = Limits.of(model)
+    limits = WheelLimits.of(model)
     assert limits.wheel_acceleration <= model.acceleration
     assert 2 * limits.wheel_acceleration / wheel_base <= model.turn_acceleration + 1e-12
     assert limits.wheel_speed >= max(model.speed, model.turn_rate * wheel_base / 2)
@@ -284,7 +284,7 @@ def test_ctrl_c_keeps_what_is_finished(at, several):
 def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
     """A run that believes itself free, straight through the wall."""
     through = np.array([[0.25, 0.0, 4.0], [0.0, 0.0, 0.0], [-0.25, 0.0, 4.0]])
-    monkeypatch.setattr("hpop.planners.rrt.run", lambda query, seed: Run(through, "", 1))
+    monkeypatch.setattr("hpop.planners.rrt.run", lambda query, seed: TreeRun(through, "", 1))
     candidates = RRT(runs=3).solve(PROBLEM)
     assert candidates.trajectories == ()
     assert candidates.stats["dropped"] == {"collides": 3}

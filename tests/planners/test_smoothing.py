@@ -21,7 +21,7 @@ from hpop.motions import States
 from hpop.planners import driven_guess, driven_program, judgement, smoothing_job
 from hpop.planners.driven_interval import Forward
 from hpop.planners.driven_program import DrivenProgram
-from hpop.planners.driven_structure import Structure
+from hpop.planners.driven_structure import Phases
 from hpop.planners.smoothing import Smoothing
 from hpop.planners.smoothing_job import SmoothingJob
 from hpop.planners.vertices import Polyline
@@ -129,7 +129,7 @@ def test_phases_follow_the_turns_of_the_polyline(poses, turning):
 
 
 def test_only_what_stays_the_same_is_one_variable():
-    structure = Structure(2, True, False, 30)
+    structure = Phases(2, True, False, 30)
     of_nodes, of_lasts = structure.places
     same = of_nodes[:, :-1] == of_nodes[:, 1:]  # a node and the next
     straight = ~np.array(structure.turning)[structure.phase]
@@ -139,14 +139,14 @@ def test_only_what_stays_the_same_is_one_variable():
 
 
 def test_what_the_solver_leaves_and_nothing_settles_is_no_trajectory(monkeypatch):
-    monkeypatch.setattr(driven_program, "settled", lambda *_: None)
+    monkeypatch.setattr(driven_program, "made_feasible", lambda *_: None)
     corner = polyline((0, 0, 0), (4, 0, 0), (4, 4, math.pi / 2))
     outcome = job(OPEN, "duration", goal=(4, 4, math.pi / 2)).solve(corner)
     assert outcome.reason == "not converged (Limits_Not_Kept)"
 
 
 def test_many_turns_get_more_intervals_than_were_asked_for():
-    assert sum(Structure(10, True, True, 20).counts) == 10 * 4 + 11 * 3
+    assert sum(Phases(10, True, True, 20).counts) == 10 * 4 + 11 * 3
 
 
 # What goes wrong is dropped, counted and said

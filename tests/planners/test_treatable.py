@@ -11,7 +11,7 @@ from hpop.criteria import Exposure, Length, Turns
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
-from hpop.planners.treatable import minimised, settled, smooth_places
+from hpop.planners.treatable import is_counted, minimised, smooth_places
 from hpop.problem import Problem
 from hpop.world import World
 
@@ -66,7 +66,7 @@ def test_a_smooth_criterion_is_needed_and_a_count_must_be_settled():
     with pytest.raises(UnsupportedCriterion, match="p needs a smooth criterion to minimise; turns have no gradient"):
         smooth_places([Turns()], problem("length"), "p")
     unsettled = problem("orientation_retention", "length").criteria
-    assert not settled(unsettled[0], problem("length"))
+    assert not is_counted(unsettled[0], problem("length"))
     with pytest.raises(UnsupportedCriterion, match="'orientation_retention' has no gradient"):
         smooth_places(unsettled, problem("length"), "p")
 

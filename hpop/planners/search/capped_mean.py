@@ -16,7 +16,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.options import whole
 from hpop.planners.search.graph import Graph
-from hpop.planners.search.mean_limits import MAX_PRODUCT, Limits
+from hpop.planners.search.mean_limits import MAX_PRODUCT, MeanLimits
 from hpop.planners.search.pareto_paths import UNLIMITED, ParetoPaths, _node, _targets, pareto_paths
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -104,7 +104,7 @@ def capped_mean_paths(
     source = _node(graph, source, "source")
     targets = _targets(graph, target)
     columns = _columns(graph, integral, duration)
-    limits = Limits.of(graph, columns, cap, at_most)
+    limits = MeanLimits.of(graph, columns, cap, at_most)
     from hpop.planners.search.checkpoint import Keeper
     from hpop.planners.search.slices import Clock  # numba: on first use
 
@@ -113,7 +113,7 @@ def capped_mean_paths(
     bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
     first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress, at_most=bounds)
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
-    run = _Run(graph, first, columns, limits, keeper)
+    run = _MeanRun(graph, first, columns, limits, keeper)
     try:
         status = run.go(source, targets, clock)
     except KeyboardInterrupt:
@@ -121,11 +121,11 @@ def capped_mean_paths(
     return run.result(source, clock, status)
 
 
-class _Run:
+class _MeanRun:
     """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
 
     def __init__(
-        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: Limits, keeper: Keeper | None
+        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: MeanLimits, keeper: Keeper | None
     ) -> None:
         totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
         costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]

@@ -32,7 +32,7 @@ TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the in
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class MeanLimits:
     """Limits in the columns of the search.
 
     most   (k,)  largest costs of a walk, ANYTHING where there is no limit; the duration always has one

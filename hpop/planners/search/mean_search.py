@@ -14,7 +14,7 @@ from hpop.planners.search.graph import Graph
 from hpop.planners.search.heap_search import HeapSearch
 from hpop.planners.search.labels import Nodes, Unsound, enter_each, retrace
 from hpop.planners.search.mean_kernel import advance, enter_all, weigh
-from hpop.planners.search.mean_limits import Limits
+from hpop.planners.search.mean_limits import MeanLimits
 from hpop.planners.search.slices import N_FRONT, ROWS, Clock
 
 
@@ -32,7 +32,7 @@ class CappedMean(HeapSearch):
         targets: IntArray,
         h: IntArray,
         columns: tuple[int, ...],
-        limits: Limits,
+        limits: MeanLimits,
         known: tuple[IntArray, IntArray, int],
     ) -> None:
         order = list(columns)

@@ -155,7 +155,7 @@ def pareto_paths(
     asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
     keeper = Keeper.of(checkpoint, graph, source, targets, method, *asked)
     clock = Clock(budget, progress)
-    run = _Run(graph, source, targets, method, precision, bounds, keeper)
+    run = _ParetoRun(graph, source, targets, method, precision, bounds, keeper)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
@@ -166,7 +166,7 @@ def pareto_paths(
         return run.result(clock, Status.INTERRUPTED, proven=False)
 
 
-class _Run:
+class _ParetoRun:
     """One query: bounds, choice of the method and of the order, search."""
 
     def __init__(

@@ -20,7 +20,7 @@ from hpop.planners.search.graph import Graph
 from hpop.planners.search.kernels import is_ready, make_ready
 from hpop.planners.search.slices import Clock, Search
 from hpop.planners.search.turns import Groups
-from hpop.planners.search.weighted_sum import _Run as SupportedRun
+from hpop.planners.search.weighted_sum import _SupportedRun as SupportedRun
 from hpop.status import Budget
 
 SIDE, HEADINGS = 3, 8  # of the lattice

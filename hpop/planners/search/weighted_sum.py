@@ -102,7 +102,7 @@ def supported_paths(
     targets = _targets(graph, target)
     from hpop.planners.search.slices import Clock  # numba: on first use
 
-    run = _Run(graph, source, Clock(budget, progress))
+    run = _SupportedRun(graph, source, Clock(budget, progress))
     try:
         status = run.go(targets, given, executor)
     except KeyboardInterrupt:
@@ -198,7 +198,7 @@ def _solve(data: Reduced, task: Task, call: Any) -> IntArray:
 
 
 @dataclass(eq=False)
-class _Run:
+class _SupportedRun:
     """One query: bounds, lexicographic optima, sweep; keeps what is found as it comes."""
 
     graph: Graph

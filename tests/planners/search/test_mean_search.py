@@ -6,7 +6,7 @@ import numpy as np
 
 from hpop.planners.search import Graph, capped_mean_paths
 from hpop.planners.search.bounds import lower_bounds
-from hpop.planners.search.mean_limits import Limits
+from hpop.planners.search.mean_limits import MeanLimits
 from hpop.planners.search.mean_search import CappedMean
 from hpop.planners.search.slices import N_OPEN, Clock
 from hpop.status import Budget
@@ -20,7 +20,7 @@ def test_all_arcs_of_a_node_enter_the_heap_at_once() -> None:
     columns, target, clock = (1, 0), np.array([1]), Clock(Budget(), None)
     bounds, _, _ = lower_bounds(graph, 0, target, clock)
     known = (np.array([[1, 9], [0, 0]]), np.array([-1, 0]), 1)
-    search = CappedMean(graph, 0, target, bounds, columns, Limits.of(graph, columns, 2, ()), known)
+    search = CappedMean(graph, 0, target, bounds, columns, MeanLimits.of(graph, columns, 2, ()), known)
     search.advance(clock, 1)
     assert search.counters[N_OPEN] == ARCS
     assert len(search.values) >= ARCS
