@@ -6,7 +6,9 @@ the keep-out zones' and the extent's own. A grid over its edges answers for poin
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
@@ -51,6 +53,8 @@ class FreeSpace:
         same = ring[1:] == ring[:-1]
         edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
         shapely.prepare(self.region)
+        x_min, y_min, x_max, y_max = shapely.bounds(self.region)
+        shapely.contains_xy(self.region, (x_min + x_max) / 2, (y_min + y_max) / 2)  # indexes it, before threads ask
         object.__setattr__(self, "edges", edges)
         if len(edges):
             object.__setattr__(self, "_grid", EdgeGrid.build(edges.reshape(-1, 4)))
@@ -97,11 +101,33 @@ class FreeSpace:
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
         """Whether shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE:
-            return np.asarray(shapely.covers(self.region, shapes), dtype=bool)
+            return np.asarray(shapely.covers(_own(self), shapes), dtype=bool)
         # A border out of reach leaves a shape all inside or all outside: one of its points tells.
         free = self.contains(*_first_point(shapes))
         free[self._tree.query(shapes, predicate="dwithin", distance=margin - TOLERANCE)[0]] = False
         return free
+
+
+class _Copies(threading.local):
+    """Prepared copies of regions, of one thread."""
+
+    def __init__(self) -> None:
+        self.regions: WeakKeyDictionary[FreeSpace, BaseGeometry] = WeakKeyDictionary()
+
+
+_COPIES = _Copies()
+
+
+def _own(space: FreeSpace) -> BaseGeometry:
+    """The region, prepared for this thread alone.
+
+    A prepared geometry keeps state while its edges are asked: two threads that do so corrupt memory (libgeos/geos#825).
+    """
+    copies = _COPIES.regions
+    if space not in copies:
+        copies[space] = shapely.from_wkb(shapely.to_wkb(space.region))
+        shapely.prepare(copies[space])
+    return copies[space]
 
 
 def edges_of_one(one: FreeSpace, other: FreeSpace) -> FloatArray:

@@ -1,5 +1,7 @@
 """Clearance and free segments: against brute-force shapely distances."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import shapely
@@ -9,6 +11,7 @@ from shapely.geometry import Polygon
 
 from hpop.errors import OptionError
 from hpop.world import World
+from hpop.world.planar import FreeSpace
 
 
 def a_world(seed, raster=False):
@@ -190,3 +193,19 @@ def test_clearance_on_a_real_building_agrees_with_brute_force(shared_data):
     world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
     x, y = random_points(world, 300, 9)
     assert world.clearance(x, y) == pytest.approx(brute_clearance(world, x, y), abs=1e-9)
+
+
+def test_several_threads_may_ask_one_free_space():
+    """GEOS keeps state in a prepared geometry while it is asked; two threads that shared one corrupted memory."""
+    rng = np.random.default_rng(0)
+    corners = np.stack(np.meshgrid(*[np.arange(50.0)] * 2), -1).reshape(-1, 2) + rng.uniform(0.2, 0.4, (2500, 2))
+    boxes = shapely.box(*corners.T, *(corners + 0.3).T)
+    space = FreeSpace(shapely.difference(shapely.box(-1, -1, 51, 51), shapely.union_all(boxes)))
+    places = rng.uniform(0, 50, (8000, 2))
+    shapes = shapely.box(*places.T, *(places + np.array([0.4, 0.2])).T)
+    with ThreadPoolExecutor(4) as threads:
+        found = np.concatenate([*threads.map(lambda part: space.shapes_free(part, 0.0), np.split(shapes, 8))])
+    blocked = shapely.STRtree(boxes).query(shapes, predicate="intersects")[0]
+    expected = np.ones(len(shapes), dtype=bool)
+    expected[blocked] = False
+    assert (found == expected).all()
