@@ -66,7 +66,10 @@ class Problem:
         if not isinstance(world, World):
             raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
         if isinstance(model, type) or not isinstance(model, Model):
-            raise ModelError(f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}")
+            raise ModelError(
+                f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
+                f"{_lacks(model)}"
+            )
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
             raise CriterionError(f"criteria is a list such as ['turns', 'length'], got {shown(criteria)}")
         made = tuple(make_criterion(spec) for spec in criteria)
@@ -211,6 +214,15 @@ class Problem:
             raise
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
             raise QueryError(f"not the description of a problem: {error}") from None
+
+
+def _lacks(model: Any) -> str:
+    """What lacks of a model of one's own; nothing of what is none at all."""
+    members = [name for name in vars(Model) if not name.startswith("_")]
+    lacking = [name for name in members if not hasattr(model, name)]
+    if isinstance(model, type) or not 0 < len(lacking) < len(members) - 1:
+        return ""
+    return f", which lacks {', '.join(lacking)}; hpop.models.base.PlanarModel has what follows from parts and laws"
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:

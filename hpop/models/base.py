@@ -125,6 +125,7 @@ class PlanarModel(Model):
         return np.zeros(start.size, dtype=bool)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able parameters, enough to build the same robot: of a dataclass, its fields."""
+        """JSON-able parameters, enough to build the same robot: the fields that are given, of models their own."""
         names: Mapping[str, Any] = getattr(self, "__dataclass_fields__", {})
-        return {self.name: {name: getattr(self, name) for name in names if getattr(self, name) is not None}}
+        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,10 +10,13 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop import DifferentialDrive, Trajectory, World
+from hpop import DifferentialDrive, Problem, Trajectory, World
+from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, plane_space
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Motions, Phase, States
+from hpop.planners.trust import judge
+from hpop.verify import collision_free
 from tests.models.test_collision import LONG, ROBOTS, random_states, room
 
 
@@ -169,3 +173,34 @@ def test_only_a_robot_with_wheels_must_look_where_it_goes():
 def test_what_a_model_provides_follows_from_its_states_and_laws():
     assert DifferentialDrive().provides >= {"plane", "turn-move", "rigid", "wheels", "base", "camera", "heading"}
     assert OWN["round"].provides == {"plane", "base", "camera"}
+
+
+def test_a_model_within_a_model_is_described_by_its_own_parameters():
+    described = OWN["long"].describe()
+    assert described == {"omnidirectional": {"geometry": OWN["long"].geometry.describe()}}
+    json.dumps(described)
+
+
+def test_an_object_that_is_half_a_model_is_refused_with_what_it_lacks():
+    class Half:
+        laws = space = provides = None
+
+        def pose(self, body, states):
+            raise NotImplementedError
+
+    with pytest.raises(ModelError, match=r"lacks .*collision, judge, execution, faults.*PlanarModel"):
+        Problem(room(0), Half(), (1, 1, 0), (2, 2, 0), ["length"])
+    with pytest.raises(ModelError, match=r"one such as hpop.DifferentialDrive\(radius=0.3\), got 3$"):
+        Problem(room(0), 3, (1, 1, 0), (2, 2, 0), ["length"])
+
+
+def test_a_robot_with_a_head_that_slides_is_evaluated_and_judged():
+    world = World.from_polygons([shapely.box(4, 4, 5, 5)], extent=shapely.box(0, 0, 10, 10))
+    start, goal = (1, 1, 0, 0), (8, 1.5, 1, 0.5)
+    planned = trajectory([start, (4, 1, 0.5, 0), (8, 1.5, 1, 0), goal], ("slide", "slide", "pan"))
+    problem = Problem(world, planned.model, start, goal, ["length", "rotation", "sickness"])
+    costs = problem.evaluate(planned)
+    assert costs["length"] == pytest.approx(3 + np.hypot(4, 0.5))
+    assert costs["rotation"] == pytest.approx(1.0)  # the camera stands on the base
+    assert collision_free(problem, [planned]).all()
+    assert judge(problem, problem.criteria[:2], [planned]).reasons == ("",)
