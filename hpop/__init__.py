@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from hpop.criteria.base import Criterion, criterion
     from hpop.front import Front
     from hpop.models import DifferentialDrive
+    from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
     from hpop.problem import Problem
@@ -32,6 +33,7 @@ _HOMES = {
     "Trajectory": "hpop.trajectory",
     "World": "hpop.world",
     "criterion": "hpop.criteria.base",
+    "model": "hpop.models.base",
 }
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "Trajectory",
     "World",
     "criterion",
+    "model",
 ]
 
 

@@ -12,6 +12,7 @@ import hpop
 
 ROOT = Path(__file__).parents[1]
 NAMES = """
+hpop.arrays.Column
 hpop.criteria
 hpop.criteria.base.Criterion
 hpop.criteria.comfort.svc
@@ -20,18 +21,27 @@ hpop.criteria.others.metrics.zone_fractions
 hpop.errors.CriterionError
 hpop.errors.HpopError
 hpop.errors.MapError
+hpop.errors.ModelError
 hpop.errors.OptionError
 hpop.frontier.Front
 hpop.frontier.FrontError
 hpop.goals.Goal
 hpop.history.History
 hpop.math.hypot
+hpop.math.smooth_abs
 hpop.models.DifferentialDrive
+hpop.models.base.Mount
+hpop.models.base.Part
 hpop.models.base.PlanarModel
+hpop.models.base.plane_space
 hpop.models.driven.driven
+hpop.models.laws.rest_to_rest
 hpop.motions.Curve
 hpop.motions.Law
 hpop.motions.Motions
+hpop.motions.Phase
+hpop.motions.StateSpace
+hpop.motions.States
 hpop.options
 hpop.planners.Candidates
 hpop.planners.base.edge_objectives

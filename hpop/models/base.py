@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from abc import abstractmethod, update_abstractmethods
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import is_dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -19,10 +20,31 @@ from hpop.models.laws import Move, Turn
 from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
 from hpop.motions import Body, Law, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import FARTHEST
+from hpop.registry import models
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
+
+__all__ = ["Mount", "Part", "PlanarModel", "model", "plane_space"]
+
+T = TypeVar("T", bound=type)
+
+
+def model(name: str) -> Callable[[T], T]:
+    """Register a robot under a name: a frozen dataclass, whose fields are its parameters."""
+
+    def declare(cls: T) -> T:
+        if not is_dataclass(cls) or not callable(getattr(cls, "collision", None)):
+            raise ModelError(
+                f"model {name!r} must be a dataclass that follows hpop.motions.Model, such as a PlanarModel"
+            )
+        setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
+        update_abstractmethods(cls)
+        models.add(name, cls)
+        return cls
+
+    return declare
 
 
 def plane_space(metres_a_radian: float) -> StateSpace:
@@ -36,8 +58,8 @@ def plane_space(metres_a_radian: float) -> StateSpace:
 class PlanarModel(Model):
     """A robot that stands upright on a floor: what follows from its parts and its laws.
 
-    A model of your own is a frozen dataclass, whose fields are its parameters, and gives ``name`` (in the registry),
-    ``space``, ``laws``, ``parts`` and ``mounts``.
+    A model of your own is a frozen dataclass, whose fields are its parameters, and gives ``space``, ``laws``, ``parts``
+    and ``mounts``; :func:`model` registers it under a name.
     """
 
     executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}

@@ -1,1 +1,1 @@
-"""A criterion and a map reader that hpop finds by their entry points."""
+"""A criterion, a robot and a map reader that hpop finds by their entry points."""

@@ -12,7 +12,7 @@ import shapely
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
-from hpop.models.base import PlanarModel, plane_space
+from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
 from hpop.models.differential_drive.faults import doubtful, faults
@@ -20,7 +20,6 @@ from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace
 from hpop.options import LEAST, MOST, real, set_reals
-from hpop.registry import models
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
@@ -41,6 +40,7 @@ class WheelTrack(NamedTuple):
     right_acceleration: FloatArray
 
 
+@model("differential_drive")
 @dataclass(frozen=True)
 class DifferentialDrive(PlanarModel):
     """A base with two driven wheels and a 360-degree camera on a mast; states x, y (m) and yaw (rad).
@@ -90,11 +90,6 @@ class DifferentialDrive(PlanarModel):
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "differential_drive"
 
     @property
     def provides(self) -> frozenset[str]:
@@ -199,6 +194,3 @@ def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
     if not polygon.covers(shapely.Point(0, 0)):
         raise ModelError("the footprint must contain the axis of the base, the origin of its corners")
     return points
-
-
-models.add("differential_drive", DifferentialDrive)

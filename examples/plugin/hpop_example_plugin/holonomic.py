@@ -1,0 +1,114 @@
+"""A holonomic base: omnidirectional wheels carry it in any direction, and it may turn on its way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+import hpop
+from hpop.arrays import Column
+from hpop.errors import ModelError
+from hpop.math import hypot, smooth_abs
+from hpop.models.base import Mount, Part, PlanarModel, plane_space
+from hpop.models.laws import rest_to_rest
+from hpop.motions import Law, Phase, States, StateSpace
+
+MAST_RADIUS = 0.05  # m
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Straight in any direction at cruise speed, the yaw changing evenly on the way, or not at all.
+
+    The slower of the two, way or turn, sets the pace. What stopping at corners takes is in the execution alone.
+    """
+
+    speed: float  # m/s
+    turn_rate: float  # rad/s
+    kind: str = "slide"
+    varies = frozenset({"x", "y", "yaw"})
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """One phase at an even pace."""
+        duration = self.metres(start, end) / self.speed
+        return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """Every state in proportion to the share done."""
+        begin = getattr(start, name)
+        return begin + (getattr(end, name) - begin) * share
+
+    def metres(self, start: States, end: States) -> Column:
+        """How far (M,), m, cruise speed leads in the time that the way and the turn take."""
+        turned = smooth_abs(end.yaw - start.yaw)
+        return np.maximum(hypot(end.x - start.x, end.y - start.y), turned * (self.speed / self.turn_rate))
+
+
+@dataclass(frozen=True)
+class Glide(Slide):
+    """A slide as it is executed, from rest to rest."""
+
+    acceleration: float = 1.0  # m/s²
+    kind: str = "glide"
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """Speed up, cruise, slow down."""
+        return rest_to_rest(self.metres(start, end), self.speed, self.acceleration)
+
+
+@hpop.model("holonomic")
+@dataclass(frozen=True)
+class Holonomic(PlanarModel):
+    """A box on omnidirectional wheels with a 360-degree camera on a mast in its middle; states x, y (m), yaw (rad).
+
+    length, width  m      of the box, which reaches from the floor up to ``height``
+    camera_height  m      of the camera above the floor; its mast reaches up to it
+    speed          m/s    cruise speed in any direction
+    acceleration   m/s²   as it is executed; turns speed up in proportion
+    turn_rate      rad/s  at which it turns at most, on its way or in place
+    """
+
+    length: float = 0.7
+    width: float = 0.5
+    height: float = 0.4
+    camera_height: float = 1.2
+    speed: float = 1.0
+    acceleration: float = 1.0
+    turn_rate: float = 1.5
+
+    executed = {"slide": "glide"}  # noqa: RUF012
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (isinstance(value, int | float) and 0.0 < value < math.inf):
+                raise ModelError(f"{name} must be a positive number, got {value!r}")
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """Where it is and how it is turned; a radian is as far as it goes in the time of that turn."""
+        return plane_space(self.speed / self.turn_rate)
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """Slides, as planned and as executed."""
+        return {
+            "slide": Slide(self.speed, self.turn_rate),
+            "glide": Glide(self.speed, self.turn_rate, acceleration=self.acceleration),
+        }
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The box, and the mast that carries the camera."""
+        ahead, left = 0.5 * self.length, 0.5 * self.width
+        corners = ((ahead, left), (-ahead, left), (-ahead, -left), (ahead, -left))
+        mast = Part(((0.0, 0.0),), MAST_RADIUS, 0.0, self.camera_height)
+        return (Part(corners, 0.0, 0.0, self.height), mast)
+
+    @cached_property
+    def mounts(self) -> Mapping[str, Mount]:
+        """Its bodies: the base, and the camera on its mast."""
+        return {"base": Mount(), "camera": Mount(height=self.camera_height)}
