@@ -6,19 +6,20 @@ import math
 from abc import abstractmethod, update_abstractmethods
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.errors import ModelError
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.laws import Move, Turn
+from hpop.models.legs import turn_move_turn
 from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
-from hpop.motions import Body, Law, Model, Motions, Pose, States, StateSpace, Twist, integrated
+from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import FARTHEST
 from hpop.registry import models
 from hpop.trajectory import Trajectory
@@ -53,6 +54,19 @@ def plane_space(metres_a_radian: float) -> StateSpace:
     low = tuple(-bound for bound in bounds)
     weights = (1.0, 1.0, metres_a_radian)
     return StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), low, bounds, weights, frozenset({"yaw"}))
+
+
+class Stations(NamedTuple):
+    """States in which a model may be at one place of a lattice, and its motions in place.
+
+    states    (S,)  x and y are 0
+    headings  (S,)  the heading of each, as its place among those of the lattice, along which its moves go
+    motions         tails and heads (E,), stations, of the motions in place by kind
+    """
+
+    states: States
+    headings: IntArray
+    motions: Mapping[str, tuple[IntArray, IntArray]]
 
 
 class PlanarModel(Model):
@@ -120,6 +134,17 @@ class PlanarModel(Model):
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """How far (M,), m and rad, no body moves or turns farther: levers lengthen their ways."""
         return farthest(motions, max(mount.lever for mount in self.mounts.values()))
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """A turn towards b, a straight move, a turn to its heading: of a robot that turns and moves."""
+        return turn_move_turn(self.space, a, b)
+
+    def stations(self, yaw: FloatArray) -> Stations:
+        """One a heading (H,), rad, and a turn between each two."""
+        zero, places = np.zeros(yaw.size), np.arange(yaw.size)
+        tails, heads = np.divmod(np.arange(yaw.size**2), yaw.size)
+        other = tails != heads
+        return Stations(States(x=zero, y=zero, yaw=yaw), places, {"turn": (tails[other], heads[other])})
 
     def _mount(self, body: str) -> Mount:
         if body not in self.mounts:

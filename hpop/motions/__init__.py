@@ -11,7 +11,7 @@ from hpop.motions.batch import Motions, missing
 from hpop.motions.bodies import Body, integrated
 from hpop.motions.collision import Collision, PlaneCollision
 from hpop.motions.instants import Instants, Rate
-from hpop.motions.laws import Curve, Law, Model, Phase, is_curve, slopes
+from hpop.motions.laws import Curve, Law, Leg, Model, Phase, is_curve, slopes
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States, Twist, Vector
 
@@ -21,6 +21,7 @@ __all__ = [
     "Curve",
     "Instants",
     "Law",
+    "Leg",
     "Model",
     "Motions",
     "Phase",

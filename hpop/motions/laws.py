@@ -115,6 +115,19 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
     return getattr(end, name) - getattr(start, name), 0.0
 
 
+class Leg(NamedTuple):
+    """One motion of each of M chains that lead from states to others.
+
+    kind     of its law
+    end      states (M,) where it ends
+    present  (M,)  whether it is a motion; where not, its end is where the chain was before it
+    """
+
+    kind: str
+    end: States
+    present: BoolArray
+
+
 @runtime_checkable
 class Model(Protocol):
     """A system: what moves, by which laws, and where its camera is."""
@@ -154,6 +167,9 @@ class Model(Protocol):
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """How far (M,), m and rad, no body moves or turns farther: it chooses the panels of quadratures."""
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """The motions, one after another, that lead from states a (M,) to b; what is NaN in b is left as it comes."""
 
     def collision(self, world: World) -> Collision:
         """What planning asks which states and motions are free: never too kind."""

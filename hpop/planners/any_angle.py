@@ -12,11 +12,12 @@ import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.goals import checked_goal
+from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, edge_objectives, planner
 from hpop.planners.goals import goals_of, start_of
-from hpop.planners.joined_ends import UNMOVED, is_on
+from hpop.planners.joined_ends import HEADING_TOLERANCE, UNMOVED
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import in_plane
 from hpop.planners.purse import Purse
@@ -146,7 +147,9 @@ def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Proble
     for i, (goal_x, goal_y, yaw) in enumerate(goals):
         for states in (trajectory.states for trajectory in trajectories):
             off = math.hypot(states.x[-1] - goal_x, states.y[-1] - goal_y)
-            if yaw is not None and (len(goals) == 1 or (off <= UNMOVED and is_on(states.yaw[-1], yaw))):
+            if yaw is not None and (
+                len(goals) == 1 or (off <= UNMOVED and abs(wrap(states.yaw[-1] - yaw)) <= HEADING_TOLERANCE)
+            ):
                 goals[i] = (goal_x, goal_y, float(states.yaw[-1]))
                 break
     return replace(

@@ -6,39 +6,41 @@ each cost.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.arrays import IntArray
 
 Counts: TypeAlias = NDArray[np.unsignedinteger[Any]]
+MOVE = 0  # the kind of moves; all others are made in place
 BLOCK = 1 << 16  # arcs worked on together: their columns stay in the processor's cache, and every core gets some
 
 
 class Arcs(NamedTuple):
-    """Arcs sorted by tail, the turns of a state before its moves.
+    """Arcs sorted by tail, of a state those of motions in place before its moves.
 
     start  (n + 1,)  the arcs that leave state u are start[u] : start[u + 1]
     heads  (m,)      int32
-    turns  (m,)      whether an arc is a turn; else it is a move
+    kinds  (m,)      uint8, the kind of each arc's motion, as its place among those of the graph; 0 is a move
     """
 
     start: IntArray
     heads: NDArray[np.int32]
-    turns: BoolArray
+    kinds: NDArray[np.uint8]
 
     @classmethod
-    def sorted(cls, size: int, turns: tuple[IntArray, IntArray], moves: tuple[IntArray, IntArray]) -> Arcs:
-        """From tails and heads of all turns and moves between so many states."""
-        tails = np.concatenate([turns[0], moves[0]])
+    def sorted(cls, size: int, edges: Sequence[tuple[IntArray, IntArray]]) -> Arcs:
+        """From tails and heads of the edges of each kind, moves first, between so many states."""
+        kinds = [*range(1, len(edges)), MOVE]
+        tails, heads = (np.concatenate([edges[kind][side] for kind in kinds]) for side in (0, 1))
         order = np.argsort(tails, kind="stable")
         start = np.zeros(size + 1, np.int64)
         np.cumsum(np.bincount(tails, minlength=size), out=start[1:])
-        heads = np.concatenate([turns[1], moves[1]])[order].astype(np.int32)
-        return cls(start, heads, order < turns[0].size).frozen()
+        of_kind = np.repeat(np.array(kinds, np.uint8), [edges[kind][0].size for kind in kinds])
+        return cls(start, heads[order].astype(np.int32), of_kind[order]).frozen()
 
     def frozen(self) -> Arcs:
         """These, read-only, so that a graph takes them as they are."""
@@ -49,7 +51,7 @@ class Arcs(NamedTuple):
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays."""
-        return self.start.nbytes + self.heads.nbytes + self.turns.nbytes
+        return self.start.nbytes + self.heads.nbytes + self.kinds.nbytes
 
     def ends(self, part: slice) -> tuple[IntArray, IntArray]:
         """Tails and heads of a range of arcs."""
@@ -58,11 +60,11 @@ class Arcs(NamedTuple):
         bounds = np.clip(self.start[first : last + 1], part.start, part.stop)
         return np.repeat(np.arange(first, last), bounds[1:] - bounds[:-1]), self.heads[part].astype(np.int64)
 
-    def of(self, turns: bool) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all turns, or of all moves."""
-        kind = self.turns if turns else ~self.turns
+    def of(self, kind: int) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all arcs of one kind."""
+        own = self.kinds == kind
         tails = np.repeat(np.arange(self.start.size - 1), np.diff(self.start))
-        return tails[kind], self.heads[kind].astype(np.int64)
+        return tails[own], self.heads[own].astype(np.int64)
 
 
 def blocks(size: int, each: int = 1) -> Iterator[slice]:

@@ -226,7 +226,7 @@ class GraphQuery:
         edges = paths.lengths
 
         def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
-            return space.stretches(*paths.through(rows)).trajectories(space.model)
+            return space.stretches(*paths.through(rows)).trajectories(space.model, space.kinds)
 
         # A sum is rounded once an edge, a worst edge once.
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])

@@ -7,7 +7,6 @@ chain of turns at one place: nothing leads back from the goal, nor to the start.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,24 +15,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, Column, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import QueryError
-from hpop.math import wrap
-from hpop.motions import Motions, States
+from hpop.motions import Motions, States, StateSpace
+from hpop.planners.arcs import MOVE
 from hpop.planners.base import quantised
-from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.search import Graph
 from hpop.planners.state_graph import StateGraph
-from hpop.planners.stretches import KINDS, MOVE, TURN, Stretches
+from hpop.planners.stretches import Stretches
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
-ALIGNED = 1e-9  # rad: a turn by less is none
-MOTIONS = (TURN, MOVE, TURN)  # of a join
 BY = "at most a turn, a move and a turn"
 NODES = 2**31  # more than a graph has
 START, GOAL = "start", "goal"
@@ -66,38 +62,41 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     ----------
     reach : m
     """
-    start, goals = start_of(problem), goals_of(problem)
-    poses: dict[str, End] = {START: start}
-    poses |= {f"{GOAL} {place}" if len(goals) > 1 else GOAL: goal for place, goal in enumerate(goals)}
-    states = {what: states_at(graph, end) for what, end in poses.items()}
+    space, goals = problem.model.space, problem.goals
+    ends = {START: space.state(problem.start)}
+    ends |= {
+        f"{GOAL} {place}" if len(goals) > 1 else GOAL: space.state(goal, free=space.angles)
+        for place, goal in enumerate(goals)
+    }
+    states = {what: states_at(graph, end) for what, end in ends.items()}
 
-    def straight(end: End) -> bool:
+    def straight(end: States) -> bool:
         """A path straight from the start to it need not end with a heading of the graph."""
-        return not states[START] and end[2] is None and math.dist(start[:2], end[:2]) <= reach
+        return bool(not states[START] and np.isnan(end.yaw[0]) and _distance(ends[START], end)[0] <= reach)
 
-    beside = {what: end for what, end in poses.items() if not states[what] or straight(end)}
+    beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
     if not beside:
         joined: StateGraph = graph
     else:
         joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, purse=graph.purse)
-        states |= joined.checked(list(poses)[1:])
-    return Ends(joined, states[START][0], list(dict.fromkeys(id_ for what in list(poses)[1:] for id_ in states[what])))
+        states |= joined.checked(list(ends)[1:])
+    return Ends(joined, states[START][0], list(dict.fromkeys(id_ for what in list(ends)[1:] for id_ in states[what])))
 
 
-def states_at(graph: StateGraph, end: End) -> list[int]:
-    """Ids of the free states at an end; with any heading where its yaw is None."""
-    x, y, yaw = end
-    ids = graph.near(x, y, UNMOVED)
+def states_at(graph: StateGraph, end: States) -> list[int]:
+    """Ids of the free states at an end (1,); any will do in what is NaN there."""
+    ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
     states = graph.states(ids)
     there = graph.collision.states_free(states)
-    if yaw is not None:
-        there &= is_on(states.yaw, yaw)
-    return [int(one) for one in ids[there]]
+    return [int(one) for one in ids[there & alike(graph.model.space, states, end)]]
 
 
-def is_on(yaw: Column, heading: float) -> BoolArray:
-    """Whether yaws, rad, are on a heading that may be written with three decimals."""
-    return np.asarray(np.abs(wrap(yaw - heading)) <= HEADING_TOLERANCE)
+def alike(space: StateSpace, states: States, end: States) -> BoolArray:
+    """Which states (M,) are at an end's angles, which may be written with three decimals; what is NaN is free."""
+    off, there = space.differences(end, states), np.ones(states.size, dtype=np.bool_)
+    for name in space.angles:
+        there &= ~(np.abs(off[name]) > HEADING_TOLERANCE)
+    return there
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,35 +105,25 @@ class Joins:
 
     graph         tells what is free
     tails, heads  (J,)  nodes
+    kinds         of the motions, as the model connects states
     corners       the states (J,) before the first motion and after each
-    present       whether (J,) each of the three is a motion
+    present       whether (J,) each of them is a motion
     """
 
     graph: StateGraph
     tails: IntArray
     heads: IntArray
+    kinds: tuple[str, ...]
     corners: tuple[States, ...]
     present: tuple[BoolArray, ...]
 
     @classmethod
     def between(cls, graph: StateGraph, tails: IntArray, heads: IntArray, states: States, ends: States) -> Joins:
-        """Those joins of states (J,) to others that are free; a yaw of NaN at the end is that of the move."""
-        apart = np.hypot(ends.x - states.x, ends.y - states.y) > UNMOVED
-        arrives = np.where(np.isnan(ends.yaw), states.yaw, ends.yaw)
-        ahead = np.where(apart, np.arctan2(ends.y - states.y, ends.x - states.x), arrives)
-        last = np.where(np.isnan(ends.yaw), ahead, ends.yaw)
-        turns = wrap(ahead - states.yaw), wrap(last - ahead)
-        first, second = (np.where(np.abs(turn) > ALIGNED, turn, 0.0) for turn in turns)
-        x, y = np.where(apart, ends.x, states.x), np.where(apart, ends.y, states.y)
-        yaws = (states.yaw, states.yaw + first, states.yaw + first + second)
-        corners = (
-            States(x=states.x, y=states.y, yaw=yaws[0]),
-            States(x=states.x, y=states.y, yaw=yaws[1]),
-            States(x=x, y=y, yaw=yaws[1]),
-            States(x=x, y=y, yaw=yaws[2]),
-        )
-        joins = cls(graph, tails, heads, corners, (first != 0.0, apart, second != 0.0))
-        free = graph.collision.states_free(corners[0])
+        """Those joins of states (J,) to others that are free; what is NaN at the end is left as it comes."""
+        legs = graph.model.connect(states, ends)
+        kinds, corners, present = zip(*legs, strict=True)
+        joins = cls(graph, tails, heads, kinds, (states, *corners), present)
+        free = graph.collision.states_free(states)
         for rows, motions in joins.motions():
             free[rows] &= graph.collision.motions_free(motions)
         return joins.take(np.flatnonzero(free))
@@ -150,14 +139,18 @@ class Joins:
             parts[0].graph,
             np.concatenate([part.tails for part in parts]),
             np.concatenate([part.heads for part in parts]),
+            parts[0].kinds,
             tuple(corners),
             tuple(np.concatenate(columns) for columns in zip(*(part.present for part in parts), strict=True)),
         )
 
     @property
     def turned(self) -> IntArray:
-        """Turns (J,) in each join."""
-        return self.present[0].astype(np.int64) + self.present[2]
+        """Motions in place (J,) in each join."""
+        number = np.zeros(self.tails.size, np.int64)
+        for kind, there in zip(self.kinds, self.present, strict=True):
+            number += there & (kind != self.graph.kinds[MOVE])
+        return number
 
     def take(self, rows: IntArray) -> Joins:
         """Some of the joins."""
@@ -165,17 +158,18 @@ class Joins:
             self.graph,
             self.tails[rows],
             self.heads[rows],
+            self.kinds,
             tuple(states.take(rows) for states in self.corners),
             tuple(present[rows] for present in self.present),
         )
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
-        """The first motions, the moves and the last ones, each with the joins that it is of."""
+        """The first motions, the second ones and so on, each with the joins that it is of."""
         graph = self.graph
-        for i, law in enumerate(MOTIONS):
+        for i, kind in enumerate(self.kinds):
             rows = np.flatnonzero(self.present[i])
             start, end = (self.corners[j].take(rows) for j in (i, i + 1))
-            yield rows, Motions(graph.world, graph.model, graph.model.laws[KINDS[law]], start, end)
+            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Costs (J, k) in quanta, rounded once a join."""
@@ -196,12 +190,13 @@ class Joins:
         kept[there] = np.stack(
             [np.ones(rows.size, dtype=np.bool_), *(present[rows] for present in self.present)], axis=1
         )
-        x, y, yaw = (
-            np.stack([getattr(corner, name)[rows] for corner in self.corners], axis=1)[kept[there]]
-            for name in ("x", "y", "yaw")
-        )
-        law = np.broadcast_to([MOVE, *MOTIONS], kept.shape)[kept]
-        return Stretches(x, y, yaw, law, kept.sum(axis=1))
+        columns = {
+            name: np.stack([getattr(corner, name)[rows] for corner in self.corners], axis=1)[kept[there]]
+            for name in self.graph.model.space.names
+        }
+        numbers = [self.graph.kinds.index(kind) for kind in self.kinds]
+        kinds = np.broadcast_to([MOVE, *numbers], kept.shape)[kept]
+        return Stretches(States(**columns), kinds, kept.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +204,12 @@ class JoinedEnds(StateGraph):
     """A graph of states and beside it a start, goals or both: one node each, after those of the graph.
 
     inner  the graph
-    ends   "start", goals or both, in this order: the pose (x m, y m, yaw rad); a yaw of None leaves the heading free
+    ends   "start", goals or both, in this order: the state (1,); what is NaN there is free
     reach  m: states no farther away are joined to them, where there is a free turn, straight move and turn
     """
 
     inner: StateGraph
-    ends: dict[str, End]
+    ends: dict[str, States]
     reach: float
 
     def node(self, what: str) -> int:
@@ -248,29 +243,29 @@ class JoinedEnds(StateGraph):
 
     def _straight(self, goal: str) -> Joins:
         """The join of the start to a goal, if they are near each other and it is free."""
-        ends = [_poses(self.ends[what], 1) for what in (START, goal)]
-        near = np.flatnonzero(np.hypot(ends[1].x - ends[0].x, ends[1].y - ends[0].y) <= self.reach)
+        ends = [self.ends[what] for what in (START, goal)]
+        near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
         return Joins.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
     def _joins(self, what: str) -> Joins:
         """Free joins between an end and the states within reach."""
-        x, y, _ = self.ends[what]
-        ids = self.inner.near(x, y, self.reach)
+        end = self.ends[what]
+        ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
-        states, end = self.inner.states(ids), _poses(self.ends[what], ids.size)
+        states, end = self.inner.states(ids), end.take(np.zeros(ids.size, np.int64))
         if what == START:
             return Joins.between(self.inner, nodes, ids, end, states)
         return Joins.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
         """States of the inner graph to which an end is joined, the nearest first."""
-        node, (x, y, _) = self.node(what), self.ends[what]
+        node, end = self.node(what), self.ends[what]
         from_it, to_it = self.joins.tails == node, self.joins.heads == node
         ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
         ids = ids[ids < self.inner.size]
         states = self.inner.states(ids)
-        return ids[np.argsort(np.hypot(states.x - x, states.y - y), kind="stable")]
+        return ids[np.argsort(_distance(states, end), kind="stable")]
 
     def inside(self, nodes: list[int]) -> list[int]:
         """States of the inner graph: the nodes themselves, or those to which the end that they are is joined."""
@@ -293,12 +288,13 @@ class JoinedEnds(StateGraph):
 
     def _refusal(self, what: str) -> str:
         """Why an end cannot be used."""
-        x, y, yaw = self.ends[what]
-        reason = self.collision.why_blocked(_poses((x, y, yaw or 0.0), 1)) or (
+        end = self.ends[what]
+        whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
+        reason = self.collision.why_blocked(whole) or (
             f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
             f"{'from' if what == START else 'to'} it; take a smaller step"
         )
-        return f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}."
+        return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}."
 
     def places(self, ids: IntArray) -> IntArray:
         """Places (N,) of the inner graph; an end has one of its own, below 0."""
@@ -310,23 +306,22 @@ class JoinedEnds(StateGraph):
     def states(self, ids: IntArray) -> States:
         """Positions and yaws of states (N,); NaN is the yaw of a goal whose heading is free."""
         inside = ids < self.inner.size
-        inner, ends = self.inner.states(ids[inside]), [_poses(end, 1) for end in self.ends.values()]
+        inner, ends = self.inner.states(ids[inside]), self.ends.values()
         columns = {}
-        for name in ("x", "y", "yaw"):
+        for name in self.model.space.names:
             columns[name] = np.empty(ids.size)
             columns[name][inside] = getattr(inner, name)
             columns[name][~inside] = np.array([getattr(end, name)[0] for end in ends])[ids[~inside] - self.inner.size]
         return States(**columns)
 
     @property
-    def turns(self) -> tuple[IntArray, IntArray]:
+    def kinds(self) -> tuple[str, ...]:
         """Those of the inner graph."""
-        return self.inner.turns
+        return self.inner.kinds
 
-    @property
-    def moves(self) -> tuple[IntArray, IntArray]:
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
         """Those of the inner graph."""
-        return self.inner.moves
+        return self.inner.edges(kind)
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The inner graph's arcs, and after those of each node its joins."""
@@ -362,11 +357,12 @@ class JoinedEnds(StateGraph):
         to_goal = ~inside[ends - 1] & ~(whole & from_start)  # of two nodes, the join between them is the first
         after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
         return Stretches.joined(
+            self.model.space,
             [
                 self.joins.stretches(ids[begins], ids[after], from_start),
                 self.inner.stretches(ids[inside], inner),
                 self.joins.stretches(ids[before], ids[ends - 1], to_goal),
-            ]
+            ],
         )
 
     def what_separates(self, start: int, goals: list[int]) -> str:
@@ -374,7 +370,6 @@ class JoinedEnds(StateGraph):
         return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
 
 
-def _poses(end: End, count: int) -> States:
-    """One pose (count,) times; NaN for a yaw of None."""
-    x, y, yaw = (np.full(count, np.nan if value is None else value) for value in end)
-    return States(x=x, y=y, yaw=yaw)
+def _distance(states: States, end: States) -> FloatArray:
+    """How far (M,), m, places are from that of an end (1,)."""
+    return np.asarray(np.hypot(states.x - end.x, states.y - end.y))

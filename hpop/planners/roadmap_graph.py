@@ -141,6 +141,10 @@ class StateRoadmap(StateGraph):
         ids = self._numbers[-len(self.targets) :].tolist()
         return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
 
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns, or of all free moves."""
+        return self.turns if kind == "turn" else self.moves
+
     @cached_property
     def moves(self) -> tuple[IntArray, IntArray]:
         """Tails and heads of all free moves."""

@@ -29,9 +29,9 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     from scipy.sparse import csr_array  # on first use: most problems have a path, and the import takes its time
     from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
 
-    count, columns = lattice.headings.count, lattice.shape[1]
+    columns = lattice.shape[1]
     cells = lattice.cells[0] * columns + lattice.cells[1]
-    begin, *ends = cells[np.array([start, *goals]) // count].tolist()
+    begin, *ends = cells[lattice.places(np.array([start, *goals]))].tolist()
     room = _room(lattice).ravel()
     tails, heads = _links(lattice, room)
     narrow = np.minimum(room[tails], room[heads])
@@ -91,7 +91,7 @@ def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]
         free &= lattice.world.segments_free(*segments, margin=0.0, z=z)
     columns = lattice.shape[1]
     cells = lattice.cells[0] * columns + lattice.cells[1]
-    moves = cells[np.stack(lattice.moves) // lattice.headings.count]
+    moves = cells[lattice.places(np.stack(lattice.edges("move")))]
     points = ends[::2, free] * columns + ends[1::2, free]
     tails, heads = np.unique(np.sort(np.hstack([points, moves]), axis=0), axis=1)
     return tails, heads

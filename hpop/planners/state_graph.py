@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.math import wrap
 from hpop.motions import Motions, PlaneCollision, States
-from hpop.planners.arcs import Arcs, Counts, Quanta, blocks, table
+from hpop.planners.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.base import quantised
 from hpop.planners.purse import Purse
 from hpop.planners.search import Graph
@@ -71,14 +70,18 @@ class StateGraph(ABC):
         """Positions and yaws of states (N,)."""
 
     @property
-    @abstractmethod
-    def turns(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free turns."""
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of its motions: moves, then those in place."""
+        return ("move", "turn")
 
-    @property
     @abstractmethod
-    def moves(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free moves."""
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free motions of one kind."""
+
+    def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Kind (N,) of the edges between states, as its place among `kinds`: a turn in place, or a move."""
+        stays: BoolArray = self.places(tails) == self.places(heads)
+        return stays.astype(np.int64)
 
     @abstractmethod
     def what_separates(self, start: int, goals: list[int]) -> str:
@@ -95,8 +98,9 @@ class StateGraph(ABC):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Turns (m,) in each arc of `graph`."""
-        return self.arcs.turns.view(np.int8)
+        """Motions in place (m,) in each arc of `graph`."""
+        in_place: BoolArray = self.arcs.kinds != MOVE
+        return in_place.view(np.int8)
 
     @cached_property
     def collision(self) -> PlaneCollision:
@@ -104,15 +108,17 @@ class StateGraph(ABC):
         return self.model.collision(self.world)
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
-        """Edges (M,) as motions; a turn goes the shorter way, a half turn counter-clockwise."""
-        start, end = self.states(tails), self.states(heads)
-        end.__dict__["yaw"] = start.yaw + wrap(end.yaw - start.yaw) if kind == "turn" else start.yaw
-        return Motions(self.world, self.model, self.model.laws[kind], start, end)
+        """Edges (M,) as motions; what comes round goes the shorter way, half a turn counter-clockwise."""
+        law, start, end = self.model.laws[kind], self.states(tails), self.states(heads)
+        if law.varies & self.model.space.turning:
+            end = self.model.space.onward(start, end)
+        kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
+        return Motions(self.world, self.model, law, start, States(**{**end.__dict__, **kept}))
 
     @cached_property
     def arcs(self) -> Arcs:
-        """All free turns and moves."""
-        return Arcs.sorted(self.size, self.turns, self.moves)
+        """All free motions."""
+        return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
         """All edges as tails, heads and motions, in batches of bounded size."""
@@ -123,8 +129,8 @@ class StateGraph(ABC):
     def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
         """A range of arcs as motions of one law: which of them, their tails and heads, and the motions."""
         tails, heads = self.arcs.ends(part)
-        for kind in ("turn", "move"):
-            own = self.arcs.turns[part] == (kind == "turn")
+        for number, kind in sorted(enumerate(self.kinds), reverse=True):
+            own = self.arcs.kinds[part] == number
             if own.any():
                 yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
 
@@ -198,11 +204,13 @@ class StateGraph(ABC):
         """The trajectories through the states (n+1,) of each path: one motion an edge, yaw continuous."""
         sizes = np.array([path.size for path in paths], dtype=np.int64)
         ids = np.concatenate([np.zeros(0, np.int64), *paths])
-        return self.stretches(ids, sizes).trajectories(self.model)
+        return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """The same through states (N,), so many (n,) of them for each, not yet checked."""
-        return Stretches.through(self.states(ids), self.places(ids), sizes)
+        kinds = np.zeros(ids.size, np.int64)
+        kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
+        return Stretches.through(self.model.space, self.states(ids), kinds, sizes)
 
 
 def _name(criterion: Criterion) -> Hashable:

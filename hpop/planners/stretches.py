@@ -13,47 +13,45 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.math import wrap
-from hpop.motions import States
+from hpop.motions import States, StateSpace
 from hpop.trajectory import Trajectory, refuse_impossible
 
 if TYPE_CHECKING:
     from hpop.motions import Model
 
-KINDS = np.array(["move", "turn"], dtype=object)
-MOVE, TURN = range(2)
-BLOCK = 2**20  # yaws that are added up at once
+BLOCK = 2**20  # angles that are added up at once
 
 
 class Stretches(NamedTuple):
     """Parts of trajectories, or whole ones, one after another.
 
-    x, y, yaw  (N,)  m and rad, the yaw continuous within each
-    law        (N,)  of the motion that ends in each state, as its place in KINDS; of a first state it says nothing
-    sizes      (n,)  states of each; none where there is no such part
+    states  (N,)  what comes round is continuous within each
+    kinds   (N,)  of the motion that ends in each state, as its place among those of the graph; of a first state it
+                  says nothing
+    sizes   (n,)  states of each; none where there is no such part
     """
 
-    x: FloatArray
-    y: FloatArray
-    yaw: FloatArray
-    law: IntArray
+    states: States
+    kinds: IntArray
     sizes: IntArray
 
     @classmethod
-    def through(cls, states: States, places: IntArray, sizes: IntArray) -> Stretches:
-        """Turns at a place and moves between places, through states (N,), so many (n,) of them for each."""
-        stays, turned = np.zeros(places.size, dtype=np.int64), np.zeros(places.size)
-        stays[1:] = np.diff(places) == 0
-        turned[1:] = wrap(np.diff(states.yaw))
+    def through(cls, space: StateSpace, states: States, kinds: IntArray, sizes: IntArray) -> Stretches:
+        """Motions of some kinds through states (N,), so many (n,) of them for each; angles turn the shorter way."""
+        columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
-        turned[begins] = 0.0
-        yaw = np.repeat(states.yaw[begins], sizes[sizes > 0]) + _running(turned, sizes)
-        return cls(states.x, states.y, yaw, np.where(stays, TURN, MOVE), sizes)
+        for name in space.turning:
+            angle, turned = columns[name], np.zeros(kinds.size)
+            turned[1:] = wrap(np.diff(angle))
+            turned[begins] = 0.0
+            columns[name] = np.repeat(angle[begins], sizes[sizes > 0]) + _running(turned, sizes)
+        return cls(States(**columns), kinds, sizes)
 
     @classmethod
-    def joined(cls, parts: Sequence[Stretches]) -> Stretches:
+    def joined(cls, space: StateSpace, parts: Sequence[Stretches]) -> Stretches:
         """From each part the first stretches make one, the second ones the next, and so on.
 
-        Each begins where the one before it ends, but for whole turns of the yaw.
+        Each begins where the one before it ends, but for whole turns of what comes round.
         """
         lengths = np.array([part.sizes for part in parts])  # (p, n)
         present = lengths > 0
@@ -61,8 +59,9 @@ class Stretches(NamedTuple):
         kept = lengths - (present & ~first)  # where one begins, the one before it ends
         sizes = kept.sum(axis=0)
         begins = np.cumsum(sizes) - sizes + np.cumsum(kept, axis=0) - kept
-        x, y, yaw = (np.empty(sizes.sum()) for _ in range(3))
-        law, last = np.empty(sizes.sum(), dtype=np.int64), np.zeros(sizes.size)
+        columns = {name: np.empty(sizes.sum()) for name in space.names}
+        kinds = np.empty(sizes.sum(), dtype=np.int64)
+        last = {name: np.zeros(sizes.size) for name in space.turning}
         for part, length, is_first, begin in zip(parts, lengths, first, begins, strict=True):
             owner = np.repeat(np.arange(length.size), length)
             own = np.cumsum(length) - length
@@ -70,29 +69,33 @@ class Stretches(NamedTuple):
             new = np.flatnonzero((within > 0) | is_first[owner])
             place = ((begin - ~is_first)[owner] + within)[new]
             there = length > 0
-            whole = np.zeros(length.size)
-            whole[there] = 2 * np.pi * np.round((last[there] - part.yaw[own[there]]) / (2 * np.pi))
-            whole[is_first] = 0.0
-            continuous = part.yaw + whole[owner]  # so half a turn stays the way round that was checked
-            last[there] = continuous[(own + length - 1)[there]]
-            x[place], y[place], yaw[place], law[place] = part.x[new], part.y[new], continuous[new], part.law[new]
-        return cls(x, y, yaw, law, sizes)
+            kinds[place] = part.kinds[new]
+            for name, column in columns.items():
+                value = getattr(part.states, name)
+                if name in last:
+                    whole = np.zeros(length.size)
+                    whole[there] = 2 * np.pi * np.round((last[name][there] - value[own[there]]) / (2 * np.pi))
+                    whole[is_first] = 0.0
+                    value = value + whole[owner]  # so half a turn stays the way round that was checked
+                    last[name][there] = value[(own + length - 1)[there]]
+                column[place] = value[new]
+        return cls(States(**columns), kinds, sizes)
 
-    def trajectories(self, model: Model) -> tuple[Trajectory, ...]:
-        """The trajectories that they are; raises ModelError for a motion that is none of its law."""
-        states = States(x=self.x, y=self.y, yaw=self.yaw)
+    def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
+        """The trajectories that they are, of motions of these kinds; raises ModelError for one that is none."""
+        states = self.states
         for name in states.names:
             getattr(states, name).setflags(write=False)
         ends = np.cumsum(self.sizes)
-        heads = np.delete(np.arange(self.law.size), ends - self.sizes)
-        for law, kind in enumerate(KINDS):
-            rows = np.flatnonzero(self.law[heads] == law)
+        heads = np.delete(np.arange(self.kinds.size), ends - self.sizes)
+        for number, kind in enumerate(kinds):
+            rows = np.flatnonzero(self.kinds[heads] == number)
             if rows.size:
                 start, end = states.take(heads[rows] - 1), states.take(heads[rows])
                 refuse_impossible(model, model.laws[kind], start, end, rows)
-        kinds = tuple(KINDS[self.law].tolist())
+        words = tuple(np.array(kinds, dtype=object)[self.kinds].tolist())
         return tuple(
-            Trajectory.of_checked(model, states.take(slice(begin, end)), kinds[begin + 1 : end])
+            Trajectory.of_checked(model, states.take(slice(begin, end)), words[begin + 1 : end])
             for begin, end in pairwise([0, *ends.tolist()])
         )
 

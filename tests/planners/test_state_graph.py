@@ -52,13 +52,13 @@ def asked(kind, model):
 
 def test_turns_stay_at_a_place_and_moves_go_where_the_robot_looks(asked):
     _, graph = asked
-    assert min(graph.turns[0].size, graph.moves[0].size) > 20
-    tails, heads = (graph.states(ids) for ids in graph.turns)
-    assert (graph.places(graph.turns[0]) == graph.places(graph.turns[1])).all()
+    assert min(graph.edges("turn")[0].size, graph.edges("move")[0].size) > 20
+    tails, heads = (graph.states(ids) for ids in graph.edges("turn"))
+    assert (graph.places(graph.edges("turn")[0]) == graph.places(graph.edges("turn")[1])).all()
     assert ((tails.x == heads.x) & (tails.y == heads.y)).all()
     assert (np.abs(wrap(heads.yaw - tails.yaw)) > math.radians(1.0)).mean() > 0.9
-    tails, heads = (graph.states(ids) for ids in graph.moves)
-    assert (graph.places(graph.moves[0]) != graph.places(graph.moves[1])).all()
+    tails, heads = (graph.states(ids) for ids in graph.edges("move"))
+    assert (graph.places(graph.edges("move")[0]) != graph.places(graph.edges("move")[1])).all()
     ahead = np.arctan2(heads.y - tails.y, heads.x - tails.x)
     for yaw in (tails.yaw, heads.yaw):
         assert np.abs(wrap(yaw - ahead)).max() < 1e-8
@@ -73,7 +73,7 @@ def test_no_two_states_are_one(asked):
 
 def test_every_edge_is_free_and_is_the_trajectory_of_its_ends(asked):
     problem, graph = asked
-    for law, (tails, heads) in (("turn", graph.turns), ("move", graph.moves)):
+    for law, (tails, heads) in (("turn", graph.edges("turn")), ("move", graph.edges("move"))):
         some = np.random.default_rng(0).choice(tails.size, min(150, tails.size), replace=False)
         edges = [graph.trajectory(np.array(pair)) for pair in zip(tails[some], heads[some], strict=True)]
         assert {edge.kinds for edge in edges} == {(law,)}
@@ -94,7 +94,7 @@ def test_a_turn_is_missing_only_where_the_robot_would_hit_something(asked, kind,
         for b in np.flatnonzero(place == at)
         if a != b and (kind == "lattice" or abs(wrap(states.yaw[a] - states.yaw[b])) > math.radians(1.0))
     }
-    turns = set(zip(*(ids.tolist() for ids in graph.turns), strict=True))
+    turns = set(zip(*(ids.tolist() for ids in graph.edges("turn")), strict=True))
     small = {(a, b) for a, b in turns - pairs if kind != "lattice" and a == graph.start}
     assert turns - small <= pairs
     if model is ROUND:
@@ -117,7 +117,7 @@ def test_what_edges_cost_makes_what_the_trajectory_costs(asked):
     search = graph.graph(CRITERIA)
     quanta = np.array([c.quantum for c in CRITERIA])
     leaves = np.diff(search.indptr) > 0  # a long robot may get stuck
-    node = int(rng.choice(graph.turns[0]))
+    node = int(rng.choice(graph.edges("turn")[0]))
     walk, paid = [node], []
     for _ in range(60):
         arcs = np.arange(search.indptr[node], search.indptr[node + 1])
