@@ -80,8 +80,8 @@ class Trajectory:
         """
         if model.space.names != ("x", "y", "yaw"):
             raise ModelError(
-                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; give states and "
-                "kinds to Trajectory itself"
+                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; take "
+                "Trajectory.through with States, which the model connects"
             )
         try:
             through = [(float(x), float(y), float(yaw)) for x, y, yaw in poses]
@@ -109,6 +109,28 @@ class Trajectory:
             turn_to(to_yaw)
         columns = np.array(states, float).T
         return cls(model, States(**dict(zip(model.space.names, columns, strict=True))), tuple(kinds))
+
+    @classmethod
+    def through(cls, model: Model, states: States) -> Trajectory:
+        """Through states (N,), from each to the next as the model connects them: any model, any states of it.
+
+        >>> from hpop.registry import make_model
+        >>> ends = States(x=np.array([0.0, 3.0]), y=np.zeros(2), yaw=np.array([0.0, np.pi]))
+        >>> Trajectory.through(make_model("differential_drive"), ends).kinds
+        ('move', 'turn')
+        """
+        space = model.space
+        if not states.names == space.names or not states.size:
+            raise ModelError(f"a trajectory goes through states {space} of its model, at least one, got {states!r}")
+        legs = model.connect(states.take(slice(None, -1)), states.take(slice(1, None)))
+        rows, kinds = [states.take(slice(0, 1))], list[str]()
+        for pair in range(states.size - 1):
+            for leg in legs:
+                if leg.present[pair]:
+                    rows.append(space.onward(rows[-1], leg.end.take(slice(pair, pair + 1))))
+                    kinds.append(leg.kind)
+        columns = {name: np.concatenate([getattr(row, name) for row in rows]) for name in space.names}
+        return cls(model, States(**columns), tuple(kinds))
 
     @cached_property
     def durations(self) -> FloatArray:

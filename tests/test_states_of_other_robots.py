@@ -89,7 +89,7 @@ def test_what_ends_with_another_pan_is_told() -> None:
 
 
 def test_poses_in_the_plane_are_no_trajectory_of_it() -> None:
-    with pytest.raises(ModelError, match=r"which are \(x m, y m, yaw rad, pan rad\); give states and kinds"):
+    with pytest.raises(ModelError, match=r"which are \(x m, y m, yaw rad, pan rad\); take Trajectory.through"):
         hpop.Trajectory.from_poses(ROBOT, [(1, 1, 0), (5, 1, 0)])
 
 

@@ -301,3 +301,19 @@ def test_a_trajectory_is_frozen_and_keeps_a_copy():
     assert trajectory.states.x[1] == 1.0
     with pytest.raises(ValueError, match="read-only"):
         trajectory.states.x[1] = 2.0
+
+
+def test_a_trajectory_goes_through_states_as_the_model_connects_them():
+    """The same turns and moves as through poses; half a turn and more adds up without a jump."""
+    poses = [(0.0, 0.0, 3.0), (2.0, 0.0, -3.0), (2.0, 3.0, -2.0), (2.0, 3.0, 1.0)]
+    columns = np.array(poses).T
+    states = States(**dict(zip(("x", "y", "yaw"), columns, strict=True)))
+    through, expected = (
+        Trajectory.through(DifferentialDrive(), states),
+        Trajectory.from_poses(DifferentialDrive(), poses),
+    )
+    assert through.kinds == expected.kinds
+    for name in ("x", "y", "yaw"):
+        np.testing.assert_allclose(getattr(through.states, name), getattr(expected.states, name), atol=1e-12)
+    with pytest.raises(ModelError, match=r"\(x m, y m, yaw rad\) of its model, at least one, got <States: 1 of x>"):
+        Trajectory.through(DifferentialDrive(), States(x=np.zeros(1)))

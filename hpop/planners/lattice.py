@@ -71,7 +71,7 @@ class Lattice:
     without end could be spent where the mean is low.
     """
 
-    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
     goal_sets: ClassVar[bool] = True
 
     step: float = 0.25

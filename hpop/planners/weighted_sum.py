@@ -44,7 +44,7 @@ class WeightedSum:
     a weight: see :func:`hpop.planners.search.supported_paths`.
     """
 
-    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
     goal_sets: ClassVar[bool] = True
 
     step: float = 0.25

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from hpop.arrays import FloatArray
+from hpop.math import norm
 from hpop.problem import Problem
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
@@ -90,11 +91,11 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Speed (N,), m/s, and yaw rate (N,), rad/s, of the camera, rigidly mounted on the base."""
-    states, (velocity, _) = trajectory.at(times), trajectory.rates(times)
-    camera, base = (trajectory.model.pose(body, states) for body in ("camera", "base"))
-    across, along = camera.y - base.y, camera.x - base.x
-    return np.hypot(velocity.x - velocity.yaw * across, velocity.y + velocity.yaw * along), velocity.yaw
+    """Speed (N,), m/s, and yaw rate (N,), rad/s, of the camera."""
+    rates, _ = trajectory.rates(times)
+    twist = trajectory.model.twist("camera", trajectory.at(times), rates)
+    speed, rate = (np.broadcast_to(column, times.shape) for column in (norm(twist.velocity), twist.rotation[2]))
+    return speed, rate
 
 
 def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
