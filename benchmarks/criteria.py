@@ -21,7 +21,7 @@ import shapely
 import hpop
 from hpop import registry
 from hpop.criteria import make_criterion, motion_costs
-from hpop.motions import missing
+from hpop.motions import lacking
 from hpop.planners import Lattice
 from hpop.world.content import Landmark, Person, Zone
 
@@ -56,7 +56,7 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     for name in ["length", *(n for n in registry.criteria if n != "length")]:
         criterion = make_criterion(name)
-        if criterion.aggregate == "trajectory" or missing(criterion.requires, problem.model, problem.world):
+        if criterion.aggregate == "trajectory" or lacking(criterion.requires, problem.model, problem.world):
             continue
         seconds = []
         for _ in range(3):

@@ -25,9 +25,9 @@ import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.planners import EpsilonConstraint, Lattice
+from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.judgement import is_free
-from hpop.planners.polyline import PolylineProgram
-from hpop.planners.vertices import Polyline
+from hpop.planners.polylines.polyline import Polyline
 from hpop.sweep import processes
 
 ROOT = Path(__file__).parents[1]

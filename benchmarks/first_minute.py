@@ -36,7 +36,7 @@ began = {"import": time.process_time()}
 def now(part):
     began[part] = time.process_time()
 from hpop.scenario import load_scenario
-import hpop.report
+import hpop.cli.report
 now("read")
 scenario = load_scenario(sys.argv[1])
 now("build")

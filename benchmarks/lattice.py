@@ -31,7 +31,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from hpop.criteria import make_criterion
 from hpop.planners import Lattice
-from hpop.planners.search import Graph, ParetoPaths, pareto_paths
+from hpop.search import Graph, ParetoPaths, pareto_paths
 
 COSTS = ("exposure", "turns", "length")
 CASES = [*((name, museums.CELL) for name in museums.SIZES if name != "m300")]  # and the step, m

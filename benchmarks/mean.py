@@ -21,9 +21,9 @@ import museums
 
 import hpop
 from hpop.planners import Lattice
-from hpop.planners.base import edge_objectives
-from hpop.planners.exact_mean import DURATION, INTEGRAL, OTHERS, mean_objectives
-from hpop.planners.search import MeanPaths, capped_mean_paths, pareto_paths
+from hpop.planners.graphs.exact_mean import DURATION, INTEGRAL, OTHERS, mean_objectives
+from hpop.planners.objectives import edge_objectives
+from hpop.search import MeanPaths, capped_mean_paths, pareto_paths
 
 RUNS = 3
 LENGTH_DETOUR = 1.2

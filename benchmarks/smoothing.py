@@ -20,9 +20,9 @@ import numpy as np
 import hpop
 from hpop.criteria import Duration, Turns
 from hpop.criteria.base import trajectory_costs
-from hpop.planners.base import edge_objectives
-from hpop.planners.driven_program import DrivenProgram
-from hpop.planners.smoothing_job import SmoothingJob
+from hpop.planners.objectives import edge_objectives
+from hpop.planners.smoothing.job import SmoothingJob
+from hpop.planners.smoothing.program import DrivenProgram
 from hpop.verify import verify
 
 ROOT = Path(__file__).parents[1]

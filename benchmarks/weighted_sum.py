@@ -25,8 +25,8 @@ import numpy as np
 from lattice import scipy_dijkstra
 
 from hpop.planners import Lattice
-from hpop.planners.base import edge_objectives
-from hpop.planners.search import Graph, SupportedPaths, supported_paths
+from hpop.planners.objectives import edge_objectives
+from hpop.search import Graph, SupportedPaths, supported_paths
 from hpop.sweep import processes
 
 RUNS = 3

@@ -20,9 +20,9 @@ import numpy as np
 import hpop
 from hpop.frontier import hypervolume
 from hpop.planners import Lattice, WeightedSumCorridor
-from hpop.planners.corridor import corridors
-from hpop.planners.corridor_program import CorridorProgram
-from hpop.planners.vertices import Polyline
+from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.weighted_sum_corridor.corridor import corridors
+from hpop.planners.weighted_sum_corridor.program import CorridorProgram
 from hpop.sweep import processes
 
 ROOT = Path(__file__).parents[1]

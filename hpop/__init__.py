@@ -5,8 +5,9 @@ Names are imported when they are first used, so that ``import hpop`` and ``hpop 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion, criterion
@@ -50,11 +51,7 @@ __all__ = [
     "model",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'hpop' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

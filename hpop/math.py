@@ -69,9 +69,9 @@ def smooth_abs(x: Column) -> Column:
 def hinge(x: Column) -> Column:
     """max(x, 0), of what a cost rises with; on symbols without a kink.
 
-    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.hinges`). Elsewhere it is
-    a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with s = x/w it is
-    w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
+    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.hinges`).
+    Elsewhere it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with
+    s = x/w it is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
 
     >>> float(hinge(-2.0)), float(hinge(0.5))
     (0.0, 0.5)

@@ -14,7 +14,7 @@ from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
-from hpop.motions import Model, missing
+from hpop.motions import Model, lacking
 from hpop.motions.space import StateSpec, Values
 from hpop.options import MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
@@ -77,10 +77,10 @@ class Problem:
         if repeated:
             raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
         for criterion in made:
-            lacking = missing(criterion.requires, model, world)
-            if lacking:
+            absent = lacking(criterion.requires, model, world)
+            if absent:
                 raise CriterionError(
-                    f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the "
+                    f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the "
                     "world has"
                 )
             _check_describable(criterion)
@@ -219,10 +219,10 @@ class Problem:
 def _lacks(model: Any) -> str:
     """What lacks of a model of one's own; nothing of what is none at all."""
     members = [name for name in vars(Model) if not name.startswith("_")]
-    lacking = [name for name in members if not hasattr(model, name)]
-    if isinstance(model, type) or not 0 < len(lacking) < len(members) - 1:
+    absent = [name for name in members if not hasattr(model, name)]
+    if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
         return ""
-    return f", which lacks {', '.join(lacking)}; hpop.models.base.PlanarModel has what follows from parts and laws"
+    return f", which lacks {', '.join(absent)}; hpop.models.base.PlanarModel has what follows from parts and laws"
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:

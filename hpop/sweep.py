@@ -246,12 +246,12 @@ class Sweep(Generic[S, T, R]):
         try:
             return self.executor.submit(_work, self._key, file, payload, self.job, tasks, self._messages)
         except Exception as error:  # whatever an executor that is shut down, broken or out of reach raises
-            self._failed(error, gone=True)
+            self._failed(error, worker_lost=True)
             return None
 
-    def _failed(self, error: BaseException, *, gone: bool = False) -> None:
+    def _failed(self, error: BaseException, *, worker_lost: bool = False) -> None:
         """Note an error of the executor, once of each kind; one that is broken is not asked again."""
-        if gone or isinstance(error, BrokenExecutor):
+        if worker_lost or isinstance(error, BrokenExecutor):
             self.executor = None
         note = (
             f"a worker or its executor failed ({type(error).__name__}); what it had not finished was done in the "

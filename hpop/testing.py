@@ -18,8 +18,8 @@ from hpop.criteria.base import Criterion, motion_costs, running_costs, trajector
 from hpop.errors import CriterionError
 from hpop.models.differential_drive.driven import ahead, driven
 from hpop.motions import Model, Motions, States
-from hpop.planners.grid import Headings
-from hpop.planners.lattice_graph import StateLattice
+from hpop.planners.lattice.graph import StateLattice
+from hpop.planners.lattice.grid import Headings
 from hpop.registry import make_model
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -330,7 +330,7 @@ class _SampledWorld(World):
 
 
 def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
-    from hpop.symbols import SymbolicMotions
+    from hpop.motions.symbolic import SymbolicMotions
 
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=3) for m in batches):
         symbols = SymbolicMotions.of(motions)
@@ -342,7 +342,7 @@ def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
 
 
 def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
-    from hpop.symbols import SymbolicMotions
+    from hpop.motions.symbolic import SymbolicMotions
 
     for motions in (replace(_part(m, slice(0, 4)), panels=3) for m in batches if len(m) > 1):
         symbols = SymbolicMotions.of(motions)

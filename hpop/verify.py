@@ -16,8 +16,8 @@ from hpop.motion_table import MotionTable
 from hpop.motions import Motions, States
 from hpop.motions.space import Values
 from hpop.options import MOST
-from hpop.planners.base import edge_objectives
 from hpop.planners.judgement import on_map
+from hpop.planners.objectives import edge_objectives
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.hulls import Hull
 from tests.warm import Warm
 
 # Bytecode is kept, whatever the environment says: without it each process that tests start compiles all of hpop.
@@ -43,6 +44,12 @@ def warm() -> Iterator[Warm]:
     server = Warm()
     yield server
     server.close()
+
+
+@pytest.fixture(scope="session")
+def hull() -> Hull:
+    """Convex hulls of integer vectors, decided in fractions (tests/hulls.py)."""
+    return Hull()
 
 
 @pytest.fixture(scope="session")

@@ -25,18 +25,16 @@ RESULTS = ROOT / "out" / "proof"
 
 #: The tests of each part: files and folders of tests/, and modules whose docstrings are run. Together they are all.
 PARTS = {
-    "search": ["tests/planners/search"],
-    "planners": ["tests/planners", "--ignore=tests/planners/search"],
+    "search": ["tests/search"],
+    "planners": ["tests/planners"],
     "criteria": ["tests/criteria"],
     "frontier": ["tests/frontier"],
     "models": ["tests/models"],
     "world": ["tests/world"],
     "view": ["tests/view"],
-    "cli": ["tests/cli", *sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("tests/test_cli_*.py"))],
-    "package": [
-        str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py")) if "_cli_" not in path.name
-    ]
-    + ["hpop"],
+    "cli": ["tests/cli", "tests/scenario"],
+    "motions": ["tests/motions"],
+    "package": [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py"))] + ["hpop"],
 }
 
 

@@ -14,7 +14,7 @@ import hpop
 from hpop.criteria import make_criterion
 from hpop.criteria.base import trajectory_cost
 from hpop.errors import CriterionError, ModelError, UnsupportedModel
-from hpop.motions import States, missing
+from hpop.motions import States, lacking
 from hpop.planners import Candidates
 from hpop.registry import criteria, make_model
 from hpop.status import Status
@@ -84,7 +84,7 @@ def test_sliding_costs_what_a_differential_drive_pays_for_the_same_way_at_the_sa
         slid = slides(base, [(*start, ahead + sideways), (*end, ahead + sideways)])
         for name in criteria:
             criterion = make_criterion(name)
-            if missing(criterion.requires, base, world):
+            if lacking(criterion.requires, base, world):
                 assert {"heading", "wheels"} & set(criterion.requires)
                 continue
             expected, cost = (trajectory_cost(criterion, t, world) for t in (driven, slid))

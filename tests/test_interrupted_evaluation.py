@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 import hpop.view
-from hpop import report, results, solving
-from hpop.cli import main
+from hpop import solving
+from hpop.cli import main, report, results
+from hpop.cli.pictures import PicturesBeside
 from hpop.front import Front
-from hpop.pictures import PicturesBeside
 from hpop.planners.deferred import Deferred
 from hpop.planners.lattice import Lattice
 from hpop.problem import Problem

@@ -11,10 +11,10 @@ import shapely
 from hpop import DifferentialDrive, Problem, World
 from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.planners import Lattice
-from hpop.planners.search.approximation import ANYTHING, thinned
-from hpop.planners.search.covered import least_covered
 from hpop.registry import criteria, planners
 from hpop.scenario import load_scenario
+from hpop.search.machinery.approximation import ANYTHING, thinned
+from hpop.search.machinery.covered import least_covered
 from hpop.status import Budget
 from hpop.sweep import processes
 from hpop.world.content import Landmark, Person, Zone

@@ -54,6 +54,8 @@ hpop.planners.trust.judge
 hpop.problem.Problem
 hpop.registry.readers
 hpop.scenario.load_scenario
+hpop.search.Graph
+hpop.search.pareto_paths
 hpop.status.Progress
 hpop.status.Status
 hpop.sweep.Sweep

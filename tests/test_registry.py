@@ -67,7 +67,7 @@ def test_a_planner_or_criterion_is_imported_alone_and_all_of_them_when_they_are_
     code = """
 import sys
 from hpop.registry import criteria, planners
-print(planners["weighted-sum"].__name__, "hpop.planners.smoothing" in sys.modules)
+print(planners["weighted-sum"].__name__, "hpop.planners.smoothing.planner" in sys.modules)
 print(criteria["o_space"].__name__, "hpop.criteria.robot.energy" in sys.modules)
 print(*planners, *criteria)
 """

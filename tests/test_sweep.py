@@ -19,7 +19,7 @@ import pytest
 
 from hpop import sweep as module
 from hpop.errors import OptionError
-from hpop.planners.search import Graph, SupportedPaths, supported_paths
+from hpop.search import Graph, SupportedPaths, supported_paths
 from hpop.status import Progress
 from hpop.sweep import Sweep, dask, processes
 from tests.interrupted import interrupted_locks

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.planners.search import Graph
+from hpop.search import Graph
 
 
 class Walks(Protocol):

@@ -26,8 +26,8 @@ from typing import IO, Any
 COMMAND = "from hpop.entry import main; main()"
 #: `hpop plan`, but that no process is left to draw what it has found: seconds of work.
 UNDRAWN = """\
-import hpop.pictures
-hpop.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
+import hpop.cli.pictures
+hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 from hpop.entry import main
 main()
 """

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hpop.criteria.base import Criterion, criterion, make_criterion, motion_costs, trajectory_cost
+from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
@@ -128,8 +128,4 @@ __all__ = [
     "trajectory_cost",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'hpop.criteria' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)

@@ -28,7 +28,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
 from hpop.motion_table import BLOCK, MotionTable
-from hpop.motions import Motions, missing
+from hpop.motions import Motions, lacking
 from hpop.registry import criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory, batches
@@ -195,10 +195,10 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
 
 def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    lacking = missing(criterion.requires, m.model, m.world)
-    if lacking:
+    absent = lacking(criterion.requires, m.model, m.world)
+    if absent:
         raise CriterionError(
-            f"criterion {criterion.name!r} requires {', '.join(lacking)}, which neither the model nor the world has"
+            f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
         )
     try:
         costs = np.asarray(criterion.cost(m))

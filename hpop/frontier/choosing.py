@@ -6,7 +6,7 @@ the front cannot distinguish points and is left out. Scaled values that differ b
 every function states how it breaks ties, and the last resort is the first row.
 
 The methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta. The knee
-has a file of its own, :mod:`hpop.frontier.knee`.
+has a file of its own, :mod:`hpop.frontier.knees`.
 """
 
 from __future__ import annotations

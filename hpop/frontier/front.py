@@ -12,7 +12,7 @@ from typing import Any, Generic, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.frontier import choosing, knee, storage, union
+from hpop.frontier import choosing, knees, storage, union
 from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quantised
 from hpop.frontier.errors import FrontError, FrontFileError
 from hpop.frontier.point import Point
@@ -223,9 +223,9 @@ provenance, problem, runs
     def knee(self) -> Point[T]:
         """Return the best compromise: the point deepest below all mixtures of the extreme points.
 
-        The definition is that of :func:`hpop.frontier.knee.knee`.
+        The definition is that of :func:`hpop.frontier.knees.knee`.
         """
-        return self[knee.knee(self._counts())]
+        return self[knees.knee(self._counts())]
 
     def best(self, name: str) -> Point[T]:
         """Return the point with the least of one criterion; ties go to the other criteria in their order."""

@@ -68,6 +68,6 @@ def _passed(states: States, ends: list[int], done: Trajectory) -> FloatArray:
     for i, (_, first, last) in enumerate(longer):
         run, inside = runs.take(slice(i * RUN_SAMPLES, (i + 1) * RUN_SAMPLES)), np.arange(first + 1, last)
         covered = np.hypot(run.x - run.x[0], run.y - run.y[0])
-        gone = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
-        passed[inside] = np.interp(gone, covered, moments[i])
+        travelled = np.hypot(states.x[inside] - run.x[0], states.y[inside] - run.y[0])
+        passed[inside] = np.interp(travelled, covered, moments[i])
     return passed

@@ -7,7 +7,7 @@ over motions therefore runs unchanged on graphs, on trajectories and inside nonl
 
 from __future__ import annotations
 
-from hpop.motions.batch import Motions, missing
+from hpop.motions.batch import Motions, lacking
 from hpop.motions.bodies import Body, integrated
 from hpop.motions.collision import Collision, PlaneCollision
 from hpop.motions.instants import Instants, Rate
@@ -34,6 +34,6 @@ __all__ = [
     "Vector",
     "integrated",
     "is_curve",
-    "missing",
+    "lacking",
     "slopes",
 ]

@@ -274,6 +274,6 @@ class Motions:
         return elapsed
 
 
-def missing(requires: Collection[str], model: Model, world: World) -> list[str]:
+def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:
     """What a criterion requires and neither the model nor the world has, sorted."""
     return sorted(set(requires) - model.provides - world.contents)

@@ -5,30 +5,30 @@ Each is imported when it is first used, and then registered: a plan with one of 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from hpop.lazy import on_first_use
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 
 if TYPE_CHECKING:
     from hpop.planners.any_angle import AnyAngle
-    from hpop.planners.epsilon_constraint import EpsilonConstraint
+    from hpop.planners.epsilon_constraint.planner import EpsilonConstraint
     from hpop.planners.lattice import Lattice
-    from hpop.planners.roadmap import Roadmap
-    from hpop.planners.rrt import RRT
-    from hpop.planners.smoothing import Smoothing
+    from hpop.planners.roadmap.planner import Roadmap
+    from hpop.planners.rrt.planner import RRT
+    from hpop.planners.smoothing.planner import Smoothing
     from hpop.planners.weighted_sum import WeightedSum
-    from hpop.planners.weighted_sum_corridor import WeightedSumCorridor
+    from hpop.planners.weighted_sum_corridor.planner import WeightedSumCorridor
 
 _HOMES = {
     "AnyAngle": "hpop.planners.any_angle",
-    "EpsilonConstraint": "hpop.planners.epsilon_constraint",
-    "Lattice": "hpop.planners.lattice",
-    "RRT": "hpop.planners.rrt",
-    "Roadmap": "hpop.planners.roadmap",
-    "Smoothing": "hpop.planners.smoothing",
+    "EpsilonConstraint": "hpop.planners.epsilon_constraint.planner",
+    "Lattice": "hpop.planners.lattice.planner",
+    "RRT": "hpop.planners.rrt.planner",
+    "Roadmap": "hpop.planners.roadmap.planner",
+    "Smoothing": "hpop.planners.smoothing.planner",
     "WeightedSum": "hpop.planners.weighted_sum",
-    "WeightedSumCorridor": "hpop.planners.weighted_sum_corridor",
+    "WeightedSumCorridor": "hpop.planners.weighted_sum_corridor.planner",
 }
 
 __all__ = [
@@ -46,8 +46,4 @@ __all__ = [
     "planner",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'hpop.planners' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = on_first_use(__name__, _HOMES)

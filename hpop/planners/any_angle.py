@@ -15,14 +15,15 @@ from hpop.goals import checked_goal
 from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
-from hpop.planners.base import Candidates, edge_objectives, planner
+from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import goals_of, start_of
-from hpop.planners.joined_ends import HEADING_TOLERANCE, UNMOVED
+from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import in_plane
-from hpop.planners.purse import Purse
-from hpop.planners.roadmap import SAME, checked_ends, on_roadmap, pairs
-from hpop.planners.roadmap_graph import StateRoadmap
+from hpop.planners.objectives import edge_objectives
+from hpop.planners.roadmap.headings import StateRoadmap
+from hpop.planners.roadmap.planner import SAME, checked_ends, on_roadmap, pairs
+from hpop.planners.spending import Spending
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.trajectory import Trajectory
 
@@ -95,9 +96,9 @@ class AnyAngle:
             return _lattice_only(first)
         began = time.perf_counter()
         problem = _on_headings(problem, first.trajectories)
-        purse = Purse(self.budget(), memory=problem.read_memory)
+        spending = Spending(self.budget(), memory=problem.read_memory)
         try:
-            roadmap, notes = self.roadmap(problem, first, purse)
+            roadmap, notes = self.roadmap(problem, first, spending)
             found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)
         except KeyboardInterrupt:
             return _lattice_only(replace(first, status=Status.INTERRUPTED))
@@ -110,7 +111,7 @@ class AnyAngle:
         )
 
     def roadmap(
-        self, problem: Problem, first: Candidates, purse: Purse | None = None
+        self, problem: Problem, first: Candidates, spending: Spending | None = None
     ) -> tuple[StateRoadmap, tuple[str, ...]]:
         """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
         ends = checked_ends(problem)
@@ -129,7 +130,7 @@ class AnyAngle:
             f"{self._lattice().lattice(problem).words}",
             chosen={"step": self.step, "headings": self.headings, "corners": count},
             remedy="take a smaller step, or more max_positions",
-            purse=purse or Purse(),
+            spending=spending or Spending(),
         )
         few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
         return roadmap, (few,) if count < len(corners) else ()
@@ -167,17 +168,17 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
         points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
         marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] == "turn") for i in at])
-    way = np.repeat(np.arange(len(points)), [len(p) for p in points])
+    path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)
-    corner = np.concatenate(marked) | _bends(problem, along, way)
-    once_a_way = np.unique(np.column_stack([way, along])[corner], axis=0)
+    corner = np.concatenate(marked) | _bends(problem, along, path)
+    once_a_way = np.unique(np.column_stack([path, along])[corner], axis=0)
     corners, shared = np.unique(once_a_way[:, 1:], axis=0, return_counts=True)
     corners = corners[np.argsort(-shared, kind="stable")]
     apart: FloatArray = np.hypot(*(corners[:, None] - ends).transpose(2, 0, 1)).min(axis=1)
     return np.asarray(corners[apart > SAME])
 
 
-def _bends(problem: Problem, along: FloatArray, way: IntArray) -> BoolArray:
+def _bends(problem: Problem, along: FloatArray, path: IntArray) -> BoolArray:
     """Which positions (N, 2) along ways, numbered (N,), stay when these are pulled taut.
 
     From the start, then from each bend, the next bend is the last position before one that is out of sight. All ways
@@ -191,11 +192,11 @@ def _bends(problem: Problem, along: FloatArray, way: IntArray) -> BoolArray:
         start, end = States(x=x, y=y, yaw=yaw), States(x=to_x, y=to_y, yaw=yaw)
         return collision.motions_free(Motions(problem.world, problem.model, law, start, end))
 
-    bends = np.zeros(way.size, dtype=bool)
-    last = np.flatnonzero(np.diff(way, prepend=-1))
+    bends = np.zeros(path.size, dtype=bool)
+    last = np.flatnonzero(np.diff(path, prepend=-1))
     onward = last + 1
     while True:
-        going = np.append(way, -1)[onward] == way[last]
+        going = np.append(path, -1)[onward] == path[last]
         last, onward = last[going], onward[going]
         if not last.size:
             return bends

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hpop.errors import UnsupportedCriterion
-from hpop.planners.base import Candidates, edge_objectives, planner
-from hpop.planners.graph_query import GraphQuery
+from hpop.planners.base import Candidates, planner
+from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
-from hpop.planners.purse import Exhausted, stopped
-from hpop.planners.search import supported_paths
+from hpop.planners.objectives import edge_objectives
+from hpop.planners.spending import Exhausted, stopped
 from hpop.planners.weights import Weights, asked_weights, check_count
+from hpop.search import supported_paths
 from hpop.status import Budget, ProgressCallback
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class WeightedSum:
     criteria with memory only filter what was found. Guarantees that the adaptive sweep, ended by itself, has every
     extreme supported cost vector of the lattice that the planner "lattice" searches with the same options, and that no
     returned one is unsupported; costs rounded as there. What lies in a dent of the front is missed. Costs one A* search
-    a weight: see :func:`hpop.planners.search.supported_paths`.
+    a weight: see :func:`hpop.search.supported_paths`.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -83,12 +84,12 @@ class WeightedSum:
             )
         check_count(self.weights, objectives.optimised)
         planner = replace(self._lattice(), time_limit=self.time_limit)
-        purse = planner.purse(problem)
+        spending = planner.spending(problem)
         try:
-            query = planner.query(problem, objectives, progress, planner.lattice(problem, purse))
-            budget = purse.left()
+            query = planner.query(problem, objectives, progress, planner.lattice(problem, spending))
+            budget = spending.left()
         except Exhausted as stop:
-            return stopped("weighted-sum", objectives, stop, purse)
+            return stopped("weighted-sum", objectives, stop, spending)
         paths = supported_paths(
             query.graph,
             query.start,

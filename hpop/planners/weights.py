@@ -7,7 +7,7 @@ from typing import Any
 
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.planners.search.weighted_sum import check_divisions, integer_weights
+from hpop.search.supported.supported_paths import check_divisions, integer_weights
 from hpop.text import shown
 
 Weights = tuple[tuple[float, ...], ...]

@@ -15,7 +15,7 @@ from PIL import Image
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
-from hpop.planners.purse import Purse
+from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget
 from hpop.view.front_plot import draw_front
@@ -49,7 +49,7 @@ def save_pictures(
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
-    with limits.within(Purse(Budget(max_memory=max_memory))):
+    with limits.within(Spending(Budget(max_memory=max_memory))):
         figures = {"map.png": draw_map(problem, front)}
     if len(front) and not map_alone:
         figures["front.png"] = draw_front(front)

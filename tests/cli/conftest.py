@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 import hpop.view
 from hpop.cli import main
-from hpop.pictures import PicturesBeside
+from hpop.cli.pictures import PicturesBeside
 
 ROOM = """\
 world:

@@ -11,11 +11,11 @@ from click.testing import Result
 
 import hpop.compiled
 import hpop.view
-from hpop import results
+from hpop.cli import results
+from hpop.cli.pictures import PicturesBeside
 from hpop.front import Front
-from hpop.pictures import PicturesBeside
 from hpop.planners.lattice import Lattice
-from hpop.planners.search import beside
+from hpop.search.machinery import beside
 
 AFTER = "the search is compiled beside after a first answer and its map, once for each number and kind of costs\n"
 AT_ONCE = "the search is compiled beside from now on, once for each number and kind of costs\n"

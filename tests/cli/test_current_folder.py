@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import pytest
 
+from hpop.cli.results import PICTURES
 from hpop.front import Front
-from hpop.results import PICTURES
 
 SCENARIO = """\
 world: {ros_map: {path: map.yaml}}

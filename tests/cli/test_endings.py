@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from hpop.cli.pictures import PicturesBeside
+from hpop.cli.results import check_writable
 from hpop.errors import OutputError
 from hpop.interrupts import ENDING, endings_interrupt
-from hpop.pictures import PicturesBeside
-from hpop.results import check_writable
 
 INTERRUPTED_IMPORT = """\
 import signal, sys

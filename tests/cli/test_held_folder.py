@@ -9,10 +9,12 @@ from subprocess import PIPE, Popen
 import pytest
 from click.testing import Result
 
-from hpop import results
+from hpop.cli import results
 from hpop.errors import OutputError
 
-HOLD = "import sys, pathlib; from hpop import results\nwith results.held(pathlib.Path(sys.argv[1])): print(); input()"
+HOLD = (
+    "import sys, pathlib; from hpop.cli import results\nwith results.held(pathlib.Path(sys.argv[1])): print(); input()"
+)
 
 
 def test_a_second_plan_into_a_folder_is_refused_by_the_process_that_writes_there(

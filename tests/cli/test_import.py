@@ -9,8 +9,8 @@ from subprocess import CompletedProcess
 
 import pytest
 
+from hpop.cli.pictures import PicturesBeside
 from hpop.front import Front
-from hpop.pictures import PicturesBeside
 from tests.warm import UNDRAWN, Warm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -16,10 +16,10 @@ from click.testing import Result
 
 import hpop.view
 from hpop import registry
+from hpop.cli.pictures import PicturesBeside
 from hpop.criteria.base import criterion
 from hpop.front import Front
 from hpop.motions import Motions
-from hpop.pictures import PicturesBeside
 from hpop.planners.base import Candidates
 from hpop.problem import Problem
 from hpop.status import ProgressCallback
@@ -293,7 +293,7 @@ def test_an_interruption_while_the_table_is_printed_says_where_the_front_is(
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hpop.report.print_front", interrupted)
+    monkeypatch.setattr("hpop.cli.report.print_front", interrupted)
     result = plan(room)
     assert result.exit_code == 130
     assert "the front is complete and saved in" in result.stderr
@@ -397,7 +397,7 @@ def test_a_limit_that_leaves_nothing_found_is_no_success_and_is_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     seconds = count()  # one more whenever planning looks: some to read the map, hundreds to build
-    monkeypatch.setattr("hpop.planners.purse.perf_counter", lambda: float(next(seconds)))
+    monkeypatch.setattr("hpop.planners.spending.perf_counter", lambda: float(next(seconds)))
     text = (room / "room.yaml").read_text()
     assert "lattice: {step: 0.5" in text
     (room / "room.yaml").write_text(text.replace("lattice: {step: 0.5", f"lattice: {{{limit}: {value}, step: 0.1"))

@@ -7,7 +7,8 @@ import os
 import pytest
 from click.testing import CliRunner
 
-from hpop.cli import SPIN, main
+from hpop.cli import main
+from hpop.cli.commands import SPIN
 
 VARIABLE = "OPENBLAS_THREAD_TIMEOUT"
 

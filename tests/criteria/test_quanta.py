@@ -17,7 +17,7 @@ from hpop.errors import CriterionError, HpopError
 from hpop.front import Front
 from hpop.frontier import FrontError
 from hpop.models import DifferentialDrive
-from hpop.planners.base import edge_objectives
+from hpop.planners.objectives import edge_objectives
 from hpop.problem import Problem
 from hpop.scenario import load_scenario
 from hpop.verify import verify

@@ -11,7 +11,7 @@ from hpop.criteria import SocialForce, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.symbols import SymbolicMotions
+from hpop.motions.symbolic import SymbolicMotions
 from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World

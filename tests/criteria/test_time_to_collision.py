@@ -13,7 +13,7 @@ from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.symbols import SymbolicMotions
+from hpop.motions.symbolic import SymbolicMotions
 from hpop.testing import check_criterion
 from hpop.trajectory import Trajectory
 from hpop.world import World

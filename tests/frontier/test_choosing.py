@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
 from hpop.frontier.choosing import achievement, lexicographic, nearest, weighted_sum
-from hpop.frontier.knee import knee
+from hpop.frontier.knees import knee
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
 

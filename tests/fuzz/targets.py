@@ -22,10 +22,10 @@ from verdicts import CONTROLS, asked, shown, verdict
 
 import hpop
 from hpop.cli import main
-from hpop.planners.search import Graph, pareto_paths
-from hpop.planners.search.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.registry import criteria, models, planners
 from hpop.scenario import load_scenario
+from hpop.search import Graph, pareto_paths
+from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.status import Budget, Status
 from hpop.verify import verify
 
@@ -166,7 +166,7 @@ def plan(rng: Rng, folder: Path) -> str:
     except UnicodeEncodeError:
         return "refused"
     # Pictures take most of the time: one in eight is drawn.
-    with nullcontext() if rng.random() < 0.125 else patch("hpop.results.draw", return_value=[]):
+    with nullcontext() if rng.random() < 0.125 else patch("hpop.cli.results.draw", return_value=[]):
         told = command(["plan", "room.yaml", "--out", "out"])
     if told == "accepted":
         front = hpop.Front.load(folder / "out" / "front.json")

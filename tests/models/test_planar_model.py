@@ -17,7 +17,7 @@ from hpop.models.laws import rest_to_rest
 from hpop.motions import Motions, Phase, States
 from hpop.planners.trust import judge
 from hpop.verify import collision_free
-from tests.models.test_collision import LONG, ROBOTS, random_states, room
+from tests.models.collision.test_planar import LONG, ROBOTS, random_states, room
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ SEED, COUNT = 12, 60
 OTHERS = 15.0  # s, of tests that only stand beside those that reach a fault
 #: Files that faults are drawn from, an equal share from each group.
 GROUPS = {
-    "search": ["hpop/planners/search/*.py"],
+    "search": ["hpop/search/**/*.py"],
     "criteria": ["hpop/criteria/**/*.py"],
     "frontier": ["hpop/frontier/*.py"],
     "readers": [
@@ -51,7 +51,7 @@ GROUPS = {
             for name in ("geojson", "geojson_content", "ros_map", "image", "movingai", "content")
         ),
         *(f"hpop/world/{name}.py" for name in ("description", "files", "readers", "shapes", "planar")),
-        "hpop/yaml_lines.py",
+        "hpop/scenario/yaml_lines.py",
     ],
 }
 

@@ -11,7 +11,7 @@ import hpop
 from hpop.criteria.base import criterion, place_of
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.comfort.turns import Turns
-from hpop.planners.epsilon_grid import Roles
+from hpop.planners.epsilon_constraint.grid import Roles
 from hpop.registry import criteria
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0, 0, 5, 4))

@@ -16,7 +16,7 @@ from hpop import matplotlib_folder
 
 USE = """\
 from pathlib import Path
-from hpop.pictures import PicturesBeside
+from hpop.cli.pictures import PicturesBeside
 with PicturesBeside(Path()) as pictures:
     pictures.start()
 import hpop.view

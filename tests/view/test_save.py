@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from hpop.errors import OutputError
-from hpop.planners.purse import Purse
+from hpop.planners.spending import Spending
 from hpop.status import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
 from hpop.world import limits
@@ -76,7 +76,7 @@ def test_a_field_that_takes_more_memory_than_it_may_is_left_out_and_the_map_says
     problem = replace(problem, world=replace(problem.world, ground=ground))
     assert len(save_pictures(problem, empty, tmp_path, dpi=50, max_memory=10_000)) == 1
     assert not any(key[0] == "obstruction" for key in ground.cache._values)
-    with limits.within(Purse(Budget(max_memory=10_000))):
+    with limits.within(Spending(Budget(max_memory=10_000))):
         (legend,) = (legend for legend in draw_map(problem, empty).legends)
     assert any("left out:\nit takes more than max_memory" in text.get_text() for text in legend.get_texts())
     draw_map(problem, empty)

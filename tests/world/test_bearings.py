@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError
-from hpop.symbols import lift
+from hpop.motions.symbolic import lift
 from hpop.world import World
 from hpop.world.bearings import MARGIN, REACH, as_seen, bearings
 

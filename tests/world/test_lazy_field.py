@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 from hpop.arrays import FloatArray
-from hpop.planners.nlp import SparseField
+from hpop.planners.programs.nlp import SparseField
 from hpop.world.field import Field
 from hpop.world.lazy_field import LazyField
 

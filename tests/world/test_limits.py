@@ -157,7 +157,7 @@ def test_time_that_passes_while_a_field_is_made_ends_planning(monkeypatch: pytes
 
     sample = visibility._sample_openness
     monkeypatch.setattr(visibility, "_sample_openness", later)
-    monkeypatch.setattr("hpop.planners.purse.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("hpop.planners.spending.perf_counter", lambda: clock[0])
     front = problem.solve(Lattice(step=0.5, time_limit=50.0))
     assert (front.status, len(front), len(tiles)) == ("time limit", 0, 1)
     assert any("it was passed while the openness was sampled" in note for note in front.notes)

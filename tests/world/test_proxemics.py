@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hpop.symbols import lift
+from hpop.motions.symbolic import lift
 from hpop.world.content import Person
 from hpop.world.proxemics import BLOCK, heading, in_frame, offset, over, position
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from hpop.cli import main
 from hpop.errors import LimitError
-from hpop.planners.purse import Purse
+from hpop.planners.spending import Spending
 from hpop.registry import readers
 from hpop.scenario import load_scenario
 from hpop.status import Budget
@@ -115,10 +115,10 @@ def test_a_map_is_read_in_parts_that_can_be_stopped_between_and_are_the_same_map
 def test_memory_for_a_map_is_refused_before_it_is_taken(tmp_path: Path) -> None:
     path = tmp_path / "large.png"
     Image.new("L", (4000, 4000), 255).save(path)  # 16 million cells in some kilobytes
-    purse = Purse(Budget(max_memory=50_000_000))
-    with pytest.raises(limits.LimitPassed, match="memory limit while the map was read"), limits.within(purse):
+    spending = Spending(Budget(max_memory=50_000_000))
+    with pytest.raises(limits.LimitPassed, match="memory limit while the map was read"), limits.within(spending):
         World.from_image(path, 0.1)
-    assert purse.memory == 0
+    assert spending.memory == 0
 
 
 def test_a_limit_within_a_reader_of_an_installed_package_is_no_fault_of_the_map(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_limit_within_a_reader_of_an_installed_package_is_no_fault_of_the_map(
 
     readers.add("text_plan", plugin)
     try:
-        with pytest.raises(limits.LimitPassed), limits.within(Purse(Budget(time_limit=1e-9))):
+        with pytest.raises(limits.LimitPassed), limits.within(Spending(Budget(time_limit=1e-9))):
             read_world("text_plan", grid(tmp_path))
     finally:
         del readers._types["text_plan"]
@@ -145,14 +145,14 @@ def scenario(folder: Path, *planners: dict[str, object]) -> Path:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """A clock that goes on by a second whenever a purse looks at it."""
+    """A clock that goes on by a second whenever a spending looks at it."""
     now = [0.0]
 
     def look() -> float:
         now[0] += 1.0
         return now[0]
 
-    monkeypatch.setattr("hpop.planners.purse.perf_counter", look)
+    monkeypatch.setattr("hpop.planners.spending.perf_counter", look)
     return now
 
 
@@ -175,9 +175,9 @@ def test_what_stays_of_reading_is_charged_to_the_planner(tmp_path: Path) -> None
     path = scenario(tmp_path, {"lattice": {"step": 0.5}})
     loaded = load_scenario(path)
     (planner,) = loaded.planners
-    purse = planner.purse(loaded.problem)  # type: ignore[attr-defined]
-    assert purse.memory >= (tmp_path / "plan.geojson").stat().st_size
-    assert purse.seconds() >= loaded.problem.read_seconds > 0
+    spending = planner.spending(loaded.problem)  # type: ignore[attr-defined]
+    assert spending.memory >= (tmp_path / "plan.geojson").stat().st_size
+    assert spending.seconds() >= loaded.problem.read_seconds > 0
 
 
 @pytest.mark.parametrize(("limit", "amount"), [("time_limit", 1e-9), ("max_memory", 1000)])

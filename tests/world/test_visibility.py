@@ -11,7 +11,7 @@ import shapely
 from shapely import affinity
 
 from hpop.errors import OptionError
-from hpop.symbols import lift
+from hpop.motions.symbolic import lift
 from hpop.world import Ground, World
 from hpop.world.content import Landmark
 from hpop.world.visibility import (

@@ -69,5 +69,5 @@ class SocialForce:
         defined = np.logical_and(pushes, apart)
         bend = reach * np.arctan2(np.where(defined, aside, 0.0), np.where(defined, forward, 1.0))  # B θ
         square = -2.0 * bend * bend
-        both = np.exp(square * self.slowing**2) + np.exp(square * self.turning**2)  # |f|² is the sum of two squares
-        return np.where(pushes, self.strength * np.exp(-distance / reach) * np.sqrt(both + 1e-300), 0.0)
+        squared = np.exp(square * self.slowing**2) + np.exp(square * self.turning**2)  # |f|² is the sum of two squares
+        return np.where(pushes, self.strength * np.exp(-distance / reach) * np.sqrt(squared + 1e-300), 0.0)

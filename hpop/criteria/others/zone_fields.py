@@ -70,8 +70,8 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     mean = ahead[before] + ahead[after]  # (H, W, 2)
     norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
     # A path that turns back on itself at a corner has no half way: then what comes after it counts.
-    way = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
-    return _field(xs, ys, shares * way[..., 0]), _field(xs, ys, shares * way[..., 1])
+    direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
+    return _field(xs, ys, shares * direction[..., 0]), _field(xs, ys, shares * direction[..., 1])
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:

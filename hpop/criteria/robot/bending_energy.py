@@ -42,6 +42,6 @@ class BendingEnergy:
 
     def _bent(self, turned: Column, length: Column) -> Column:
         """Squared rotation over the way that it takes, of whole motions or a second."""
-        way = np.maximum(length, self.rounding * turned)
-        bends = way > 0
-        return np.where(bends, turned * turned / np.where(bends, way, 1.0), 0.0)
+        stretch = np.maximum(length, self.rounding * turned)
+        bends = stretch > 0
+        return np.where(bends, turned * turned / np.where(bends, stretch, 1.0), 0.0)

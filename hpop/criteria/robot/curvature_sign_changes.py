@@ -65,9 +65,9 @@ class CurvatureSignChanges:
 
     def _bends(self, length: FloatArray, rotation: FloatArray) -> tuple[IntArray, FloatArray]:
         """Pieces (P,) of a stretch: the motion in which each ends, and the sign of its curvature."""
-        way = np.concatenate([[0.0], np.cumsum(length)])
+        arc_length = np.concatenate([[0.0], np.cumsum(length)])
         heading = np.concatenate([[0.0], np.cumsum(rotation)])
-        cuts = np.linspace(0.0, way[-1], int(np.ceil(way[-1] / self.spacing - 1e-9)) + 1)
-        curvature = np.diff(np.interp(cuts, way, heading)) / np.diff(cuts)
-        ends = np.minimum(np.searchsorted(way[1:], cuts[1:] * (1.0 - 1e-12)), length.size - 1)
+        cuts = np.linspace(0.0, arc_length[-1], int(np.ceil(arc_length[-1] / self.spacing - 1e-9)) + 1)
+        curvature = np.diff(np.interp(cuts, arc_length, heading)) / np.diff(cuts)
+        ends = np.minimum(np.searchsorted(arc_length[1:], cuts[1:] * (1.0 - 1e-12)), length.size - 1)
         return ends, np.where(np.abs(curvature) >= self.least, np.sign(curvature), 0.0)

@@ -55,10 +55,10 @@ class Drive:
         begin = getattr(start, name)
         if name in ("x", "y"):
             return begin + self._gone(name, start, end, share) + share * self.defect(name, start, end)
-        way = (getattr(end, name) - begin) * share
+        displacement = (getattr(end, name) - begin) * share
         if name == "yaw":
-            return begin + way - 0.5 * _grown(start, end) * share * (1.0 - share)
-        return begin + way
+            return begin + displacement - 0.5 * _grown(start, end) * share * (1.0 - share)
+        return begin + displacement
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
         """First and second derivative of a state by the share, which is the fraction of the motion's time."""
@@ -101,16 +101,16 @@ class Drive:
 
     def defect(self, name: str, start: States, end: States) -> Column:
         """By how much (M,), m or rad, the end is off in x, y or yaw from where the law leads."""
-        gone = self.turned(start, end) if name == "yaw" else self._gone(name, start, end, 1.0)
-        return getattr(end, name) - getattr(start, name) - gone
+        travelled = self.turned(start, end) if name == "yaw" else self._gone(name, start, end, 1.0)
+        return getattr(end, name) - getattr(start, name) - travelled
 
     def _gone(self, name: str, start: States, end: States, share: Column) -> Column:
         """Way (M,), m, along an axis of the world, up to a share: ∫ v cos θ dt or ∫ v sin θ dt."""
-        way, component = np.cos if name == "x" else np.sin, 0.0
+        projection, component = np.cos if name == "x" else np.sin, 0.0
         for node, weight in self.nodes:
             at = node * share
             speed = start.speed + (end.speed - start.speed) * at
-            component = component + weight * speed * way(self.interpolate("yaw", start, end, at))
+            component = component + weight * speed * projection(self.interpolate("yaw", start, end, at))
         return (end.clock - start.clock) * share * component
 
 

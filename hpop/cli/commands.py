@@ -1,0 +1,381 @@
+"""The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``planners``.
+
+Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
+usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
+found is kept), and those of :mod:`hpop.errors`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import fields, replace
+from functools import wraps
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import click
+
+from hpop import __version__
+from hpop.cli import results
+from hpop.cli.pictures import PicturesBeside
+from hpop.cli.results import SAVED
+from hpop.cli.terminal import Commands, echo, warnings_as_notes
+from hpop.errors import (
+    CriterionError,
+    HpopError,
+    OptionError,
+    OutputError,
+    OwnCodeError,
+    UnknownName,
+    own_failure,
+    own_place,
+)
+from hpop.interrupts import endings_interrupt, stopping_told
+from hpop.options import MOST_WORKERS
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from hpop.front import Front
+    from hpop.planners import Planner
+    from hpop.scenario import Scenario
+
+MOST_FAULTS = 20
+NO_PATH = 6
+NOTHING_FOUND = 13
+INTERRUPTED = 130
+# A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
+# nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
+SPIN = "20"
+COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
+F = TypeVar("F", bound=Callable[..., Any])
+
+_imports = click.option(
+    "--import",
+    "imports",
+    metavar="FILE_OR_MODULE",
+    multiple=True,
+    help="Python of your own, FILE.py or a module, for the criteria, planners and readers it registers. Repeatable.",
+)
+
+
+def _user_errors(command: F) -> F:
+    """A user's mistake ends in one message and its exit code, never in a traceback."""
+
+    @wraps(command)
+    def guarded(*args: Any, **kwargs: Any) -> Any:
+        try:
+            with endings_interrupt(), warnings_as_notes():
+                return command(*args, **kwargs)
+        except HpopError as error:
+            code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
+        except KeyboardInterrupt:
+            code, text = INTERRUPTED, "interrupted"
+        except MemoryError:
+            code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
+        except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
+            if not (kwargs.get("imports") and own_place(error)):
+                raise
+            code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
+        echo(f"error: {text}", err=True)
+        sys.exit(code)
+
+    return cast(F, guarded)
+
+
+def _folder(context: click.Context, option: click.Parameter, given: str) -> Path:
+    """A folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
+    if not given:
+        raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
+    return Path(given)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="hpop")
+def main() -> None:
+    """Plan how a robot should move when a human watches through its camera: every optimal trade-off."""
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", SPIN)  # read as NumPy is imported
+
+
+@main.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, callback=_folder, help="Folder for the front and the pictures.", metavar="PATH")
+@click.option(
+    "--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes for planners that sweep, such as weighted-sum."
+)
+@click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
+@click.option(
+    "--checkpoint",
+    metavar="FILE",
+    help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
+)
+@_imports
+@_user_errors
+def plan(
+    scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None, imports: tuple[str, ...]
+) -> None:
+    """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
+    from hpop import garbage
+
+    garbage.seldom()
+    from hpop.cli import report, user_code
+    from hpop.planners.base import sweeps
+    from hpop.planners.lattice.stages import kernels_beside
+    from hpop.scenario import load_scenario
+    from hpop.search.machinery.beside import Onset
+    from hpop.status import Status
+
+    if workers is not None and dask is not None:
+        raise click.UsageError("give --workers or --dask, not both")
+    user_code.register(imports)
+    loaded = load_scenario(scenario)
+    results.check_writable(out)
+    click.get_current_context().with_resource(results.held(out))
+    if (workers or dask) and not any(map(sweeps, loaded.planners)):
+        names = ", ".join(planner.name for planner in loaded.planners)
+        echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
+    if checkpoint is not None:
+        loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
+        if Path(checkpoint).exists():
+            echo(f"going on from {checkpoint}")
+    # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
+    onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
+    if onset is not None:
+        echo(COMPILING.format(onset), err=True)
+    with _executor(workers, dask) as executor, stopping_told():
+        fronts, first = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
+    front = fronts[-1]
+    try:
+        report.print_front(loaded.problem, front, saved=out / SAVED)
+        report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
+        if checkpoint is not None:
+            _tidy(checkpoint, front)
+        _draw(loaded, front, out, imports)
+    except KeyboardInterrupt:  # nothing that was found is lost
+        what = "complete and saved" if _is_complete(front) else "saved"
+        left = f"the pictures were left out; `hpop show {quote(str(out))}` prints the front"
+        echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
+        sys.exit(INTERRUPTED)
+    if front.status == Status.NO_PATH:
+        sys.exit(NO_PATH)
+    if Status.INTERRUPTED in front.status:
+        sys.exit(INTERRUPTED)
+    if not len(front):
+        echo(f"error: nothing was found: {_why_nothing(front.status)}", err=True)
+        sys.exit(NOTHING_FOUND)
+
+
+@main.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@_imports
+@_user_errors
+def show(folder: Path, imports: tuple[str, ...]) -> None:
+    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
+    from hpop.cli import report, user_code
+    from hpop.front import Front
+    from hpop.problem import Problem
+    from hpop.status import Progress
+    from hpop.verify import lost_trajectories, verify
+
+    user_code.register(imports)
+    path = folder / SAVED if os.path.isdir(folder) else folder
+    with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+        front = Front.load(path)
+    try:
+        problem = Problem.from_description(front.problem or {})
+    except UnknownName as error:
+        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
+    _refuse_faults(path, lost_trajectories(problem, front))
+    echo(f"as saved in {path}, not yet checked:")
+    report.print_front(problem, front, saved=path)
+    echo("checking costs, ends and collisions")
+    with report.progress_bar() as progress:
+        faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
+    _refuse_faults(path, faults)
+    echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+
+
+def _refuse_faults(path: Path, faults: list[str]) -> None:
+    """List what is wrong with a saved front, if anything is, and end with it."""
+    for fault in faults[:MOST_FAULTS]:
+        echo(f"fault: {fault}", err=True)
+    if faults:
+        more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
+        raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
+
+
+@main.command()
+@click.argument("criterion", metavar="CRITERION")
+@_imports
+@_user_errors
+def check(criterion: str, imports: tuple[str, ...]) -> None:
+    """Run the conformance checks on a CRITERION: FILE.py:NAME or MODULE:NAME of its class, or a registered name."""
+    from hpop.cli import user_code
+    from hpop.testing import conformance
+
+    user_code.register(imports)
+    faults = 0
+    made = user_code.named_criterion(criterion)
+    for result in conformance(made):
+        faults += bool(result.fault)
+        echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
+    if faults:
+        raise CriterionError(f"criterion {made.name!r} fails {faults} check{'s' * (faults > 1)}")
+
+
+@main.command()
+@_imports
+@_user_errors
+def criteria(imports: tuple[str, ...]) -> None:
+    """List the criteria: group, unit, how motions add up, and what each is."""
+    from hpop.cli import report, user_code
+
+    user_code.register(imports)
+    report.print_criteria()
+
+
+@main.command()
+@_imports
+@_user_errors
+def planners(imports: tuple[str, ...]) -> None:
+    """List the planners and their options."""
+    from hpop.cli import report, user_code
+
+    user_code.register(imports)
+    report.print_planners()
+
+
+@contextmanager
+def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
+    """Where sweeps run: processes, a Dask cluster, or None for here."""
+    from hpop import sweep
+
+    if dask is not None:
+        with sweep.dask(dask) as cluster:
+            yield cluster
+    elif workers is not None and workers > 1:
+        with sweep.processes(workers) as pool:
+            yield pool
+    else:
+        yield None
+
+
+def _solved(
+    scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str], *, waits: bool
+) -> tuple[list[Front], Front | None]:
+    """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
+
+    So are the fronts of a planner's stages; of one that stands for a while another process draws the map. Where
+    kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
+    that imports serves for the last pictures too.
+    """
+    from hpop.cli import report
+
+    fronts: list[Front] = []
+    say = report.StageLines()
+    with report.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
+
+        def keep(front: Front) -> None:
+            pictures.stop()
+            results.save(front, out)
+            say(front)
+
+        def stage(front: Front) -> None:
+            is_first = say.last is None
+            keep(front)
+            if waits and is_first:
+                with suppress(OutputError):  # which the last pictures will meet as well; the search goes on
+                    results.draw(scenario.problem, front, out, map_alone=True, max_memory=_most(scenario))
+            else:
+                pictures.stage()
+
+        try:
+            for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor, stage=stage):
+                try:
+                    keep(front)
+                except KeyboardInterrupt:  # a second Ctrl-C is obeyed
+                    keep(front)
+                    fronts.append(front)
+                    raise
+                fronts.append(front)
+        except (Exception, KeyboardInterrupt):
+            if say.last is not None:
+                echo(f"what was found before is saved in {out / SAVED}", err=True)
+            raise
+    return fronts, say.first
+
+
+def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
+    """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
+    from hpop.status import Status
+
+    if Status.INTERRUPTED in front.status:
+        PicturesBeside(out, imports, _most(scenario)).start()
+        echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
+    else:
+        drawn = results.draw(scenario.problem, front, out, max_memory=_most(scenario))
+        echo(f"written to {out}: {', '.join([SAVED, *drawn])}")
+
+
+def _most(scenario: Scenario) -> int | None:
+    """Bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
+    from hpop.planners.spending import common_spending
+
+    return common_spending(scenario.planners).budget.max_memory
+
+
+def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
+    """Planners, of which the one that searches exactly keeps its search in a file."""
+    from hpop.registry import planners
+    from hpop.search.machinery.checkpoint import Checkpoint
+
+    able = [name for name, cls in planners.items() if "checkpoint" in {option.name for option in fields(cls)}]
+    keeping = [planner for planner in chosen if planner.name in able]
+    if len(keeping) != 1:
+        raise OptionError(
+            f"--checkpoint keeps the search of one planner that searches exactly ({', '.join(able)}), but the scenario "
+            f"plans with {', '.join(planner.name for planner in chosen)}; "
+            + ("plan with one of them at a time" if keeping else "leave it out, or take one of these")
+        )
+    Checkpoint(checkpoint).place()
+    kept: Any = replace(cast(Any, keeping[0]), checkpoint=checkpoint)
+    return tuple(kept if planner is keeping[0] else planner for planner in chosen)
+
+
+def _tidy(checkpoint: str, front: Front) -> None:
+    """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
+    file = Path(checkpoint).resolve()
+    if _is_complete(front):
+        with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
+            file.unlink(missing_ok=True)
+    elif file.exists():
+        echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
+
+
+def _is_complete(front: Front) -> bool:
+    """Whether nothing is missing of what its planners can find."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
+
+
+def _why_nothing(status: str) -> str:
+    """What ended the searches of a front without points, and what to do about it."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    ways: dict[str, str] = {
+        Status.TIME_LIMIT: "raise time_limit (s), or take a larger step",
+        Status.LABEL_LIMIT: "raise max_labels, or take a larger step",
+        Status.MEMORY_LIMIT: "raise max_memory (bytes), or take a larger step",
+        Status.POINT_LIMIT: "raise max_points",
+        Status.RUN_LIMIT: "give it more runs, or another seed",
+        Status.NO_PATH: "the notes say what is in the way",
+        Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
+    }
+    return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))

@@ -1,0 +1,375 @@
+"""What the command line prints: the progress of a search, the front as a table, what there is to choose from."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.padding import Padding
+from rich.progress import Progress as Bar
+from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from hpop import registry
+from hpop.arrays import FloatArray, distinct
+from hpop.criteria.base import trajectory_costs
+from hpop.front import Front
+from hpop.frontier import hypervolume
+from hpop.problem import Problem
+from hpop.registry import GROUPS
+from hpop.status import Progress, ProgressCallback
+from hpop.text import printable
+
+MOST_ROWS = 20
+MOST_DIGITS = 7  # more than usual, in which costs are told apart
+MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
+
+
+@contextmanager
+def progress_bar() -> Iterator[ProgressCallback]:
+    """A line on the terminal that follows a search: stage, labels, front, memory, time."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda progress: bar.update(task, description=described(progress))
+
+
+def described(progress: Progress) -> str:
+    """What a search reports, in words.
+
+    >>> described(Progress("search", labels=1_234_567, open=89, front=12, memory=345_000_000))
+    'search  1,234,567 labels, 89 open, front 12, 345 MB'
+    >>> described(Progress("compiling", detail="advance, 9 of 10 parts of the search (once)"))
+    'compiling advance, 9 of 10 parts of the search (once)'
+    """
+    if not progress.labels:
+        return f"{progress.stage} {progress.detail}".strip()
+    counts = f"{progress.labels:,} labels, {progress.open:,} open, front {progress.front:,}"
+    return f"{progress.stage}  {counts}, {progress.memory / 1e6:,.0f} MB"
+
+
+def marks(front: Front) -> dict[int, list[str]]:
+    """The rows that are marked, each with all its names."""
+    names: dict[int, list[str]] = {}
+    for label, point in front.named().items():
+        names.setdefault(point.index, []).append(label)
+    return names
+
+
+def print_front(
+    problem: Problem, front: Front, console: Console | None = None, *, saved: Path = Path("front.json")
+) -> None:
+    """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
+
+    Parameters
+    ----------
+    saved : where the whole front is
+    """
+    console = console or Console()
+
+    def say(line: str) -> None:
+        console.print(Text(printable(line)), highlight=False)
+
+    decides = [f"{name} is the same for every trajectory and decides nothing here" for name in front.inactive]
+    for note in (*problem.world.notes, *front.notes, *decides):
+        say(f"note: {note}")
+    if len(front):
+        rows = shown_rows(front, MOST_ROWS)
+        console.print()
+        say("The front: of these trajectories none is better in one cost and no worse in the others")
+        _print_wide(console, _front_table(front, rows))
+        if len(rows) < len(front):
+            say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
+        console.print()
+        say("The marked trajectories as planned and as executed (real speed ramps)")
+        _print_wide(console, _executed_table(problem, front))
+        console.print()
+    for run in front.runs:
+        numbers = [
+            _counted(k, v) for k, v in run.items() if isinstance(v, int | float) and abs(v) <= sys.float_info.max
+        ]
+        if numbers:
+            say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
+    origins = Counter(str(origin.get("planner")) for origin in front.provenance)
+    if len(origins) > 1:
+        say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
+    say(f"{how_many(front)}; status: {front.status}")
+    say(f"certificate: {front.certificate}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Contribution:
+    """What a planner added to the front.
+
+    points      of the final front that it was the first to find: an equal one of a later planner is not its merit
+    found       points of the front after it
+    before      hypervolume of the front before it ran, 0 for the first
+    after       hypervolume of the front with it; not a number where it would take minutes
+    """
+
+    planner: str
+    points: int
+    found: int
+    before: float
+    after: float
+
+
+def contributions(planners: Sequence[str], fronts: Sequence[Front], first: Front | None = None) -> list[Contribution]:
+    """What each planner added, from the front after each: ``fronts[i]`` holds all that planners 0 to i found.
+
+    Hypervolumes are those of the lines of a run: in the scale of ``first``, the first front that it arrived at.
+    """
+    known: set[tuple[int, ...]] = set()
+    last = set(map(tuple, fronts[-1].integers.tolist()))
+    points = []
+    for front in fronts:
+        new = set(map(tuple, front.integers.tolist())) - known
+        points.append(len(new & last))
+        known |= new
+    scale = next((front for front in (first, *fronts) if front is not None and len(front)), fronts[-1])
+    volumes = [0.0, *_hypervolumes(fronts, scale)]
+    return [
+        Contribution(name, points[i], len(front), volumes[i], volumes[i + 1])
+        for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
+    ]
+
+
+def _hypervolumes(fronts: Sequence[Front], scale: Front) -> list[float]:
+    """Hypervolume of each front, costs scaled so that the ideal of ``scale`` is 0 and its nadir 1, up to 1.1 in each.
+
+    A cost that is the same all over ``scale`` is only shifted. Not a number where it would take minutes.
+    """
+    if not len(scale):
+        return [0.0] * len(fronts)
+    if len(scale.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(scale.names), 0):
+        return [math.nan] * len(fronts)
+    ideal = scale.ideal()
+    same = np.ptp(scale.integers, axis=0) == 0  # in whole quanta: no scale is made of rounding
+    span = np.where(same, 1.0, scale.nadir() - ideal)
+    reference = np.full(len(scale.names), 1.1)
+    return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
+
+
+class StageLines:
+    """Prints a line for each front that a run arrives at, so that a user sees it grow: ``first`` to ``last``.
+
+    Hypervolumes are of costs scaled so that the ideal of the first front with points is 0 and its nadir 1, with 1.1 as
+    the reference point: a front that is no worse covers no less.
+    """
+
+    def __init__(self) -> None:
+        self.last: Front | None = None
+        self.first: Front | None = None
+        self._began = perf_counter()
+
+    def __call__(self, front: Front) -> None:
+        """Print what there is now."""
+        self.last = front
+        if self.first is None or not len(self.first):
+            self.first = front
+        (volume,) = _hypervolumes([front], self.first)
+        planner = front.runs[-1].get("planner", "planner")
+        measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
+        line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
+        sys.stdout.write(f"{printable(line)}\n")  # plain text: a live progress line on the terminal makes room for it
+
+
+def how_many(front: Front) -> str:
+    """The number of trajectories, in words."""
+    return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
+
+
+def print_contributions(
+    planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None, *, first: Front | None = None
+) -> None:
+    """Print what each of several planners added to the front; nothing for one planner. ``first``: of its stages."""
+    if len(planners) < 2 or not fronts:
+        return
+    console = console or Console()
+    table = _table()
+    table.add_column("planner", no_wrap=True)
+    for column in ("first to\nfind", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for row in contributions(planners, fronts, first):
+        volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))
+        cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
+        table.add_row(Text(printable(row.planner)), *cells)
+    console.print("\nWhat each planner added (hypervolume in the scale of the first front, as in the lines above)")
+    _print_wide(console, table)
+    for name in planners[len(fronts) :]:
+        console.print(Text(printable(f"{name} was not run")), highlight=False)
+
+
+def _counted(key: str, value: float) -> str:
+    """A count, seconds or bytes of a run.
+
+    >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
+    ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
+    >>> _counted("missed", 0.1 + 0.2)
+    'missed 0.3'
+    """
+    words = key.replace("_", " ")
+    if key.endswith("_seconds"):
+        return f"{words.removesuffix(' seconds')} {value:.2f} s"
+    if key.endswith("memory"):
+        return f"{words} {value / 1e6:,.0f} MB"
+    return f"{words} {value:,.4g}" if isinstance(value, float) and abs(value) < 1000 else f"{words} {value:,.0f}"
+
+
+def _print_wide(console: Console, table: Table) -> None:
+    """Print a table whole: one wider than the terminal is wrapped by it, not cut."""
+    width = console.width
+    console.width = max(width, console.measure(table, options=console.options.update(max_width=10_000)).maximum)
+    console.print(table, crop=False)
+    console.width = width
+
+
+def _table() -> Table:
+    return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+
+
+def _header(name: str, unit: str) -> Text:
+    """Name over unit."""
+    return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
+
+
+def _labels(names: Sequence[str]) -> Text:
+    """Names one below another."""
+    return Text("\n".join(map(printable, names)))
+
+
+def _front_table(front: Front, rows: Sequence[int]) -> Table:
+    names = marks(front)
+    table = _table()
+    table.add_column("#", justify="right")
+    for name, unit in zip(front.names, front.units, strict=True):
+        table.add_column(_header(name, unit), justify="right", no_wrap=True)
+    for name, unit in zip(front.reported_names, front.reported_units, strict=True):
+        table.add_column(Text("reported\n") + _header(name, unit), justify="right", style="dim", no_wrap=True)
+    table.add_column("marked", no_wrap=True)
+    costs, reported = front.costs[rows].T, front.reported[rows].T
+    columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
+    columns += [[number(value, 1e-6) for value in column] for column in reported.tolist()]
+    for row, *cells in zip(rows, *columns, strict=True):
+        label = _labels(names.get(row, []))
+        table.add_row(str(row), *cells, label, style="bold" if row in names else None)
+    return table
+
+
+def shown_rows(front: Front, most: int) -> list[int]:
+    """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen.
+
+    Farthest-point selection on the costs, each scaled by its range over the front (Gonzalez 1985).
+    """
+    if len(front) <= most:
+        return list(range(len(front)))
+    span = front.nadir() - front.ideal()
+    scaled = (front.costs - front.ideal()) / np.where(span > 0, span, 1.0)  # (n, k)
+    chosen = sorted(marks(front))
+    nearest = np.full(len(front), np.inf)
+    for row in chosen:
+        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[row], axis=1))
+    while len(chosen) < most:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
+    return sorted(set(chosen))
+
+
+def _executed_table(problem: Problem, front: Front) -> Table:
+    """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
+    table = _table()
+    table.add_column("#", justify="right")
+    table.add_column("costs")
+    for criterion in problem.criteria:
+        table.add_column(_header(criterion.name, criterion.unit), justify="right", no_wrap=True)
+    table.add_column("marked", no_wrap=True)
+    for row, labels in sorted(marks(front).items()):
+        pair = [front.trajectories[row], front.trajectories[row].execution()]
+        for word, costs in zip(
+            ("planned", "executed"), trajectory_costs(problem.criteria, pair, problem.world), strict=True
+        ):
+            cells = [number(cost, c.quantum) for cost, c in zip(costs, problem.criteria, strict=True)]
+            first = word == "planned"
+            table.add_row(str(row) if first else "", word, *cells, _labels(labels) if first else "")
+    return table
+
+
+def numbers(values: FloatArray, quantum: float) -> list[str]:
+    """A column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
+
+    >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
+    (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
+    """
+    kinds = len(distinct(np.rint(values / quantum)))
+    for more in range(MOST_DIGITS):
+        texts = [number(value, quantum, more) for value in values.tolist()]
+        if len({float(text) for text in texts}) >= kinds:
+            break
+    return texts
+
+
+def number(value: float, quantum: float, more: int = 0) -> str:
+    """A cost as a person reads it: whole where it counts, nothing below half a quantum, else four significant digits.
+
+    ``more`` digits can be asked for.
+
+    >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
+    ('3', '41.291', '0.01235', '0')
+    """
+    if abs(value) < 0.5 * quantum:
+        return "0"
+    if quantum >= 1.0:
+        return f"{value:.0f}"
+    return f"{value:.{4 + more}g}" if 0 < abs(value) < 0.1 else f"{value:.{3 + more}f}"
+
+
+def print_criteria(console: Console | None = None) -> None:
+    """Print the registered criteria by group."""
+    console = console or Console()
+    known: Sequence[Any] = list(registry.criteria.values())
+    console.print("Criteria, all minimised: name, unit, how motions add up, parameters")
+    for letter, group in GROUPS.items():
+        members = sorted((c for c in known if c.group == letter), key=lambda c: str(c.name))
+        if members:
+            console.print(f"\n{letter}: {group}", style="bold", highlight=False)
+        for cls in members:
+            requires = f"requires {', '.join(cls.requires)}" if cls.requires else ""
+            unit = "" if cls.unit == "1" else cls.unit
+            declared = ", ".join(word for word in (unit, cls.aggregate, requires, _fields(cls)) if word)
+            _print_entry(console, cls.name, declared, _first_line(cls))
+
+
+def print_planners(console: Console | None = None) -> None:
+    """Print the registered planners and their options."""
+    console = console or Console()
+    console.print("Planners: name, options with their defaults")
+    for name, cls in registry.planners.items():
+        _print_entry(console, name, _fields(cls), _first_line(cls))
+
+
+def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
+    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2), expand=False))
+    console.print(Padding(Text(what), (0, 0, 0, 6), expand=False))
+
+
+def _fields(cls: Any) -> str:
+    return ", ".join(f"{field.name}={field.default!r}" for field in dataclasses.fields(cls))
+
+
+def _first_line(cls: type) -> str:
+    """First paragraph of a docstring, on one line, without markup."""
+    text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
+    return re.sub(r":\w+:`|`", "", text)

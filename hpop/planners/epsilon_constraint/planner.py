@@ -1,0 +1,261 @@
+"""The epsilon-constraint planner: any-angle polylines, one cost minimised, the others bounded by what is known."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hpop.errors import HpopWarning
+from hpop.options import MOST_COUNTED, amounts, set_wholes
+from hpop.planners.base import Candidates, planner
+from hpop.planners.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.epsilon_constraint.job import PolylineJob, Task
+from hpop.planners.judgement import exceeds, trusted
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
+from hpop.planners.programs.nlp import require_ipopt
+from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.status import Budget, ProgressCallback, Status, Watch
+from hpop.sweep import Sweep
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+NAME = "epsilon-constraint"
+MOST_DIVISIONS = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
+COUNTED = (
+    "tried",
+    "skipped",
+    "programs",
+    "perturbed",
+    "saved by perturbation",
+    "repairs",
+    "shortened",
+    "simplified",
+    "refined",
+)
+
+
+@planner(NAME)
+@dataclass(frozen=True)
+class EpsilonConstraint:
+    """Polylines of any angles that minimise one cost while the others are bounded, from each known trade-off.
+
+    step        m      of the lattice whose paths are the warm starts
+    headings    4, 8 or 16 of that lattice
+    minimise    name of the cost that is minimised; None takes the length, or the first smooth one
+    divisions   count  of further bounds between a known cost and the next better one
+    rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m
+    epsilon     bounds that hold throughout, by the name of a cost
+    warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    max_points  count  of bounds that are tried
+    time_limit  s      warm starts included
+
+    Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
+    others are refused by name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions
+    on the exact geometry; each is a local optimum for its number of turns, near its warm start, or as near to one as
+    the exact costs let it come, which a note counts. The warm starts themselves are not among the candidates. The grid
+    of bounds is AUGMECON's (Mavrotas 2009; Mavrotas and Florios 2013), but spans only what the warm starts know: a
+    bound is skipped if a looser one was answered within it, and tighter ones than one that was infeasible are left out.
+    Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
+    is built once a structure and process, in 30 to 200 ms, and solved in 20 to 100 ms.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+
+    step: float = 0.25
+    headings: int = 8
+    minimise: str | None = None
+    divisions: int = 0
+    rounds: int = 2
+    epsilon: Mapping[str, float] | None = None
+    warm_start: WarmStart = "lattice"
+    max_points: int | None = None
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        set_wholes(self, "divisions", least=0, most=MOST_DIVISIONS)
+        set_wholes(self, "rounds", least=1, most=MOST_DIVISIONS)
+        set_wholes(self, "max_points", least=1, optional=True)
+        if self.epsilon is not None:
+            amounts("epsilon", self.epsilon, MOST_COUNTED, "bounds")
+        Budget(self.time_limit)
+        check_warm_start(self)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan warm starts, then minimise from each of them; a job of the executor is one bound.
+
+        Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
+        minimise or to bound that is not among the objectives, a bound that no trajectory keeps and a solver that is
+        missing, and what the planner of the warm starts raises.
+        """
+        require_ipopt(NAME)
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
+        roles = Roles.of(objectives.optimised, self.minimise, problem)
+        limits = roles.limits(self.epsilon or {}, problem)
+        warm = warm_starts(self, problem, progress, executor)
+        polylines, costs, dropped = warm.polylines(problem, roles.criteria)
+        known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
+        run = _GridRun(
+            self, PolylineJob(problem, roles, self.rounds), Grid(roles, known, limits, self.divisions), watch
+        )
+        run.warn_of_tight_bounds()
+        status = warm.ended(run.go(executor))
+        return run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
+
+
+@dataclass(eq=False)
+class _GridRun:
+    """One run of the planner: the grid level by level, wave by wave, and what went wrong."""
+
+    options: EpsilonConstraint
+    job: PolylineJob
+    grid: Grid
+    watch: Watch
+    tally: Tally = field(default_factory=Tally)
+    notes: Sequence[str] = ()
+    waiting: int = 0
+
+    def go(self, executor: Executor | None) -> Status:
+        """Try all bounds; the status says whether any were left. What is finished is kept whatever comes."""
+        if not self.grid.warm:
+            return Status.COMPLETE
+        cap, tried = self.options.max_points, self.tally.counts
+        try:
+            self.waiting = sum(map(len, self.grid.levels))
+            with Sweep(PolylineJob.solve, self.job, executor) as sweep:
+                self.notes = sweep.notes
+                for cells in self.grid.levels:
+                    left = self._unanswered(cells)
+                    while left:
+                        if tried["tried"] == cap:
+                            return Status.POINT_LIMIT
+                        wave = self.grid.wave(left)[: None if cap is None else cap - tried["tried"]]
+                        status = self._try(wave, sweep)
+                        if status is not Status.COMPLETE:
+                            return status
+                        left = self._unanswered([cell for cell in left if cell not in wave])
+        except KeyboardInterrupt:
+            return Status.INTERRUPTED
+        return Status.COMPLETE
+
+    def warn_of_tight_bounds(self) -> None:
+        """Say before any program runs which bounds no warm start keeps: nobody knows yet whether anything does."""
+        if not self.grid.warm:
+            return
+        ideal, limits, criteria = self.grid.costs.min(axis=0), self.grid.limits, self.job.roles.criteria
+        for j in np.flatnonzero(exceeds(ideal, limits, criteria)):
+            warnings.warn(
+                f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the least of the warm starts is "
+                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find nothing. Ctrl-C stops "
+                "them; a looser bound is sure to be kept",
+                HpopWarning,
+                stacklevel=3,
+            )
+
+    def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
+        """Cells that are still to be tried."""
+        left = self.grid.unanswered(cells)
+        self.tally.counts["skipped"] += len(cells) - len(left)
+        self.waiting -= len(cells) - len(left)
+        return left
+
+    def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]]) -> Status:
+        """Solve for each cell of a wave, the longest first."""
+        tasks: list[Task] = []
+        for cell in wave:
+            start = self.grid.start(cell)
+            if start is None:
+                counts = ", ".join(self.job.roles.criteria[j].name for j in self.job.roles.counted)
+                self._keep(cell, Outcome(None, f"infeasible: no known trajectory has so few {counts}"))
+            else:
+                tasks.append((cell, start))
+        tasks.sort(key=lambda task: -len(task[1].polyline.lengths))
+        results, status = sweep.until(tasks, self.watch.is_late, self._report)
+        for place, outcome in results.items():
+            self._keep(tasks[place][0], outcome)
+        return status
+
+    def _keep(self, cell: Cell, outcome: Outcome[Found]) -> None:
+        """File what came of a bound."""
+        self.tally.add(outcome)
+        self.tally.counts["tried"] += 1
+        self.waiting -= 1
+        if outcome.found is not None:
+            self.grid.found.append(outcome.found)
+        elif outcome.reason.startswith("infeasible"):
+            self.grid.infeasible.append(cell)
+
+    def _report(self, finished: Mapping[int, Outcome[Found]]) -> None:
+        found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished.values())
+        self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
+
+    def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
+        """What was found, judged once more, with everything that went wrong."""
+        found, job, criteria = self.grid.found, self.job, self.job.roles.criteria
+        rows = (len(found), len(criteria))
+        planned = np.array([one.planned for one in found]).reshape(rows)
+        limit = "max_points" if status is Status.POINT_LIMIT else status
+        left = [f"{limit}: {self.waiting} bounds were not tried"] * bool(self.waiting)
+        names = ", ".join(criteria[j].name for j in job.roles.smooth)
+        kept = trusted(
+            Candidates(
+                objectives=criteria,
+                trajectories=tuple(one.known.polyline.trajectory(job.problem.model) for one in found),
+                planned=planned,
+                tolerance=job.tolerance(planned),
+                status=status,
+                certificate=(
+                    f"epsilon-constraint: local optima for their number of turns in ({names}), near their warm starts"
+                    f"{objectives.certificate}"
+                ),
+                provenance=tuple(one.provenance for one in found),
+                notes=(*notes, *self.notes, *left, *self.tally.notes("bounds")),
+                filters=objectives.filters,
+                stats={
+                    "planner": NAME,
+                    "warm_starts": len(self.grid.warm),
+                    **{name: self.tally.counts[name] for name in COUNTED},
+                    **self.tally.stats,
+                },
+            ),
+            job.problem,
+            NAME,
+            epsilon=np.array([one.cell.epsilon for one in found]).reshape(rows),
+        )
+        return replace(
+            kept,
+            notes=(*kept.notes, *self._shortcomings(kept)),
+            stats={**kept.stats, "seconds": self.watch.seconds},
+        )
+
+    def _shortcomings(self, kept: Candidates) -> list[str]:
+        """What the candidates that are trusted do not attain."""
+        notes = []
+        if self.options.epsilon and self.tally.failures and not kept.trajectories:
+            notes.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
+        short = sum("halvings" in origin for origin in kept.provenance)
+        if short:
+            notes.append(
+                f"{short} candidates are no local optima: the exact costs bind before the program's, so these stop on "
+                "the way to its solution"
+            )
+        return notes
+
+    def _ideal(self) -> str:
+        """The ideal of what is bounded, as far as it is known."""
+        ideal = self.grid.costs.min(axis=0)
+        return "the ideal of the warm starts is " + ", ".join(
+            f"{c.name} {value:.4g} {c.unit}"
+            for c, value, limit in zip(self.job.roles.criteria, ideal, self.grid.limits, strict=True)
+            if math.isfinite(limit)
+        )

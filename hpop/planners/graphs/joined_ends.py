@@ -1,0 +1,375 @@
+"""Exact ends on any graph of states: a start or goal that is none of its states is joined to the states near by.
+
+A join is one arc of up to three motions: a turn, a straight move, a turn. Criteria cost each of them, collisions are
+looked for in each, as for all motions; a turn that is not needed is no motion. So a start or goal adds one node and no
+chain of turns at one place: nothing leads back from the goal, nor to the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.errors import QueryError
+from hpop.motions import Motions, States, StateSpace
+from hpop.planners.graphs.arcs import MOVE
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.stretches import Stretches
+from hpop.planners.objectives import quantised
+from hpop.search import Graph
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
+HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
+BY = "at most a turn, a move and a turn"
+NODES = 2**31  # more than a graph has
+START, GOAL = "start", "goal"
+
+
+class Ends(NamedTuple):
+    """A graph of states, and which of them are the start and the goals."""
+
+    space: StateGraph
+    start: int
+    goals: list[int]
+
+    @property
+    def inside(self) -> tuple[list[int], list[int]]:
+        """States of the graph itself that are the start and the goals, or to which these are joined, the nearest first.
+
+        None where start and goal are joined to each other alone.
+        """
+        if isinstance(self.space, JoinedEnds):
+            return self.space.inside([self.start]), self.space.inside(self.goals)
+        return [self.start], self.goals
+
+
+def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
+    """The graph, and what on it are start and goal; those that are no states of it are joined to those within reach.
+
+    Raises QueryError for a start that is blocked, or to which nothing can be joined, and where all goals are so.
+
+    Parameters
+    ----------
+    reach : m
+    """
+    space, goals = problem.model.space, problem.goals
+    ends = {START: space.state(problem.start)}
+    ends |= {
+        f"{GOAL} {place}" if len(goals) > 1 else GOAL: space.state(goal, free=space.angles)
+        for place, goal in enumerate(goals)
+    }
+    states = {what: states_at(graph, end) for what, end in ends.items()}
+
+    def straight(end: States) -> bool:
+        """A path straight from the start to it need not end with a heading of the graph."""
+        return bool(not states[START] and np.isnan(end.yaw[0]) and _distance(ends[START], end)[0] <= reach)
+
+    beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
+    if not beside:
+        joined: StateGraph = graph
+    else:
+        joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, spending=graph.spending)
+        states |= joined.checked(list(ends)[1:])
+    return Ends(joined, states[START][0], list(dict.fromkeys(id_ for what in list(ends)[1:] for id_ in states[what])))
+
+
+def states_at(graph: StateGraph, end: States) -> list[int]:
+    """Ids of the free states at an end (1,); any will do in what is NaN there."""
+    ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
+    states = graph.states(ids)
+    there = graph.collision.states_free(states)
+    return [int(one) for one in ids[there & alike(graph.model.space, states, end)]]
+
+
+def alike(space: StateSpace, states: States, end: States) -> BoolArray:
+    """Which states (M,) are at an end's angles, which may be written with three decimals; what is NaN is free."""
+    off, there = space.differences(end, states), np.ones(states.size, dtype=np.bool_)
+    for name in space.angles:
+        there &= ~(np.abs(off[name]) > HEADING_TOLERANCE)
+    return there
+
+
+@dataclass(frozen=True, eq=False)
+class Joins:
+    """Joins (J,) of one state to another: a turn towards it, a straight move, a turn to its heading.
+
+    graph         tells what is free
+    tails, heads  (J,)  nodes
+    kinds         of the motions, as the model connects states
+    corners       the states (J,) before the first motion and after each
+    present       whether (J,) each of them is a motion
+    """
+
+    graph: StateGraph
+    tails: IntArray
+    heads: IntArray
+    kinds: tuple[str, ...]
+    corners: tuple[States, ...]
+    present: tuple[BoolArray, ...]
+
+    @classmethod
+    def between(cls, graph: StateGraph, tails: IntArray, heads: IntArray, states: States, ends: States) -> Joins:
+        """Those joins of states (J,) to others that are free; what is NaN at the end is left as it comes."""
+        legs = graph.model.connect(states, ends)
+        kinds, corners, present = zip(*legs, strict=True)
+        joins = cls(graph, tails, heads, kinds, (states, *corners), present)
+        free = graph.collision.states_free(states)
+        for rows, motions in joins.motions():
+            free[rows] &= graph.collision.motions_free(motions)
+        return joins.take(np.flatnonzero(free))
+
+    @classmethod
+    def all_of(cls, parts: Sequence[Joins]) -> Joins:
+        """The joins of several parts, in order."""
+        corners = [
+            States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
+            for states in zip(*(part.corners for part in parts), strict=True)
+        ]
+        return cls(
+            parts[0].graph,
+            np.concatenate([part.tails for part in parts]),
+            np.concatenate([part.heads for part in parts]),
+            parts[0].kinds,
+            tuple(corners),
+            tuple(np.concatenate(columns) for columns in zip(*(part.present for part in parts), strict=True)),
+        )
+
+    @property
+    def turned(self) -> IntArray:
+        """Motions in place (J,) in each join."""
+        number = np.zeros(self.tails.size, np.int64)
+        for kind, there in zip(self.kinds, self.present, strict=True):
+            number += there & (kind != self.graph.kinds[MOVE])
+        return number
+
+    def take(self, rows: IntArray) -> Joins:
+        """Some of the joins."""
+        return Joins(
+            self.graph,
+            self.tails[rows],
+            self.heads[rows],
+            self.kinds,
+            tuple(states.take(rows) for states in self.corners),
+            tuple(present[rows] for present in self.present),
+        )
+
+    def motions(self) -> Iterator[tuple[IntArray, Motions]]:
+        """The first motions, the second ones and so on, each with the joins that it is of."""
+        graph = self.graph
+        for i, kind in enumerate(self.kinds):
+            rows = np.flatnonzero(self.present[i])
+            start, end = (self.corners[j].take(rows) for j in (i, i + 1))
+            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
+
+    def costs(self, criteria: Sequence[Criterion]) -> IntArray:
+        """Costs (J, k) in quanta, rounded once a join."""
+        costs = np.zeros((self.tails.size, len(criteria)))
+        for rows, motions in self.motions():
+            for j, criterion in enumerate(criteria):
+                paid = motion_costs(criterion, motions)
+                worst = criterion.aggregate == "max"
+                costs[rows, j] = np.maximum(costs[rows, j], paid) if worst else costs[rows, j] + paid
+        return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
+
+    def stretches(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
+        """The joins between nodes (n,), where there are any, to be checked as parts of whole trajectories."""
+        known, asked = self.tails * NODES + self.heads, tails * NODES + heads
+        ranked = np.argsort(known, kind="stable")
+        rows = ranked[np.searchsorted(known[ranked], asked[there])]
+        kept = np.zeros((there.size, len(self.corners)), dtype=np.bool_)
+        kept[there] = np.stack(
+            [np.ones(rows.size, dtype=np.bool_), *(present[rows] for present in self.present)], axis=1
+        )
+        columns = {
+            name: np.stack([getattr(corner, name)[rows] for corner in self.corners], axis=1)[kept[there]]
+            for name in self.graph.model.space.names
+        }
+        numbers = [self.graph.kinds.index(kind) for kind in self.kinds]
+        kinds = np.broadcast_to([MOVE, *numbers], kept.shape)[kept]
+        return Stretches(States(**columns), kinds, kept.sum(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedEnds(StateGraph):
+    """A graph of states and beside it a start, goals or both: one node each, after those of the graph.
+
+    inner  the graph
+    ends   "start", goals or both, in this order: the state (1,); what is NaN there is free
+    reach  m: states no farther away are joined to them, where there is a free turn, straight move and turn
+    """
+
+    inner: StateGraph
+    ends: dict[str, States]
+    reach: float
+
+    def node(self, what: str) -> int:
+        """Node of an end."""
+        return self.inner.size + list(self.ends).index(what)
+
+    @property
+    def size(self) -> int:
+        """Number of states, the ends among them."""
+        return self.inner.size + len(self.ends)
+
+    @property
+    def words(self) -> str:
+        """The inner graph, and how the ends are joined to it, in words."""
+        joined = (f"the {what} joined to {count} positions" for what, count in self.options["joined"].items())
+        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {BY}"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The inner graph's, and to how many of its positions each end is joined."""
+        counts = {what: np.unique(self.inner.places(self.joined(what))).size for what in self.ends}
+        return {**self.inner.options, "joined": counts}
+
+    @cached_property
+    def joins(self) -> Joins:
+        """The arcs beside those of the inner graph, by their tails."""
+        found = [self._joins(what) for what in self.ends]
+        found += [self._straight(what) for what in self.ends if START in self.ends and what != START]
+        joins = Joins.all_of(found)
+        return joins.take(np.argsort(joins.tails, kind="stable"))
+
+    def _straight(self, goal: str) -> Joins:
+        """The join of the start to a goal, if they are near each other and it is free."""
+        ends = [self.ends[what] for what in (START, goal)]
+        near = np.flatnonzero(_distance(*ends) <= self.reach)
+        tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
+        return Joins.between(self.inner, tails, heads, *(end.take(near) for end in ends))
+
+    def _joins(self, what: str) -> Joins:
+        """Free joins between an end and the states within reach."""
+        end = self.ends[what]
+        ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
+        nodes = np.full(ids.size, self.node(what))
+        states, end = self.inner.states(ids), end.take(np.zeros(ids.size, np.int64))
+        if what == START:
+            return Joins.between(self.inner, nodes, ids, end, states)
+        return Joins.between(self.inner, ids, nodes, states, end)
+
+    def joined(self, what: str) -> IntArray:
+        """States of the inner graph to which an end is joined, the nearest first."""
+        node, end = self.node(what), self.ends[what]
+        from_it, to_it = self.joins.tails == node, self.joins.heads == node
+        ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
+        ids = ids[ids < self.inner.size]
+        states = self.inner.states(ids)
+        return ids[np.argsort(_distance(states, end), kind="stable")]
+
+    def inside(self, nodes: list[int]) -> list[int]:
+        """States of the inner graph: the nodes themselves, or those to which the end that they are is joined."""
+        ends = list(self.ends)
+        parts = [
+            [node] if node < self.inner.size else self.joined(ends[node - self.inner.size]).tolist() for node in nodes
+        ]
+        return [node for part in parts for node in part]
+
+    def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
+        """The node of each end, none of a goal that is not usable if another of the ``goals`` is.
+
+        Raises QueryError for a start, or goals, that are blocked, or to which nothing can be joined.
+        """
+        reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
+        lost = [what for what in self.ends if self.node(what) not in reached]
+        if START in lost or set(goals) <= set(lost):
+            raise QueryError(" ".join(map(self._refusal, [START] if START in lost else lost)))
+        return {what: [] if what in lost else [self.node(what)] for what in self.ends}
+
+    def _refusal(self, what: str) -> str:
+        """Why an end cannot be used."""
+        end = self.ends[what]
+        whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
+        reason = self.collision.why_blocked(whole) or (
+            f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
+            f"{'from' if what == START else 'to'} it; take a smaller step"
+        )
+        return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}."
+
+    def places(self, ids: IntArray) -> IntArray:
+        """Places (N,) of the inner graph; an end has one of its own, below 0."""
+        places = self.inner.size - 1 - ids
+        inside = ids < self.inner.size
+        places[inside] = self.inner.places(ids[inside])
+        return places
+
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws of states (N,); NaN is the yaw of a goal whose heading is free."""
+        inside = ids < self.inner.size
+        inner, ends = self.inner.states(ids[inside]), self.ends.values()
+        columns = {}
+        for name in self.model.space.names:
+            columns[name] = np.empty(ids.size)
+            columns[name][inside] = getattr(inner, name)
+            columns[name][~inside] = np.array([getattr(end, name)[0] for end in ends])[ids[~inside] - self.inner.size]
+        return States(**columns)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Those of the inner graph."""
+        return self.inner.kinds
+
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Those of the inner graph."""
+        return self.inner.edges(kind)
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """The inner graph's arcs, and after those of each node its joins."""
+        inner, joins = self.inner.graph(criteria), self.joins
+        self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
+        rows = self._rows
+        more = np.append(0, np.cumsum(np.bincount(joins.tails, minlength=self.size)))
+        places = rows[joins.tails + 1]
+        heads = np.insert(inner.heads, places, joins.heads)
+        costs = np.insert(inner.costs, places, joins.costs(criteria), axis=0)
+        heads.setflags(write=False)  # so that they are not copied again
+        costs.setflags(write=False)
+        return Graph.from_csr(rows + more, heads, costs, aggregates=inner.aggregates)
+
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Turns (m,) in each arc of `graph`, those of joins among them."""
+        return np.insert(self.inner.turned, self._rows[self.joins.tails + 1], self.joins.turned.astype(np.int8))
+
+    @property
+    def _rows(self) -> IntArray:
+        """Where the arcs (n + 1,) of each node begin among those of the inner graph, which has none of the ends."""
+        start = self.inner.arcs.start
+        return np.append(start, np.full(len(self.ends), start[-1]))
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Through states (N,), so many (n,) for each, the motions of joins written out."""
+        inside = ids < self.inner.size
+        ends = np.cumsum(sizes)
+        begins, whole = ends - sizes, sizes == 2
+        inner = np.bincount(np.repeat(np.arange(sizes.size), sizes)[inside], minlength=sizes.size)
+        from_start = ~inside[begins]
+        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # of two nodes, the join between them is the first
+        after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
+        return Stretches.joined(
+            self.model.space,
+            [
+                self.joins.stretches(ids[begins], ids[after], from_start),
+                self.inner.stretches(ids[inside], inner),
+                self.joins.stretches(ids[before], ids[ends - 1], to_goal),
+            ],
+        )
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """What the inner graph says of the states to which the ends are joined, in words."""
+        return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
+
+
+def _distance(states: States, end: States) -> FloatArray:
+    """How far (M,), m, places are from that of an end (1,)."""
+    return np.asarray(np.hypot(states.x - end.x, states.y - end.y))

@@ -1,0 +1,235 @@
+"""Graphs of states that turns and moves connect.
+
+A lattice, a roadmap: what they have in common is that a state stands at a place, that turns join the states of one
+place, and that an edge is a motion, so criteria cost it as they cost trajectories.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.motions import Motions, PlaneCollision, States
+from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
+from hpop.planners.graphs.stretches import Stretches
+from hpop.planners.objectives import quantised
+from hpop.planners.spending import Spending
+from hpop.search import Graph
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.models.base import PlanarModel
+    from hpop.world import World
+
+A = TypeVar("A")
+BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
+ARC = 16  # bytes of an arc beside its costs
+
+
+@dataclass(frozen=True, eq=False)
+class StateGraph(ABC):
+    """Free states of a model in a world, numbered from 0, and the motions that join them.
+
+    model, world
+    spending  what building it may spend
+    """
+
+    model: PlanarModel
+    world: World
+    spending: Spending = field(default_factory=Spending, kw_only=True)
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of states."""
+
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """What tells this graph from others, in words: "the lattice of step 0.25 m, ..."."""
+
+    @property
+    @abstractmethod
+    def options(self) -> dict[str, Any]:
+        """The same, JSON-able."""
+
+    @abstractmethod
+    def places(self, ids: IntArray) -> IntArray:
+        """Number (N,) of the place at which each state is; turns join the states of one place, moves places."""
+
+    @abstractmethod
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws of states (N,)."""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of its motions: moves, then those in place."""
+        return ("move", "turn")
+
+    @abstractmethod
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free motions of one kind."""
+
+    def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Kind (N,) of the edges between states, as its place among `kinds`: a turn in place, or a move."""
+        stays: BoolArray = self.places(tails) == self.places(heads)
+        return stays.astype(np.int64)
+
+    @abstractmethod
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Say in words why no path leads from a state to any of the goals."""
+
+    def near(self, x: float, y: float, radius: float) -> IntArray:
+        """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
+        found = [np.zeros(0, dtype=np.int64)]
+        for begin in range(0, self.size, BATCH):
+            ids = np.arange(begin, min(begin + BATCH, self.size))
+            states = self.states(ids)
+            found.append(ids[np.hypot(states.x - x, states.y - y) <= radius])
+        return np.concatenate(found)
+
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Motions in place (m,) in each arc of `graph`."""
+        in_place: BoolArray = self.arcs.kinds != MOVE
+        return in_place.view(np.int8)
+
+    @cached_property
+    def collision(self) -> PlaneCollision:
+        """What tells free states and motions."""
+        return self.model.collision(self.world)
+
+    def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
+        """Edges (M,) as motions; what comes round goes the shorter way, half a turn counter-clockwise."""
+        law, start, end = self.model.laws[kind], self.states(tails), self.states(heads)
+        if law.varies & self.model.space.turning:
+            end = self.model.space.onward(start, end)
+        kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
+        return Motions(self.world, self.model, law, start, States(**{**end.__dict__, **kept}))
+
+    @cached_property
+    def arcs(self) -> Arcs:
+        """All free motions."""
+        return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
+
+    def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
+        """All edges as tails, heads and motions, in batches of bounded size."""
+        for part in blocks(self.arcs.heads.size):
+            for _, tails, heads, motions in self._batches(part):
+                yield tails, heads, motions
+
+    def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
+        """A range of arcs as motions of one law: which of them, their tails and heads, and the motions."""
+        tails, heads = self.arcs.ends(part)
+        for number, kind in sorted(enumerate(self.kinds), reverse=True):
+            own = self.arcs.kinds[part] == number
+            if own.any():
+                yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
+
+    @property
+    def key(self) -> Hashable:
+        """What makes equal graphs of one world equal, so that it keeps their parts; None where nothing is kept."""
+        return None
+
+    def shared(self, name: Hashable, make: Callable[[], A]) -> A:
+        """A part that the world keeps for all equal graphs: another planning run need not make it again."""
+        found = self._found(name)
+        if found is None:  # not made under the cache's lock: it is made by several threads
+            found = make()
+            self._keep(name, found)
+        return cast(A, found)
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Whether the costs of all edges are kept from an earlier planning run."""
+        return all(self._found(_name(criterion)) is not None for criterion in criteria)
+
+    def _found(self, name: Hashable) -> Any:
+        return None if None in (self.key, name) else self.world.cache.find((self.key, name))
+
+    def _keep(self, name: Hashable, value: Any) -> None:
+        if None not in (self.key, name):
+            self.world.cache.keep((self.key, name), value)
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
+
+        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
+        Exhausted where a limit of the spending is passed.
+        """
+        arcs = self.arcs
+        self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
+        return Graph.from_csr(
+            arcs.start,
+            arcs.heads,
+            table(self._columns(criteria), arcs.heads.size),
+            aggregates=tuple("max" if c.aggregate == "max" else "sum" for c in criteria),
+        )
+
+    def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
+        """Costs (m,) of all arcs in each criterion; those that are not kept are made together, block by block."""
+        columns = [self._found(_name(criterion)) for criterion in criteria]
+        missing = [j for j, column in enumerate(columns) if column is None]
+        size = self.arcs.heads.size
+        made = [Quanta(size) for _ in missing]
+
+        def costs(part: slice) -> tuple[slice, list[IntArray]]:
+            counts = [np.empty(part.stop - part.start, np.int64) for _ in missing]
+            for own, _, _, motions in self._batches(part):
+                for count, j in zip(counts, missing, strict=True):
+                    count[own] = quantised(motion_costs(criteria[j], motions), criteria[j])
+            return part, counts
+
+        for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
+            for column, count in zip(made, counts, strict=True):
+                column.write(part, count)
+        for j, column in zip(missing, made, strict=True):
+            column.counts.setflags(write=False)
+            columns[j] = column.counts
+            self._keep(_name(criteria[j]), column.counts)
+        return columns
+
+    def trajectory(self, ids: IntArray) -> Trajectory:
+        """The trajectory through states (n+1,)."""
+        return self.trajectories([ids])[0]
+
+    def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
+        """The trajectories through the states (n+1,) of each path: one motion an edge, yaw continuous."""
+        sizes = np.array([path.size for path in paths], dtype=np.int64)
+        ids = np.concatenate([np.zeros(0, np.int64), *paths])
+        return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """The same through states (N,), so many (n,) of them for each, not yet checked."""
+        kinds = np.zeros(ids.size, np.int64)
+        kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
+        return Stretches.through(self.model.space, self.states(ids), kinds, sizes)
+
+
+def _name(criterion: Criterion) -> Hashable:
+    """What makes equal columns of costs equal; None of a criterion that may change, or that knows no equals."""
+    try:
+        return identity(criterion), criterion.quantum
+    except TypeError:
+        return None
+
+
+def identity(value: Any) -> Hashable:
+    """What tells a value that cannot change from others: of a dataclass all fields, compared or not.
+
+    Raises TypeError for one that may change.
+    """
+    if not is_dataclass(value):
+        hash(value)
+        return cast(Hashable, value)
+    declared = vars(type(value)).get("__dataclass_params__")  # its own: a class below may hold more than fields
+    if declared is None or not declared.frozen:
+        raise TypeError(f"{type(value).__name__} may change")
+    return type(value), *(identity(getattr(value, field.name)) for field in fields(value))

@@ -1,0 +1,153 @@
+"""How criteria become the costs that a graph search adds up along edges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, IntArray
+from hpop.criteria.base import Criterion, Group, place_of
+from hpop.criteria.quanta import stand_in_of
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.motions import Motions
+
+if TYPE_CHECKING:
+    pass
+
+
+WHOLE = 1e-6  # of a quantum: so much above a whole number is still that number
+
+
+@dataclass(frozen=True)
+class Integral:
+    """The time integral of a time-mean criterion, which adds up along edges as the mean does not."""
+
+    mean: Criterion
+
+    @property
+    def name(self) -> str:
+        return f"{self.mean.name} integral"
+
+    @property
+    def group(self) -> Group:
+        return self.mean.group
+
+    @property
+    def unit(self) -> str:
+        return "s" if self.mean.unit == "1" else f"{self.mean.unit} s"
+
+    @property
+    def aggregate(self) -> str:
+        return "sum"
+
+    @property
+    def requires(self) -> tuple[str, ...]:
+        return self.mean.requires
+
+    @property
+    def smooth(self) -> bool:
+        return self.mean.smooth
+
+    @property
+    def quantum(self) -> float:
+        return self.mean.quantum
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the mean's rate."""
+        return self.mean.cost(m)
+
+
+def integral_of(mean: Criterion) -> Criterion:
+    """What adds up in the place of a time-mean: the criterion that it names, or its time integral."""
+    return stand_in_of(mean) or cast(Criterion, Integral(mean))
+
+
+@dataclass(frozen=True)
+class Objectives:
+    """What a planner whose costs add up along edges makes of the criteria asked for.
+
+    optimised  criteria that add up or take the worst edge; the integral stands in for each time-mean
+    means      the time-means that are only reported
+    filters    criteria with memory: evaluated on the trajectories found, which are filtered by them
+    notes      one line for each that is not optimised
+    """
+
+    optimised: tuple[Criterion, ...]
+    means: tuple[Criterion, ...]
+    filters: tuple[Criterion, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def certificate(self) -> str:
+        """What may be claimed for criteria that were not optimised.
+
+        An optimum of the integral need not be one of the mean. With the duration among the minimised costs it is: what
+        is better in the mean and no worse in the rest would also be better in the integral.
+        """
+        parts = []
+        if self.means:
+            timed = place_of("duration", self.optimised) is not None
+            optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
+            parts.append(f"; {', '.join(mean.name for mean in self.means)} reported, not optimised{optimal}")
+        if self.filters:
+            names = ", ".join(c.name for c in self.filters)
+            parts.append(f"; {names} evaluated on these trajectories, not searched for: others may be better in them")
+        return "".join(parts)
+
+
+def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
+    """Split criteria into what adds up along edges, the means, and those with memory.
+
+    Raises UnsupportedCriterion when nothing is left to optimise, or one cost would be minimised twice.
+    """
+    optimised: list[Criterion] = []
+    means, filters, notes = [], [], []
+    for criterion in criteria:
+        if criterion.aggregate == "trajectory":
+            filters.append(criterion)
+            notes.append(
+                f"{criterion.name} has memory and does not add up: it is evaluated on the trajectories that are "
+                "optimal in the other criteria"
+            )
+            continue
+        stand_in = criterion
+        if criterion.aggregate == "time-mean":
+            stand_in = integral_of(criterion)
+            means.append(criterion)
+            notes.append(
+                f"{criterion.name} is a mean and does not add up: the search minimises {stand_in.name} "
+                f"(its integral, {stand_in.unit}); {criterion.name} is reported for every trajectory"
+            )
+        if stand_in not in optimised:
+            optimised.append(stand_in)
+    if not optimised:
+        raise UnsupportedCriterion(
+            f"{planner_name} needs a criterion that adds up along edges beside those with memory (aggregate "
+            f"'trajectory'): {', '.join(c.name for c in filters)}. Add one, such as 'length'."
+        )
+    names = [criterion.name for criterion in optimised]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise UnsupportedCriterion(
+            f"{planner_name} would minimise {', '.join(repeated)} twice, with different parameters: once as asked for, "
+            "once in the place of a mean. Give both the same parameters, or leave one out."
+        )
+    return Objectives(tuple(optimised), tuple(means), tuple(filters), tuple(notes))
+
+
+def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
+    """Edge costs (M,) as integers of the criterion's quantum; GraphError comes later if sums overflow.
+
+    Rounded up, so that a turn that costs no more than two on the same way still does: the search takes all turns at
+    a place together only where that holds everywhere, and to the nearest 0.4 and 0.4 make 0, but 0.8 makes 1.
+    """
+    largest = float(costs.max(initial=0.0)) / criterion.quantum
+    if largest > 2**52:
+        raise OptionError(
+            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of "
+            f"{criterion.quantum}; declare a coarser quantum"
+        )
+    return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)

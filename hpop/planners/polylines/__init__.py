@@ -1,0 +1,1 @@
+"""Polylines that programs take and give, and the planners whose paths they begin with."""

@@ -1,0 +1,132 @@
+"""What planners start from: the trajectories of another planner, of a front, or given as they are."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion
+from hpop.errors import OptionError
+from hpop.front import Front
+from hpop.planners.base import Planner, make_planner, sweeps
+from hpop.planners.judgement import judge
+from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.polylines.straightened import straightened
+from hpop.registry import planners
+from hpop.status import ProgressCallback, Status
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+WarmStart = str | Mapping[str, Mapping[str, Any]] | Front | Sequence[Trajectory]
+FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
+
+
+class Starting(Protocol):
+    """A planner that starts from known trajectories, and its options that it shares with another that finds them."""
+
+    @property
+    def warm_start(self) -> WarmStart: ...
+    @property
+    def step(self) -> float: ...
+    @property
+    def headings(self) -> int: ...
+    @property
+    def time_limit(self) -> float | None: ...
+
+
+class WarmStarts(NamedTuple):
+    """What is known: moves and turns in place from start to goal.
+
+    status  how the planner ended that found them
+    notes   what the user should know of them
+    """
+
+    trajectories: Sequence[Trajectory]
+    status: Status
+    notes: tuple[str, ...]
+
+    def polylines(
+        self, problem: Problem, criteria: Sequence[Criterion]
+    ) -> tuple[list[Polyline], FloatArray, tuple[str, ...]]:
+        """Those that are free with their ends put on start and goal, their costs (n, k), and notes on the others."""
+        polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
+        judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
+        return [polylines[i] for i in judged.kept], judged.costs[judged.kept], judged.notes("warm starts")
+
+    def ended(self, status: Status) -> Status:
+        """The status of a plan that went on from these, and ended with one."""
+        return self.status if status is Status.COMPLETE else status
+
+
+def check_warm_start(starting: Starting) -> None:
+    """Raise OptionError for what is none, names no planner or gives it options that it does not take."""
+    spec = starting.warm_start
+    if isinstance(spec, str | Mapping):
+        warm_planner(starting)
+    elif not isinstance(spec, Front) and not _are_trajectories(spec):
+        raise OptionError(f"warm_start is {FORMS}, got {shown(spec)}")
+    elif not len(spec):
+        raise OptionError("warm_start has no trajectory to start from; give some, or the name of a planner")
+
+
+def warm_starts(
+    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+) -> WarmStarts:
+    """The trajectories that a planner starts from, curves replaced by polylines.
+
+    Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
+    the problem's model.
+
+    Raises OptionError for trajectories of another model, and what the planner raises.
+    """
+    spec, status, notes = starting.warm_start, Status.COMPLETE, list[str]()
+    if isinstance(spec, str | Mapping):
+        planner = warm_planner(starting, time_limit=starting.time_limit)
+        on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
+        found = planner.solve(problem, progress, **on_executor)
+        status = found.status
+        stopped = status is Status.INTERRUPTED  # nothing goes on from what was found until then
+        given: Sequence[Trajectory] = () if stopped or not found.trajectories else problem.front(found).trajectories
+        if not given:
+            notes += [f"no warm start: {status}", *found.notes]
+        elif not status.is_final:
+            notes.append(f"the warm starts are not all there are: {status}")
+    else:
+        given = spec.trajectories if isinstance(spec, Front) else spec
+        if any(trajectory.model != problem.model for trajectory in given):
+            raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
+    straight, curves = straightened(given, problem)
+    return WarmStarts(straight, status, (*notes, *curves))
+
+
+def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Planner:
+    """The planner that is named, with those of the options that it has.
+
+    One that comes with options of its own, ``{name: {option: value}}``, shares the time limit alone, and that only if
+    it has none.
+
+    Raises OptionError for what names no planner or gives it options that it does not take.
+    """
+    spec = starting.warm_start
+    if isinstance(spec, Mapping):
+        if len(spec) != 1:
+            raise OptionError(f"warm_start is one planner with its options, got {shown(spec)}")
+        ((name, own),) = spec.items()
+        if not isinstance(own, Mapping | None):
+            raise OptionError(f"warm_start gives the options of {shown(name)} by their names, got {shown(own)}")
+        shared: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
+    else:
+        name, own = str(spec), {}
+        shared = {"step": starting.step, "headings": starting.headings, "time_limit": time_limit}
+    known = {option.name for option in dataclasses.fields(planners[name])}
+    return make_planner(name, {option: v for option, v in shared.items() if option in known} | dict(own or {}))
+
+
+def _are_trajectories(spec: Any) -> bool:
+    return isinstance(spec, Sequence) and all(isinstance(item, Trajectory) for item in spec)

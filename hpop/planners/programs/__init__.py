@@ -1,0 +1,1 @@
+"""What nonlinear programs of several planners share."""

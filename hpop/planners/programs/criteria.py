@@ -1,0 +1,108 @@
+"""Which criteria a nonlinear program can treat: those that work on symbols, and counts that its structure settles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.criteria.base import Criterion, check_command, motion_costs
+from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
+from hpop.motions import Motions, States
+from hpop.motions.symbolic import SymbolicMotions
+from hpop.planners.programs.nlp import SparseWorld, vector
+from hpop.planners.programs.outcome import ONE_PROGRAM
+from hpop.text import shown
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+
+def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str) -> tuple[int, ...]:
+    """Places of the criteria with a gradient, asked before anything is planned.
+
+    Raises UnsupportedCriterion for a criterion that neither a gradient nor a structure settles, for one that does not
+    work on symbols, and where all are settled.
+    """
+    places = tuple(j for j, criterion in enumerate(criteria) if criterion.smooth)
+    for criterion in criteria:
+        if not criterion.smooth and not is_counted(criterion, problem):
+            raise UnsupportedCriterion(
+                f"{planner} needs smooth criteria, or counts that the number of moves and turns settles; "
+                f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
+                "planner 'lattice'."
+            )
+    if not places:
+        raise UnsupportedCriterion(
+            f"{planner} needs a smooth criterion to minimise; {', '.join(c.name for c in criteria)} have no gradient. "
+            "Add one, such as 'length'."
+        )
+    with ONE_PROGRAM:  # here too symbols are built
+        _try_on_symbols([criteria[j] for j in places], problem)
+    return places
+
+
+def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
+    """Raise UnsupportedCriterion for one that works on numbers only."""
+    for motions in _some_motions(problem, 2):
+        symbols = SymbolicMotions.of(motions).motions
+        for criterion in criteria:
+            on_symbols(criterion, symbols)
+
+
+def minimised(name: str, criteria: Sequence[Criterion]) -> int:
+    """Place of the cost to minimise; raises OptionError where it is not there or has no gradient."""
+    names = [criterion.name for criterion in criteria]
+    smooth = [criterion.name for criterion in criteria if criterion.smooth]
+    if name not in smooth:
+        raise OptionError(
+            f"minimise is one of the smooth costs ({', '.join(smooth)}), got {shown(name)}.{did_you_mean(name, smooth)}"
+        )
+    return names.index(name)
+
+
+def on_symbols(criterion: Criterion, motions: Motions) -> Any:
+    """Costs (M,) of symbolic motions as a CasADi vector; raises UnsupportedCriterion if it works on numbers only."""
+    try:
+        column = vector(criterion.cost(motions), len(motions))
+        if column.numel() != len(motions):
+            raise ValueError(f"{column.numel()} costs for {len(motions)} motions")
+    except UnsupportedCriterion as error:
+        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
+    except Exception as error:  # someone else's criterion on CasADi's symbols: anything can come
+        why = (str(error).strip() or type(error).__name__).splitlines()[-1].rstrip(".")
+        raise UnsupportedCriterion(
+            f"criterion {criterion.name!r} does not work on symbols, as a nonlinear program needs: {why}. See "
+            f"`{check_command(criterion)}`; use NumPy functions of whole columns and no 'if' on values, or planner "
+            "'lattice'."
+        ) from error
+    return column
+
+
+def is_counted(criterion: Criterion, problem: Problem) -> bool:
+    """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
+
+    Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.
+    """
+    if criterion.aggregate != "sum":
+        return False
+    return all(np.ptp(motion_costs(criterion, motions)) <= 1e-12 for motions in _some_motions(problem, 200))
+
+
+def _some_motions(problem: Problem, count: int) -> tuple[Motions, Motions]:
+    """Moves, and turns of more than three degrees, all over the map."""
+    rng = np.random.default_rng(0)
+    x_min, y_min, x_max, y_max = problem.world.bounds
+    x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(count, 2)).T
+    yaw, length = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.01, 5.0, count)
+    turned = rng.uniform(math.radians(3.0), np.pi, count) * rng.choice([-1.0, 1.0], count)
+    start = States(x=x, y=y, yaw=yaw)
+    ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
+    about = States(x=x, y=y, yaw=yaw + turned)
+    world, model = problem.world.stand_in(SparseWorld), problem.model
+    return (
+        Motions(world, model, model.laws["move"], start, ahead),
+        Motions(world, model, model.laws["turn"], start, about),
+    )

@@ -1,0 +1,226 @@
+"""A roadmap as a graph of states: positions, straight moves between them, and turns between their headings.
+
+A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) has positions as nodes. Here a node is a position with a
+heading, for a turn has a cost: each position has the headings in which its moves leave and arrive, and turns join them
+all. Everything is built in array operations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.errors import OptionError
+from hpop.math import wrap
+from hpop.motions import Motions, States
+from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.state_graph import StateGraph
+
+ALIGNED = 1e-9  # rad: directions that differ by less are one heading
+MAX_EDGES = 60_000_000
+TURN = 64  # bytes that laying out a turn takes
+PIECES = 4  # in which a turn is checked, at least
+
+
+@dataclass(frozen=True, eq=False)
+class StateRoadmap(StateGraph):
+    """Positions of a robot, and all states and motions that links between them make.
+
+    positions  (P, 2)  m    no two the same; the first is the start's
+    links      (L, 2)       pairs of positions between which a straight move may be free, either way
+    start_yaw  rad
+    targets    position of each goal, and its yaw, rad, or None where the heading there is free
+    name       what the roadmap is, in words
+    chosen     the options that made it, JSON-able
+    remedy     what to do when it has no path, in words
+
+    Turns join the headings of a position, but those that differ by less than a degree only at the start and the goal.
+    A link that passes through a third position is left out: the links to that one, being straight on, hold it.
+    """
+
+    positions: FloatArray
+    links: IntArray
+    start_yaw: float
+    targets: tuple[tuple[int, float | None], ...]
+    name: str
+    chosen: dict[str, Any]
+    remedy: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What tells this roadmap from others, JSON-able."""
+        return self.chosen
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return self.name
+
+    @cached_property
+    def arrows(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Tails and heads (positions) of all free moves, and their headings, rad."""
+        tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
+        span = self.positions[heads] - self.positions[tails]
+        yaw = _within_turn(np.arctan2(span[:, 1], span[:, 0]))
+        direction = _numbered(tails, yaw)
+        order = np.lexsort((np.hypot(*span.T), direction))
+        nearest = order[np.unique(direction[order], return_index=True)[1]]
+        tails, heads, yaw = tails[nearest], heads[nearest], yaw[nearest]
+        free = np.ones(tails.size, dtype=bool)
+
+        def found(part: slice) -> tuple[slice, BoolArray]:
+            return part, self._moves_free(tails[part], heads[part], yaw[part])
+
+        for part, moves in self.spending.each(found, blocks(tails.size), f"{self.words} was laid out"):
+            free[part] = moves
+        return tails[free], heads[free], yaw[free]
+
+    def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
+        start, end = (States(x=x, y=y, yaw=yaw) for x, y in (self.positions[ids].T for ids in (tails, heads)))
+        return self.collision.motions_free(Motions(self.world, self.model, self.model.laws["move"], start, end))
+
+    @cached_property
+    def _wanted(self) -> tuple[IntArray, FloatArray]:
+        """Position and heading of the tail of every arrow, of the head of every arrow, of the start and of the goal.
+
+        A goal of free heading has a state even where no link reaches it.
+        """
+        tails, heads, yaw = self.arrows
+        places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
+        ends = _within_turn(np.array([end or 0.0 for end in yaws]))
+        return np.concatenate([tails, heads, places]), np.concatenate([yaw, yaw, ends])
+
+    @cached_property
+    def _numbers(self) -> IntArray:
+        """State of each of those that are wanted."""
+        return _numbered(*self._wanted)
+
+    @cached_property
+    def _state(self) -> tuple[IntArray, FloatArray]:
+        """Position and yaw (S,) of every state; the states of a position follow one another."""
+        first = np.unique(self._numbers, return_index=True)[1]
+        at, yaw = self._wanted
+        return at[first], yaw[first]
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return int(self._state[0].size)
+
+    def places(self, ids: IntArray) -> IntArray:
+        """Position of each state (N,)."""
+        return self._state[0][ids]
+
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws, in [0, 2 pi), of states (N,)."""
+        x, y = self.positions[self._state[0][ids]].T
+        return States(x=x, y=y, yaw=self._state[1][ids])
+
+    @property
+    def start(self) -> int:
+        """The state of the start."""
+        return int(self._numbers[-1 - len(self.targets)])
+
+    @cached_property
+    def goals(self) -> list[int]:
+        """The state of each goal, or all at its position where its heading is free."""
+        found = list(self._exact_goals)
+        for position, yaw in self.targets:
+            found += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
+        return list(dict.fromkeys(found))
+
+    @property
+    def _exact_goals(self) -> list[int]:
+        """The state of each goal whose heading is given."""
+        ids = self._numbers[-len(self.targets) :].tolist()
+        return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
+
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns, or of all free moves."""
+        return self.turns if kind == "turn" else self.moves
+
+    @cached_property
+    def moves(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free moves."""
+        count = self.arrows[0].size
+        return self._numbers[:count], self._numbers[count : 2 * count]
+
+    @cached_property
+    def turns(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns, between all headings of a position that differ by more than LEAST_TURN.
+
+        Smaller ones in a row would turn by any angle and count nothing.
+        The heading at the start may differ by less from what is left in, and that at the goal from what is arrived in.
+        """
+        at, yaw = self._state
+        first = np.searchsorted(at, at)
+        others = np.searchsorted(at, at, side="right") - first - 1
+        if others.sum() > MAX_EDGES:
+            raise OptionError(
+                f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
+                f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
+            )
+        self.spending.check(f"{self.words} was laid out", int(others.sum()) * TURN)
+        tails = np.repeat(np.arange(at.size), others)
+        place = np.arange(tails.size) - np.repeat(np.cumsum(others) - others, others)
+        heads = first[tails] + place
+        heads += heads >= tails
+        large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
+        for goal in self._exact_goals:
+            large |= heads == goal
+        tails, heads = tails[large], heads[large]
+        if not self.collision.yaw_matters:
+            return tails, heads
+        free = self.collision.clear(*self.positions.T)[at[tails]]
+        open_ = np.flatnonzero(~free)
+
+        def found(part: slice) -> tuple[IntArray, BoolArray]:
+            ids = open_[part]
+            return ids, self.collision.motions_free(self.motions("turn", tails[ids], heads[ids]))
+
+        for ids, turns in self.spending.each(found, blocks(open_.size, PIECES), f"{self.words} was laid out"):
+            free[ids] = turns
+        return tails[free], heads[free]
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """How many components the roadmap has, and which hold the start and the goal, in words."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import connected_components
+
+        tails, heads, _ = self.arrows
+        count = len(self.positions)
+        links = csr_array((np.ones(tails.size), (tails, heads)), shape=(count, count))
+        components, component = connected_components(links, directed=False)
+        begin, *ends = component[self.places(np.array([start, *goals]))].tolist()
+        if begin in ends:
+            return (
+                f"no path: start and goal are in one component of {self.words}, but the robot has no room to turn on "
+                f"the way; {self.remedy}, or make the robot rounder"
+            )
+        sizes = np.bincount(component)
+        apart = ", ".join(str(sizes[end]) for end in dict.fromkeys(ends))
+        return (
+            f"no path: {self.words} has {components} components; that of the start has {sizes[begin]} of {count} "
+            f"positions, that of the goal {apart}; {self.remedy}"
+        )
+
+
+def _within_turn(yaw: FloatArray) -> FloatArray:
+    """Yaws in [0, 2 pi), those just below 2 pi as 0."""
+    yaw = yaw % (2 * math.pi)
+    return np.where(yaw > 2 * math.pi - ALIGNED, 0.0, yaw)
+
+
+def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
+    """Number (N,) of each pair of a position and a heading, by position, then by yaw; aligned headings share one."""
+    order = np.lexsort((yaw, at))
+    new = (np.diff(at[order], prepend=-1) != 0) | (np.diff(yaw[order], prepend=-1.0) > ALIGNED)
+    number = np.empty(at.size, np.int64)
+    number[order] = np.cumsum(new) - 1
+    return number

@@ -1,0 +1,230 @@
+"""The roadmap planner: every optimal trade-off on a probabilistic roadmap, exactly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import QueryError
+from hpop.motions import States
+from hpop.options import MOST_SEED, set_wholes
+from hpop.planners.base import Candidates, planner
+from hpop.planners.goals import End, goals_of, start_of
+from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
+from hpop.planners.judgement import trusted
+from hpop.planners.needs import in_plane
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.roadmap.headings import StateRoadmap
+from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
+from hpop.status import Budget, Progress, ProgressCallback
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+SAME = 1e-9  # m: two positions no further apart are one
+DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
+
+
+MOST_SAMPLES = 1_000_000
+
+
+@planner("roadmap")
+@dataclass(frozen=True)
+class Roadmap:
+    """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
+
+    samples     count  free positions, drawn uniformly
+    neighbours  count  nearest positions to which each is linked; None takes ceil(2e log n) of n, as PRM* does
+    seed               of the random positions
+    time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
+                       returned and called incomplete
+    max_labels  count  partial paths kept by the search
+    max_memory  bytes  of the map that is read, the fields that are made, the roadmap's graph and the search
+    checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
+                front is safe
+
+    Links are straight moves, free on the exact geometry; the robot turns in place between any two of them, where it has
+    the room and they differ by a degree, the least that counts as a turn. Start and goal are exact, whatever their
+    headings, and linked to each other as well.
+
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
+    represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
+    roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
+    criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
+    samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); how far it still is, this planner does not
+    say. Costs a state for each heading of each link, and a turn for each two headings of a position; where a robot that
+    is not round has little room, each of these turns is checked by itself, which takes most of the time.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    goal_sets: ClassVar[bool] = True
+
+    samples: int = 500
+    neighbours: int | None = None
+    seed: int = 0
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+    checkpoint: CheckpointSpec | None = None
+
+    def __post_init__(self) -> None:
+        set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
+        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        set_wholes(self, "neighbours", least=1, optional=True)
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint)
+        self.budget()
+
+    def budget(self) -> Budget:
+        """The planner's limits, which reading the map, building and searching share."""
+        return Budget(self.time_limit, self.max_labels, self.max_memory)
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Plan on the roadmap.
+
+        Raises QueryError when start or goal is blocked, or when people move, UnsupportedCriterion when no criterion
+        adds up along edges, CriterionError for a cost that is negative or not finite, CheckpointError for a checkpoint
+        of another question.
+        """
+        objectives = edge_objectives(problem.criteria, "roadmap")
+        refuse_unanswerable(problem, objectives, "roadmap")
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
+        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+        try:
+            roadmap = self.roadmap(problem, spending)
+        except Exhausted as stop:
+            return stopped("roadmap", objectives, stop, spending)
+        drawn = roadmap.options["samples"]
+        few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
+        notes = (few,) if drawn < self.samples else ()
+        return on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
+
+    def roadmap(self, problem: Problem, spending: Spending | None = None) -> StateRoadmap:
+        """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked.
+
+        Building it may spend what is in the spending.
+        """
+        ends, spending = checked_ends(problem), spending or Spending()
+        positions = np.concatenate([ends.positions, self._drawn(problem, spending)])
+        drawn = len(positions) - len(ends.positions)
+        count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
+        return StateRoadmap(
+            in_plane(problem.model),
+            problem.world,
+            positions,
+            np.concatenate([_nearest(positions, count), pairs(len(ends.positions))]),
+            start_of(problem)[2],
+            ends.goals,
+            name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
+            chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
+            remedy="take more samples",
+            spending=spending,
+        )
+
+    def _drawn(self, problem: Problem, spending: Spending) -> FloatArray:
+        """Free positions (n, 2), m, drawn uniformly; fewer than samples where next to nothing is free.
+
+        A position is taken if the robot is free there at a random heading.
+        """
+        rng = np.random.default_rng(self.seed)
+        collision = problem.model.collision(problem.world)
+        x_min, y_min, x_max, y_max = problem.world.bounds
+        drawn = np.zeros((0, 2))
+        for _ in range(DRAWS):
+            spending.check("positions were drawn")
+            x, y, yaw = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3)).T
+            free = collision.states_free(States(x=x, y=y, yaw=yaw))
+            drawn = np.concatenate([drawn, np.stack([x, y], axis=1)[free]])
+            if len(drawn) >= self.samples:
+                break
+        return drawn[: self.samples]
+
+
+class PositionedEnds(NamedTuple):
+    """Where a roadmap begins and may end.
+
+    positions  (E, 2)  m; the first is the start's
+    goals      position of each goal, and its yaw, rad, None where it is free
+    """
+
+    positions: FloatArray
+    goals: tuple[tuple[int, float | None], ...]
+
+
+def checked_ends(problem: Problem) -> PositionedEnds:
+    """Positions of the start and of the goals that are not blocked; QueryError where the start or all goals are."""
+    collision = in_plane(problem.model).collision(problem.world)
+
+    def refusal(what: str, end: End) -> str:
+        x, y, yaw = end
+        if yaw is None and collision.yaw_matters:  # some heading may do
+            return ""
+        reason = collision.why_blocked(States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0])))
+        return reason and f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}."
+
+    start, goals = start_of(problem), goals_of(problem)
+    refusals = [refusal(f"goal {i}" if len(goals) > 1 else "goal", goal) for i, goal in enumerate(goals)]
+    if refused := refusal("start", start) or (all(refusals) and " ".join(refusals)):
+        raise QueryError(refused)
+    positions, at = [start[:2]], list[tuple[int, float | None]]()
+    for x, y, yaw in (goal for goal, refused in zip(goals, refusals, strict=True) if not refused):
+        near = [i for i, position in enumerate(positions) if math.dist(position, (x, y)) <= SAME]
+        at.append((near[0] if near else len(positions), yaw))
+        positions += [] if near else [(x, y)]
+    return PositionedEnds(np.array(positions), tuple(at))
+
+
+def pairs(count: int) -> IntArray:
+    """All pairs (L, 2) of the first positions."""
+    return np.stack(np.triu_indices(count, 1), axis=1)
+
+
+def _nearest(positions: FloatArray, count: int) -> IntArray:
+    """Links (L, 2) from each position to its nearest ones."""
+    from scipy.spatial import KDTree
+
+    count = min(count, len(positions) - 1)
+    if not count:
+        return pairs(1)
+    _, nearest = KDTree(positions).query(positions, [*range(2, count + 2)])  # the first is itself
+    return np.stack([np.repeat(np.arange(len(positions)), count), nearest.ravel()], axis=1)
+
+
+def on_roadmap(
+    name: str,
+    problem: Problem,
+    objectives: Objectives,
+    roadmap: StateRoadmap,
+    progress: ProgressCallback | None,
+    notes: tuple[str, ...],
+    checkpoint: CheckpointSpec | None = None,
+) -> Candidates:
+    """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
+    if progress:
+        progress(Progress("graph"))
+    spending = roadmap.spending
+    try:
+        graph = roadmap.graph(objectives.optimised)
+        query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, spending.seconds(), notes)
+        query.break_ties()
+        found = query.exact(name, spending.left(), progress, checkpoint=checkpoint)
+    except Exhausted as stop:
+        return stopped(name, objectives, stop, spending)
+    kept = trusted(found, problem, name)
+    dropped = len(found.trajectories) - len(kept.trajectories)
+    return replace(
+        kept,
+        certificate=found.certificate + f"; without {dropped} that were dropped as not to be trusted" * bool(dropped),
+        stats={
+            **kept.stats,
+            "positions": len(roadmap.positions),
+            "moves": int(roadmap.moves[0].size),
+            "turns": int(roadmap.turns[0].size),
+        },
+    )

@@ -1,0 +1,195 @@
+"""The RRT planner: the baseline of Becerra et al. 2020, of many random trajectories the one that wiggles least."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
+from hpop.errors import QueryError
+from hpop.options import MOST_SEED, one_of, set_wholes
+from hpop.planners.base import Candidates, planner
+from hpop.planners.goals import one_goal, start_of
+from hpop.planners.judgement import trusted
+from hpop.planners.needs import on_wheels
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.roadmap.planner import checked_ends
+from hpop.planners.rrt.query import Query
+from hpop.planners.rrt.run import TreeRun, load_ompl, run
+from hpop.status import Budget, ProgressCallback, Status, Watch
+from hpop.sweep import Sweep
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+Keep = Literal["selected", "all"]
+MOST_RUNS = 100_000
+
+
+@planner("rrt")
+@dataclass(frozen=True)
+class RRT:
+    """Random trajectories under wheel accelerations; of all runs, the one with the fewest curvature sign changes.
+
+    runs            count  of trees, each with its own random numbers (the paper: 1000)
+    seed                   of the random numbers
+    keep                   "selected": that one alone, ties by length; "all": every run's, for the front to filter
+    max_extensions  count  of a tree before its run gives up
+    time_limit      s      of all runs, looked at between them; those finished until then are selected from
+
+    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696); how its trees grow is our choice. They are
+    OMPL's (Sucan, Moll and Kavraki 2012), their drives those of :mod:`hpop.planners.rrt.query`. Wheel accelerations are
+    bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes back.
+
+    Accepts any criteria, not all of them with memory; start and goal where the circle that the robot sweeps is clear,
+    since it plans for that circle. Guarantees nothing of any cost, nor that a path that exists is found; trajectories
+    begin and end at rest, exactly at start and goal, and are free of collisions. Costs about half a second a run in a
+    building, memory for one tree; the results are the same with any executor.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
+
+    runs: int = 100
+    seed: int = 0
+    keep: Keep = "selected"
+    max_extensions: int = 20_000
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        set_wholes(self, "runs", least=1, most=MOST_RUNS)
+        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        set_wholes(self, "max_extensions", least=1)
+        one_of("keep", self.keep, get_args(Keep))
+        Budget(self.time_limit)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Run the trees, one job of the executor each, and select.
+
+        Raises OptionError without OMPL, QueryError when start or goal is blocked, or when people move.
+        """
+        load_ompl()
+        query, objectives = self._query(problem), edge_objectives(problem.criteria, "rrt")
+        watch = Watch("rrt", self.time_limit, progress)
+
+        def report(done: Mapping[int, TreeRun]) -> None:
+            watch.report(len(done), self.runs - len(done), sum(not one.failure for one in done.values()))
+
+        with Sweep(run, query, executor) as sweep:
+            finished, status = sweep.until(self._seeds(), watch.is_late, report)
+        found = _Ended(self, problem, objectives, query, finished, status).candidates()
+        return replace(found, notes=(*found.notes, *sweep.notes), stats={**found.stats, "seconds": watch.seconds})
+
+    def _seeds(self) -> list[int]:
+        """Seeds of the runs; OMPL takes no 0."""
+        return [1 + int(np.random.SeedSequence((self.seed, i)).generate_state(1)[0] >> 1) for i in range(self.runs)]
+
+    def _query(self, problem: Problem) -> Query:
+        moving = [p.name or f"number {i}" for i, p in enumerate(problem.world.content.people) if p.moves]
+        if moving:
+            raise QueryError(
+                f"rrt plans round people who stand; {', '.join(moving)} move. Give them no velocity to plan round "
+                "where they are now, or leave them out and evaluate the criteria on the trajectory in the world with "
+                "them."
+            )
+        checked_ends(problem)
+        model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")
+        collision = model.collision(problem.world)
+        for what, (x, y, _) in (("start", start), ("goal", goal)):
+            if not collision.clear(np.array([x]), np.array([y]))[0]:
+                raise QueryError(
+                    f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
+                    "in turning, and that meets an obstacle there. Move it, or use another planner."
+                )
+        return Query(model, problem.world, start, goal, self.max_extensions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """Runs that are over, and what is made of them."""
+
+    planner: RRT
+    problem: Problem
+    objectives: Objectives
+    query: Query
+    finished: dict[int, TreeRun]
+    status: Status
+
+    def candidates(self) -> Candidates:
+        """Judge the runs' trajectories, and select."""
+        reached = {i: one for i, one in self.finished.items() if not one.failure}
+        trajectories = tuple(self.query.trajectory(one.controls) for one in reached.values())
+        optimised, world, seeds = self.objectives.optimised, self.problem.world, self.planner._seeds()
+        failed = Counter(one.failure for one in self.finished.values() if one.failure)
+        found = Candidates(
+            objectives=optimised,
+            trajectories=trajectories,
+            planned=trajectory_costs(optimised, trajectories, world),  # a tree adds up no costs
+            tolerance=np.zeros((len(reached), len(optimised))),
+            status=self.status,
+            certificate="",
+            provenance=tuple(
+                {"seed": self.planner.seed, "run": i, "run_seed": seeds[i], "extensions": one.extensions}
+                for i, one in reached.items()
+            ),
+            filters=self.objectives.filters,
+            stats={
+                "planner": "rrt",
+                "runs": len(self.finished),
+                "reached": len(reached),
+                "failed": dict(failed),
+                "extensions": sum(one.extensions for one in self.finished.values()),
+            },
+        )
+        found = trusted(found, self.problem, "rrt")
+        count = len(found.trajectories)
+        sign_changes, lengths = trajectory_costs(self._selecting, found.trajectories, world).T
+        changes = sign_changes.astype(int).tolist()
+        origins = [
+            {"planner": "rrt", **origin, "curvature_sign_changes": n}
+            for origin, n in zip(found.provenance, changes, strict=True)
+        ]
+        chosen = range(count) if self.planner.keep == "all" else np.lexsort((lengths, sign_changes))[:1]
+        return replace(
+            replace(found, provenance=tuple(origins)).some(chosen),
+            status=Status.RUN_LIMIT if found.status is Status.COMPLETE and not count else found.status,
+            certificate=self._claim(count),
+            notes=(*self._said(sign_changes, failed), *found.notes),
+            stats={**found.stats, "curvature_sign_changes": changes},
+        )
+
+    @property
+    def _selecting(self) -> list[Criterion]:
+        """Curvature sign changes, as the problem defines them if it asks for them, and the length."""
+        return [
+            next((c for c in self.problem.criteria if c.name == name), make_criterion(name))
+            for name in ("curvature_sign_changes", "length")
+        ]
+
+    def _claim(self, count: int) -> str:
+        """What is claimed, in words."""
+        runs = f"{len(self.finished)} random runs (seed {self.planner.seed}), of which {count} reached the goal"
+        if self.planner.keep == "all":
+            return f"rrt: a baseline, no optimum of any cost: {runs}"
+        return f"rrt: a baseline, no optimum of any cost: the fewest curvature sign changes of {runs}"
+
+    def _said(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
+        """What became of the runs."""
+        runs = len(self.finished)
+        notes = [f"rrt: {count} of {runs} runs {failure}" for failure, count in sorted(failed.items())]
+        if sign_changes.size:
+            least, most = int(sign_changes.min()), int(sign_changes.max())
+            times = f"{least}" if least == most else f"{least} to {most}"
+            notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
+        elif runs:
+            notes.append("rrt found nothing, which does not mean that there is no path; take more runs or extensions")
+        else:
+            notes.append("rrt: the time was up before a run was finished; give it more")
+        return tuple(notes)

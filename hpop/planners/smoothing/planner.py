@@ -1,0 +1,143 @@
+"""The smoothing planner: polylines become curves that a differential drive really follows, without stops at corners."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hpop.options import set_wholes
+from hpop.planners.base import Candidates, planner
+from hpop.planners.judgement import trusted
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
+from hpop.planners.programs.criteria import minimised, smooth_places
+from hpop.planners.programs.nlp import require_ipopt
+from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.planners.smoothing.job import Smoothed, SmoothingJob
+from hpop.planners.smoothing.program import FLAT
+from hpop.status import Budget, ProgressCallback, Status, Watch
+from hpop.sweep import Sweep
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+NAME = "smoothing"
+COUNTED = ("programs", "repairs", "saved by quasi-Newton")
+MOST_INTERVALS = 2000  # of a program that a solver can still take
+RAMPS = (
+    "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
+    "constant v/a), which planned polylines leave out"
+)
+
+
+@planner(NAME)
+@dataclass(frozen=True)
+class Smoothing:
+    """Driven trajectories near known polylines: wheel accelerations as controls, every turn kept, nothing in between.
+
+    step        m      of the lattice whose paths are smoothed
+    headings    4, 8 or 16 of that lattice
+    minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the polyline's,
+                but worst moments a hundredth of that: they are bounded first of all
+    intervals   count  of constant wheel accelerations a trajectory; more where its turns need them
+    warm_start  what gives the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    time_limit  s      warm starts included
+
+    Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
+    others are refused by name. Guarantees that every candidate is free of collisions on the exact geometry, within the
+    model's wheel speeds and accelerations, has no fewer turns than its polyline, can be deformed into it without
+    crossing an obstacle, and costs at most 2 % more in each smooth criterion than the polyline, planned or executed,
+    whichever is more. Each is a local optimum for its sequence of turns, or lies where the objective falls no more,
+    which is said. The peak of the optic flow, whose kinks are everywhere, may not converge, which is counted. Cost: a
+    program is built once a structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and optic flow in one or
+    two seconds; what collides between two samples is solved again, once in two to eight polylines.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
+
+    step: float = 0.25
+    headings: int = 8
+    minimise: str | None = None
+    intervals: int = 60
+    warm_start: WarmStart = "lattice"
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        set_wholes(self, "intervals", least=1, most=MOST_INTERVALS)
+        Budget(self.time_limit)
+        check_warm_start(self)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan polylines, then smooth each of them; a job of the executor is one polyline.
+
+        Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
+        minimise that is not among the objectives and for a solver that is missing, and what the planner of the
+        polylines raises.
+        """
+        require_ipopt(NAME)
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
+        criteria = objectives.optimised
+        smooth_places(criteria, problem, NAME)
+        place = None if self.minimise is None else minimised(self.minimise, criteria)
+        job = SmoothingJob(problem, criteria, place, self.intervals)
+        warm = warm_starts(self, problem, progress, executor)
+        count = len(warm.trajectories)
+
+        def report(done: Mapping[int, Outcome[Smoothed]]) -> None:
+            watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
+
+        with Sweep(SmoothingJob.solve, job, executor) as sweep:
+            outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
+        left = [f"{ended}: {count - len(outcomes)} polylines were not smoothed"] * (len(outcomes) < count)
+        notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
+        found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
+        stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
+        return replace(found, stats=stats)
+
+
+def _candidates(
+    job: SmoothingJob,
+    objectives: Objectives,
+    outcomes: Mapping[int, Outcome[Smoothed]],
+    status: Status,
+    notes: Sequence[str],
+) -> Candidates:
+    """What was found, judged once more, with everything that went wrong."""
+    tally, criteria = Tally.of(outcomes.values()), job.criteria
+    found = {place: outcome.found for place, outcome in outcomes.items() if outcome.found is not None}
+    rows = (len(found), len(criteria))
+    kept = trusted(
+        Candidates(
+            objectives=criteria,
+            trajectories=tuple(one.trajectory for one in found.values()),
+            planned=np.array([one.planned for one in found.values()]).reshape(rows),
+            tolerance=np.array([one.tolerance for one in found.values()]).reshape(rows),
+            status=status,
+            certificate="",
+            provenance=tuple({**one.provenance, "warm_start": place} for place, one in found.items()),
+            notes=(*notes, *tally.notes("polylines")),
+            filters=objectives.filters,
+            stats={name: tally.counts[name] for name in COUNTED} | tally.stats,
+        ),
+        job.problem,
+        NAME,
+    )
+    count = len(kept.trajectories)
+    flat = sum(origin["status"] == FLAT for origin in kept.provenance)
+    nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
+    names = ", ".join(criteria[j].name for j in job.smooth)
+    return replace(
+        kept,
+        certificate=(
+            f"smoothing: local optima in ({names}) for the turns and the homotopy class of their polylines"
+            f"{nearly}{objectives.certificate}"
+        ),
+        notes=(*kept.notes, *[RAMPS] * bool(count)),
+    )

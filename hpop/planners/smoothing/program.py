@@ -1,0 +1,398 @@
+"""Driven trajectories: the nonlinear program of a differential drive along a given sequence of turns.
+
+Direct collocation in phases. The turns of a polyline are structure: a phase of straight driving (yaw rate exactly
+zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_PHASE in all) take turns, so that the number
+of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
+accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
+:class:`hpop.models.differential_drive.driven.Drive`, exactly the law by which the trajectory is then evaluated.
+The criteria enter by their own ``cost`` on CasADi symbols.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.interrupts import interrupts_held
+from hpop.models.differential_drive.driven import Drive
+from hpop.motions import States
+from hpop.planners.needs import on_wheels
+from hpop.planners.programs.nlp import reaches
+from hpop.planners.smoothing.feasible import made_feasible
+from hpop.planners.smoothing.interval import NODES, Interval
+from hpop.planners.smoothing.phases import Guess, Phases
+from hpop.planners.smoothing.separable import Separable
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from hpop.problem import Problem
+
+LEAST_PHASE = 1.5 * LEAST_TURN  # rad: of turning, so that it counts as a turn for sure
+STRAIGHT = 0.1  # s: straight driving that tells two turns of one sign apart
+SHORT = 0.01  # s: any other phase
+LONGEST = 600.0  # s: of a phase
+STILL = 1e-6  # rad/s: a smaller yaw rate is none
+SAMPLES = 240  # places at which the clearance is bounded, at least
+DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
+SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
+EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
+HASTE = 0.2  # weight of the duration
+FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
+SUCCESS = ("Solve_Succeeded", FLAT)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What the solver returned.
+
+    trajectory  keeps the program's limits within KEPT; None if the solver did not converge
+    costs       (k,) as the program adds them up
+    status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
+    iterations  of the solver
+    """
+
+    trajectory: Trajectory | None
+    costs: FloatArray
+    status: str
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Formulas:
+    """The program in CasADi's terms.
+
+    intervals    all that is nonlinear, interval by interval
+    program      variables, parameters, objective and constraints
+    derivatives  of the program, by the names that solvers have for them
+    values       function from variables and parameters to the costs
+    sizes        numbers of constraints of each sort
+    """
+
+    intervals: Separable
+    program: dict[str, Any]
+    derivatives: dict[str, Any]
+    values: Any
+    sizes: tuple[int, ...]
+
+    def limits(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, csr_array]:
+        """Values of all constraints (m,) and their Jacobian (m, size)."""
+        from scipy.sparse import csr_array
+
+        values, slopes = self.derivatives["jac_g"](x, parameters)
+        return np.array(values).ravel(), csr_array(slopes.sparse())
+
+    def solver(self, options: Mapping[str, Any]) -> Any:
+        """IPOPT; options that say nothing else take the exact second derivatives."""
+        import casadi
+
+        return casadi.nlpsol("driven", "ipopt", self.program, {**self.derivatives, **_OPTIONS, **options})
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenProgram:
+    """Minimise a weighted sum of scaled costs over driven trajectories of one structure, all costs bounded.
+
+    ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, wheel
+    speeds and accelerations within the model's. Built once; ends, weights, scales, bounds and the first guess are
+    parameters. Local optima only.
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    structure: Phases
+
+    @cached_property
+    def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
+        """Height ranges with different obstacles, and how far the robot reaches there, m."""
+        return reaches(self.problem)
+
+    @cached_property
+    def samples(self) -> tuple[IntArray, FloatArray]:
+        """Interval, and share of its time, of each place (S,) at which the clearance is bounded."""
+        each = max(2, math.ceil(SAMPLES / len(self.structure.phase)))
+        owner = np.repeat(np.arange(len(self.structure.phase)), each)
+        return owner, np.tile((np.arange(each) + 0.5) / each, len(self.structure.phase))
+
+    def build(self) -> DrivenProgram:
+        """Build the program now; solving does it when it is first needed."""
+        _ = self._newton
+        return self
+
+    @property
+    def _worst(self) -> list[int]:
+        return [j for j, criterion in enumerate(self.criteria) if criterion.aggregate == "max"]
+
+    @property
+    def _summed(self) -> list[int]:
+        return [j for j, criterion in enumerate(self.criteria) if criterion.aggregate != "max"]
+
+    @cached_property
+    def _formulas(self) -> _Formulas:
+        import casadi
+
+        n, k, model = len(self.structure.phase), len(self.criteria), on_wheels(self.problem.model)
+        of_nodes, of_lasts = self.structure.places
+        moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
+        of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
+        weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
+        signs, usual = casadi.MX.sym("signs", n), casadi.MX.sym("usual")
+        variables = casadi.vertcat(moving, slack, of_hinges)
+        parameters = casadi.vertcat(weights, scale, signs, usual)
+        intervals = self._intervals(variables, signs)
+        defects, effort, *others = intervals.symbols
+        nodes = {name: variables[places.tolist()] for name, places in zip(NODES, of_nodes, strict=True)}
+        h = variables[of_lasts.tolist()]
+
+        costs, honest, above = [], [], []  # a slack may lie above the worst moment
+        for j, values in enumerate(others[:k]):
+            if j in self._worst:
+                costs.append(slack[self._worst.index(j)])
+                honest.append(casadi.mmax(values))
+                above.append((casadi.vec(values) - costs[-1]) / scale[j])
+            else:
+                costs.append(casadi.sum1(values))
+                honest.append(costs[-1])
+        objective = casadi.dot(weights, casadi.vertcat(*costs) / scale)
+        objective += (HASTE * casadi.sum1(h) + EFFORT * casadi.sum1(effort)) / usual
+        half = 0.5 * model.wheel_base
+        turns, inner = self.structure.turning_intervals.tolist(), self.structure.turning_nodes.tolist()
+        gain, bend = (casadi.diff(nodes[name]) / h for name in ("speed", "turn_rate"))
+        wheels = [gain + half * bend, (gain - half * bend)[turns]]  # where nothing turns both are the same
+        outer = nodes["speed"][inner] + half * signs[inner] * nodes["turn_rate"][inner]
+        ends = np.cumsum([0, *self.structure.counts])
+        phases = np.flatnonzero(self.structure.turning)
+        first, last = ends[phases].tolist(), ends[phases + 1].tolist()
+        turned = signs[first] * (nodes["yaw"][last] - nodes["yaw"][first])
+        groups = [
+            casadi.vertcat(*group)
+            for group in (
+                [casadi.vec(defects[:, :2]), defects[turns, 2]],
+                wheels,
+                [bend[turns]],
+                [outer],
+                [turned],
+                [costs[j] / scale[j] for j in self._summed],
+                above,
+                [casadi.vec(values.T) for values in others[k : k + len(self.spaces)]],
+                [casadi.vec(values) for values in others[k + len(self.spaces) :]],
+            )
+        ]
+        program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
+        (honest_values,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
+
+        values = casadi.Function("values", [variables, parameters], [honest_values])
+        return _Formulas(intervals, program, derivatives, values, tuple(int(group.numel()) for group in groups))
+
+    def _intervals(self, variables: Any, signs: Any) -> Separable:
+        """All that is nonlinear, interval by interval."""
+        of_nodes, of_lasts = self.structure.places
+        slacks = self._hinges.reshape(-1, len(of_lasts))
+        where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
+        return Separable.of(self._interval.write, where, variables, signs)
+
+    @cached_property
+    def _interval(self) -> Interval:
+        shares = tuple(self.samples[1][: len(self.samples[1]) // len(self.structure.phase)].tolist())
+        return Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
+
+    @property
+    def _hinges(self) -> IntArray:
+        """Places of the slacks of hinges among the variables, one hinge after the other."""
+        n, first = len(self.structure.phase), int(self.structure.places[1][-1]) + 1 + len(self._worst)
+        return first + np.arange(n * self._interval.hinges)
+
+    @cached_property
+    def _newton(self) -> Any:
+        """The solver with exact second derivatives."""
+        return self._formulas.solver({})
+
+    @cached_property
+    def _quasi_newton(self) -> Any:
+        """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
+        return self._formulas.solver(_QUASI_NEWTON)
+
+    def solve(
+        self,
+        guess: Guess,
+        *,
+        weights: FloatArray,
+        epsilon: FloatArray,
+        scale: FloatArray,
+        clearances: Sequence[FloatArray],
+        exact: bool = True,
+    ) -> Driven:
+        """The local optimum near a guess.
+
+        Parameters
+        ----------
+        guess : of this structure
+        weights : (k,) of the scaled costs in the objective
+        epsilon : (k,) upper bounds of the costs; inf bounds nothing
+        scale : (k,) positive: differences of costs that matter alike
+        clearances : least field values (S,) at the samples, one array a height range
+        exact : whether second derivatives are the exact ones
+        """
+        values, sizes = self._formulas.values, self._formulas.sizes
+        solver = self._newton if exact else self._quasi_newton
+        model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
+        lowest, highest = self._of_variables(*self._node_bounds(guess))
+        least = np.full(len(guess.lasts), SHORT)  # s, of each phase
+        for p in range(1, len(least) - 1):
+            if not self.structure.turning[p] and guess.signs[p - 1] == guess.signs[p + 1]:
+                least[p] = STRAIGHT
+        x0, parameters = self._point(guess, weights, scale)
+        below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
+        spread = np.concatenate(list(clearances))
+        wheel, bend = model.wheel_acceleration, model.turn_acceleration
+        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_PHASE, -np.inf, -np.inf, spread, -np.inf]
+        highs: list[Any] = [
+            *(0.0, wheel, bend, model.wheel_speed, np.inf),
+            *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf, 0.0),
+        ]
+        lbg, ubg = (
+            np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
+            for side in (lows, highs)
+        )
+        free = np.full(len(self._hinges), np.inf)
+        box = (
+            np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
+            np.concatenate([highest, LONGEST / counts, more, free]),
+        )
+        with interrupts_held():
+            found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=lbg, ubg=ubg)
+        stats = solver.stats()
+        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
+        trajectory = None
+        if status in SUCCESS:
+            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, (lbg, ubg))
+            if kept is None:
+                status = "Limits_Not_Kept"
+            else:
+                point, trajectory = kept, self._trajectory(guess, kept)
+        costs = np.array(values(self._on_hinges(point, parameters), parameters)).ravel()
+        return Driven(trajectory, costs, status, int(stats["iter_count"]))
+
+    def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
+        """A guess that begins at a solution."""
+        s = trajectory.states
+        ends = np.cumsum([0, *self.structure.counts])
+        return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
+
+    def raised(self, bounds: Sequence[FloatArray], trajectory: Trajectory) -> list[FloatArray]:
+        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it."""
+        owner, share = self.samples
+        sampled = trajectory.times[owner] + share * trajectory.durations[owner]
+        times = np.linspace(
+            0.0,
+            trajectory.duration,
+            int(np.ceil(trajectory.duration * on_wheels(self.problem.model).speed / DENSE)) + 2,
+        )
+        at, here = trajectory.at(times), trajectory.at(sampled)
+        nearest = np.clip(np.searchsorted(sampled, times), 1, len(sampled) - 1)
+        out = []
+        for (z, reach), bound in zip(self.spaces, bounds, strict=True):
+            lacking = reach - self.problem.world.free_space(z).signed_clearance(at.x, at.y)
+            more = np.zeros(len(bound))
+            for side in (nearest - 1, nearest):
+                np.maximum.at(more, side, np.where(lacking > -SPARE, lacking + SPARE, 0.0))
+            field = self.problem.world.clearance_field(z=z)(here.x, here.y)
+            out.append(np.where(more > 0, np.maximum(bound, field + more), bound))
+        return out
+
+    def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
+        """Least and largest values (5, n+1) at the nodes."""
+        model, n = on_wheels(self.problem.model), len(self.structure.phase)
+        x_min, y_min, x_max, y_max = self.problem.world.bounds
+        lowest = np.repeat(np.array([[x_min], [y_min], [-np.inf], [0.0], [0.0]]), n + 1, axis=1)
+        highest = np.repeat(np.array([[x_max], [y_max], [np.inf], [model.speed], [0.0]]), n + 1, axis=1)
+        for p, sign in enumerate(guess.signs):
+            (inside,) = np.nonzero(self.structure.phase == p)
+            lowest[4, inside[1:]] = min(0.0, sign * model.turn_rate)
+            highest[4, inside[1:]] = max(0.0, sign * model.turn_rate)
+        for bound in (lowest, highest):
+            bound[4, self.structure.straight_nodes] = 0.0
+            bound[:, 0] = guess.nodes[:, 0]
+            bound[:2, -1], bound[3, -1] = guess.nodes[:2, -1], 0.0
+            if guess.goal_yaw:
+                bound[2, -1] = guess.nodes[2, -1]
+        return lowest, highest
+
+    def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables of nodes (5, n+1): the tightest, where nodes share one."""
+        places, _ = self.structure.places
+        below, above = np.full(places[-1, -1] + 1, -np.inf), np.full(places[-1, -1] + 1, np.inf)
+        np.maximum.at(below, places, lowest)
+        np.minimum.at(above, places, highest)
+        return below, above
+
+    def _point(self, guess: Guess, weights: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variables and parameters of a guess."""
+        of_nodes, of_lasts = self.structure.places
+        point = np.empty(of_lasts[-1] + 1)
+        point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
+        parameters = np.concatenate([weights, scale, guess.signs[self.structure.phase], [guess.lasts.sum()]])
+        count = len(point)
+        point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
+        point = self._on_hinges(point, parameters)
+        if self._worst:
+            point[count : count + len(self._worst)] = np.array(self._formulas.values(point, parameters)).ravel()[
+                self._worst
+            ]
+        return point, parameters
+
+    def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """The point with its slacks where they are least: so the costs are those of the criteria."""
+        if not len(self._hinges):
+            return point
+        point = point.copy()
+        point[self._hinges] = 0.0
+        excess = self._formulas.limits(point, parameters)[0][-len(self._hinges) :]
+        point[self._hinges] = np.maximum(excess, 0.0)
+        return point
+
+    def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
+        """The trajectory of the program's variables, on its bounds exactly."""
+        of_nodes, of_lasts = self.structure.places
+        nodes = np.clip(point[of_nodes], *self._node_bounds(guess))
+        nodes[4, np.abs(nodes[4]) < STILL] = 0.0
+        clock = np.concatenate([[0.0], np.cumsum(point[of_lasts])])
+        columns = dict(zip(NODES, nodes, strict=True))
+        return Trajectory(self.problem.model, States(**columns, clock=clock), (Drive().kind,) * len(of_lasts))
+
+
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
+    "ipopt.sb": "yes",
+    "ipopt.mu_init": 0.01,
+    "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one
+    "ipopt.max_iter": 150,
+    "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
+    "ipopt.tol": 3e-4,
+    "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
+    # Or where the objective has not fallen by more than this in five steps: in a flat valley, or at a kink
+    "ipopt.acceptable_obj_change_tol": 1e-4,
+    "ipopt.acceptable_iter": 5,
+    "ipopt.acceptable_tol": 1e-2,
+    "ipopt.acceptable_constr_viol_tol": 1e-3,
+    "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
+    "calc_lam_p": False,
+}
+
+_QUASI_NEWTON: dict[str, Any] = {
+    "ipopt.hessian_approximation": "limited-memory",
+    "ipopt.max_iter": 300,
+    "ipopt.tol": 1e-3,
+    "ipopt.acceptable_obj_change_tol": 1e-3,
+}

@@ -1,0 +1,193 @@
+"""What planning may still spend: one budget for reading, building and searching, and work done in blocks under it.
+
+Building goes block by block, on all cores, and between blocks the limits are checked. So a limit, or Ctrl-C, ends it
+soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are put together in order: the result
+is the same, bit for bit, whatever the number of cores.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import islice
+from time import perf_counter
+from typing import Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from hpop.interrupts import interrupts_held
+from hpop.planners.base import Candidates
+from hpop.planners.objectives import Objectives
+from hpop.status import Budget, Status
+from hpop.world import limits
+
+CORES = os.cpu_count() or 1
+LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
+
+A = TypeVar("A")
+B = TypeVar("B")
+N = TypeVar("N", int, float)
+OPTIONS = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}
+
+
+class Exhausted(limits.LimitPassed):
+    """A limit was passed while something was built. Planners catch it and say so in what they return.
+
+    status  the limit
+    doing   what was being built, in words
+    """
+
+    def __init__(self, status: Status, doing: str) -> None:
+        super().__init__(f"{status} while {doing}")
+        self.status, self.doing = status, doing
+
+
+class Spending:
+    """A budget, and what of it is spent since planning started. Compiling kernels is not charged.
+
+    memory  bytes held by what was built so far
+    """
+
+    def __init__(self, budget: Budget | None = None, *, spent: float = 0.0, memory: int = 0) -> None:
+        """Start to spend; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
+        self.budget = budget or Budget()
+        self.memory = memory
+        self._began = perf_counter() - spent
+        self._compiled = _compiling()
+
+    def seconds(self) -> float:
+        """Seconds since planning started, without compiling."""
+        return perf_counter() - self._began - (_compiling() - self._compiled)
+
+    def left(self) -> Budget:
+        """What is left for a search; raises Exhausted where that is nothing."""
+        self.check("the search was to begin")
+        limit, most = self.budget.time_limit, self.budget.max_memory
+        return replace(
+            self.budget,
+            time_limit=None if limit is None else max(LEAST, limit - self.seconds()),
+            max_memory=None if most is None else max(1, most - self.memory),
+        )
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Time that others take, such as to draw what a stage found, is not charged."""
+        before = self.seconds()
+        try:
+            yield
+        finally:
+            self._began += self.seconds() - before  # compiling meanwhile is not charged anyway
+
+    def check(self, doing: str, memory: int = 0) -> None:
+        """Raise Exhausted where a limit is passed, or would be with so many bytes more."""
+        limit, most = self.budget.time_limit, self.budget.max_memory
+        if most is not None and self.memory + memory > most:
+            raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
+        if limit is not None and self.seconds() >= limit:
+            raise Exhausted(Status.TIME_LIMIT, doing)
+
+    def hold(self, memory: int, doing: str) -> None:
+        """Charge bytes that stay, before they are taken."""
+        self.check(doing, memory)
+        self.memory += memory
+
+    def release(self, memory: int) -> None:
+        """Bytes that were held are free again."""
+        self.memory -= memory
+
+    def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
+        """The results of ``work`` on each block, in order; raises Exhausted between blocks.
+
+        The first is done alone: it makes the fields that all read, and compiles. Fields keep the limits themselves, and
+        count as memory.
+        """
+        rest = iter(blocks)
+
+        def limited(block: A) -> B:
+            with limits.within(self):
+                return work(block)
+
+        for block in islice(rest, 1):
+            yield limited(block)
+            self.check(doing)
+        waiting: deque[Future[B]] = deque()
+
+        def first() -> B:
+            with interrupts_held():
+                return waiting.popleft().result()
+
+        with ThreadPoolExecutor(CORES) as threads:
+            try:
+                for block in rest:
+                    with interrupts_held():
+                        waiting.append(threads.submit(limited, block))
+                    if len(waiting) > CORES:
+                        yield first()
+                        self.check(doing)
+                while waiting:
+                    yield first()
+                    self.check(doing)
+            finally:  # after Ctrl-C, a limit or an error nobody waits for blocks that have not begun
+                with interrupts_held():
+                    for future in waiting:
+                        future.cancel()
+
+
+@runtime_checkable
+class Limited(Protocol):
+    """A planner whose limits cover reading the map as well."""
+
+    def budget(self) -> Budget:
+        """Its limits."""
+
+
+def common_spending(planners: Iterable[object]) -> Spending:
+    """What is done for several planners, such as to read a map, may spend as much as the one that may spend most.
+
+    That one cannot plan any more where reading takes more, and so none can.
+    """
+    budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
+    seconds, memory = [each.time_limit for each in budgets], [each.max_memory for each in budgets]
+    return Spending(Budget(time_limit=_most(seconds), max_memory=_most(memory)))
+
+
+def _most(amounts: Sequence[N | None]) -> N | None:
+    """The largest of some limits, of which None is no limit."""
+    known = [amount for amount in amounts if amount is not None]
+    return max(known) if known and len(known) == len(amounts) else None
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB" if size >= 1e7 else f"{size / 1e6:.2g} MB"
+
+
+def stopped(name: str, objectives: Objectives, stop: Exhausted, spending: Spending) -> Candidates:
+    """What the planner ``name`` returns when a limit was passed before it could search: nothing, and what helps."""
+    costs = len(objectives.optimised)
+    return Candidates(
+        objectives=objectives.optimised,
+        trajectories=(),
+        planned=np.zeros((0, costs)),
+        tolerance=np.zeros((0, costs)),
+        status=stop.status,
+        certificate=f"{name}: incomplete ({stop.status}): its graph was not built, so nothing was searched",
+        provenance=(),
+        notes=(
+            *objectives.notes,
+            f"{stop.status}: it was passed while {stop.doing}; take a larger step, fewer criteria, or raise "
+            f"{OPTIONS[stop.status]}",
+        ),
+        stats={"build_seconds": spending.seconds()},
+        filters=objectives.filters,
+    )
+
+
+def _compiling() -> float:
+    """Seconds that this process has spent on compiling kernels so far; none before numba is imported."""
+    compiled = sys.modules.get("hpop.compiled")
+    return compiled.compiling_seconds() if compiled else 0.0

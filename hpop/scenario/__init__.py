@@ -1,0 +1,270 @@
+"""Scenario files: a problem and its planners in YAML, with errors that name the key, the line and the fix.
+
+::
+
+    world:
+      ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons, a reader of an installed package
+    model:
+      differential_drive: {radius: 0.3, camera_height: 1.2}
+    start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
+    goal: [21.0, 9.0, any]                  # any: every heading will do; a list of goals: any of them will do
+    criteria: [obstruction, turns, length]  # a name, or {name: {parameter: value}}
+    planner:
+      lattice: {step: 0.25}
+    quanta: {length: 0.001}                 # from here on all is optional: steps in which costs are compared
+    people:
+      - {x: 8.0, y: 5.0, yaw: 90 deg, name: Ada}
+      - {x: 8.0, y: 6.2, yaw: -90 deg}
+      - {x: 12.0, y: 4.0, velocity: [-0.8, 0]}
+    groups: [[Ada, 1]]                      # who talk with each other: places, counted from 0, or names
+    landmarks:
+      - {x: 15.0, y: 9.5, z: 1.6, facing: -90 deg, weight: 2, name: door}
+    zones:
+      - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
+      - {kind: keep-out, area: [[9, 1], [10, 1], [10, 2]]}
+      - {kind: one-way, area: [[3, 7], [9, 7], [9, 9], [3, 9]], path: [[3, 8], [9, 8]]}
+
+Every choice is one name with its parameters; paths are relative to the scenario file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import shapely
+from pydantic import BaseModel
+
+from hpop.criteria.base import Criterion
+from hpop.criteria.quanta import with_quanta
+from hpop.errors import LimitError
+from hpop.motions import Model
+from hpop.planners.base import Planner
+from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
+from hpop.problem import Problem
+from hpop.registry import criteria, models, planners, readers
+from hpop.scenario.faults import Faults, entries
+from hpop.scenario.schema import (
+    DEFAULT_MODEL,
+    DEFAULT_PLANNER,
+    GeoJSON,
+    Image,
+    LandmarkEntry,
+    MovingAI,
+    PersonEntry,
+    ReaderFile,
+    RosMap,
+    ScenarioFile,
+    WorldSection,
+    ZoneEntry,
+)
+from hpop.scenario.yaml_lines import Document, Place
+from hpop.text import printable, shown
+from hpop.world import World, geojson_content, limits
+from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.crossings import check_joinable
+from hpop.world.readers import read_world
+from hpop.world.shapes import check_coordinates
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scenario:
+    """What a scenario file asks for."""
+
+    problem: Problem
+    planners: tuple[Planner, ...]
+    path: Path
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read, check and build a scenario.
+
+    Everything but the world is checked before anything is reported: all faults at once, in the order of the file, each
+    with file, line and key. One kind of fault is raised as what it is (UnknownName, ModelError, CriterionError,
+    OptionError, QueryError), the file's form and several kinds together as ScenarioError; then MapError for the world,
+    and LimitError where reading it passes the limits of all planners.
+    """
+    document = Document(Path(path))
+    given, faults = document.values, Faults(document)
+    reader = _plugin_reader(given.get("world"))
+    file = faults.validated(ScenarioFile, given if reader is None else {**given, "world": {}}, ())
+    to_read = None if reader is None else faults.validated(ReaderFile, given["world"][reader], ("world", reader))
+    if reader is None:
+        faults.one_world(given.get("world"))
+    model = faults.built(models, given.get("model", DEFAULT_MODEL), ("model",))
+    wanted = [faults.built(criteria, spec, ("criteria", i)) for i, spec in enumerate(entries(given.get("criteria")))]
+    asked = given.get("planner", DEFAULT_PLANNER)
+    chosen = (
+        [faults.built(planners, spec, ("planner", i)) for i, spec in enumerate(asked)]
+        if isinstance(asked, list)
+        else [faults.built(planners, asked, ("planner",))]
+    )
+    space = model.space if isinstance(model, Model) else None
+    start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
+    goal: Any = faults.goal(given["goal"], ("goal",), space) if "goal" in given else None
+    people = faults.made(given, "people", PersonEntry, partial(_person, faults))
+    landmarks = faults.made(given, "landmarks", LandmarkEntry, partial(_landmark, faults))
+    zones = faults.made(given, "zones", ZoneEntry, _zone)
+    groups = _groups(faults, given.get("groups"), people)
+    faults.raise_all()
+    asked_quanta = given.get("quanta")
+    with faults.collected(("quanta",)):
+        with_quanta(cast(list[Criterion], wanted), asked_quanta)
+    with faults.collected(("groups",)):
+        content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
+    faults.raise_all()
+    folder, spending = document.path.parent, common_spending(chosen)
+    given_as = reader or next(name for name, value in file.world if value is not None)
+    with faults.collected(("world", given_as)), _reading(spending):
+        bare = (
+            _bare_world(file.world, folder)
+            if reader is None or to_read is None
+            else read_world(reader, folder / to_read.path, **to_read.model_extra)
+        )
+        world = _furnished(bare, file.world, folder, content)
+    read_seconds = spending.seconds()
+    faults.raise_all()
+    with faults.collected(("criteria",)):
+        listed = cast(list[Criterion], wanted)
+        problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta)
+        object.__setattr__(problem, "read_seconds", read_seconds)
+        object.__setattr__(problem, "read_memory", spending.memory)
+    faults.raise_all()
+    return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)
+
+
+@contextmanager
+def _reading(spending: Spending) -> Iterator[None]:
+    """A block that reads the world keeps the limits in a spending; LimitError where one is passed."""
+    try:
+        with limits.within(spending):
+            yield
+    except Exhausted as stop:
+        raise LimitError(
+            f"{stop.status}: it was passed while {stop.doing}, so nothing is planned yet; raise "
+            f"{OPTIONS[stop.status]} of the planner, or give a smaller map"
+        ) from None
+
+
+def _person(faults: Faults, entry: PersonEntry, place: Place) -> Person:
+    """A person as an entry says."""
+    return Person(**{**_given(entry), "yaw": faults.angle(entry.yaw, (*place, "yaw"), "a yaw")})
+
+
+def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
+    """A landmark as an entry says."""
+    return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
+
+
+def _groups(faults: Faults, given: Any, people: list[Person | None]) -> list[list[int]]:
+    """Places of the people whom each group names, by place or name."""
+    names = [person.name if person else "" for person in people]
+    groups: list[list[int]] = []
+    for i, group in enumerate(entries(given)):
+        groups.append([])
+        for j, member in enumerate(entries(group)):
+            where = [k for k, name in enumerate(names) if name and name == member]
+            if type(member) is int and 0 <= member < len(people):
+                groups[-1].append(member)
+            elif len(where) == 1:
+                groups[-1] += where
+            elif isinstance(member, int | str) and not (isinstance(member, str) and None in people):
+                faults.add(("groups", i, j), _unknown(member, names, len(where)))
+    return groups
+
+
+def _given(entry: BaseModel) -> dict[str, Any]:
+    """What an entry says, without defaults: those are of what is built."""
+    return {key: getattr(entry, key) for key in entry.model_fields_set}
+
+
+def _zone(entry: ZoneEntry, place: Place) -> Zone:
+    """A zone as an entry says."""
+    path = None if entry.path is None else shapely.LineString(entry.path)
+    return Zone(**{**_given(entry), "area": shapely.Polygon(entry.area), "path": path})
+
+
+def _unknown(member: int | str, names: list[str], times: int) -> str:
+    """Why a member of a group is nobody, or not one person."""
+    known = ", ".join(name for name in names if name)
+    places = f"places are 0 to {len(names) - 1}" if names else "there are no people"
+    if times > 1:
+        return f"{times} people are called {shown(member)}; give the place of the one who is meant ({places})"
+    return f"expected a person's place or name, got {shown(member)}; {places}" + (
+        f", names are {printable(known)}" if known else ""
+    )
+
+
+def _plugin_reader(section: Any) -> str | None:
+    """The reader of an installed package that a world section names, if it names one."""
+    if not isinstance(section, dict) or len(section) != 1:
+        return None
+    (name,) = section
+    return name if name not in WorldSection.model_fields and name in readers else None
+
+
+def _furnished(world: World, section: WorldSection, folder: Path, content: Content) -> World:
+    """A world with people, landmarks and zones, those in files of its section included."""
+    landmarks, zones = content.landmarks, content.zones
+    if section.geojson is not None:
+        given = section.geojson
+        paths = {
+            role: [folder / path for path in ([named] if isinstance(named, str) else named)]
+            for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
+        }
+        read, notes = geojson_content.read(
+            **paths,
+            scale=given.scale,
+            origin=given.origin,
+            width=given.flow_width,
+        )
+        landmarks, zones = read.landmarks + landmarks, read.zones + zones
+        world = _with_notes(world, notes)
+    if not (content.people or landmarks or zones):
+        return world
+    return world.with_content(people=content.people, groups=content.groups, landmarks=landmarks, zones=zones)
+
+
+def _with_notes(world: World, notes: tuple[str, ...]) -> World:
+    noted = dataclasses.replace(world, notes=world.notes + notes)
+    return noted if world.source is None else noted.read_from(world.source)
+
+
+def _bare_world(section: WorldSection, folder: Path) -> World:
+    """The world of a section as its reader gives it; paths are relative to the folder."""
+    match next(value for _, value in section if value is not None):
+        case RosMap() as given:
+            keep_out = None if given.keep_out is None else folder / given.keep_out
+            return World.from_ros_map(
+                folder / given.path, unknown_is_free=given.unknown_is_free, keep_out=keep_out, height=given.height
+            )
+        case MovingAI() as given:
+            return World.from_movingai(folder / given.path, resolution=given.resolution)
+        case GeoJSON() as given:
+            return World.from_geojson(
+                folder / given.path, scale=given.scale, origin=given.origin, polygons=given.polygons
+            )
+        case Image() as given:
+            return World.from_image(
+                folder / given.path,
+                given.resolution,
+                threshold=given.threshold,
+                origin=given.origin,
+                height=given.height,
+            )
+        case given:
+            prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
+            closed = [shapely.Polygon(corners) for corners in given.keep_out]
+            for polygon in closed:
+                check_coordinates(polygon, "keep_out")
+            check_joinable(closed, "keep_out")
+            return World.from_polygons(
+                prisms,
+                extent=None if given.extent is None else shapely.Polygon(given.extent),
+                keep_out=shapely.union_all(closed) if closed else None,
+            )

@@ -1,0 +1,288 @@
+"""What is wrong with a scenario file, said with line, key and the way out, all of it at once."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar, get_type_hints
+
+import shapely
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+
+from hpop.errors import MOST_LETTERS, OWN, HpopError, ScenarioError
+from hpop.motions import StateSpace
+from hpop.registry import Registry, readers
+from hpop.scenario.schema import STRICT, WorldSection
+from hpop.scenario.yaml_lines import Document, Place
+from hpop.status import LIMITS, NO_LIMIT
+from hpop.text import shown
+
+PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())
+EXPECTED = {
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "keys with values",
+    "model_type": "keys with values",
+}
+"""What pydantic's kinds of fault expect, in the words of this file."""
+MOST_FAULTS = 20
+"""Faults that are told one by one."""
+MOST_COMPARED = 500
+"""Faults of one part of a file that are looked at: each is compared with the others."""
+DEGREES = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
+T = TypeVar("T")
+
+
+def entries(value: Any) -> list[Any]:
+    """The entries of a list; none of what is no list, which the file's schema says."""
+    return value if isinstance(value, list) else []
+
+
+class Faults:
+    """What is wrong with a scenario, collected so that all of it is said at once."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._found: list[tuple[int, HpopError]] = []
+
+    def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
+        """Note a fault at a place of the file."""
+        self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))
+
+    def raise_all(self) -> None:
+        """Raise what was collected, in the order of the file: as its own kind if there is one only."""
+        if not self._found:
+            return
+        errors = [error for _, error in sorted(self._found, key=lambda fault: fault[0])]
+        kinds = {type(error) for error in errors}
+        kind = kinds.pop() if len(kinds) == 1 else ScenarioError
+        texts = list(dict.fromkeys(map(str, errors)))
+        more = [f"and at least {len(texts) - MOST_FAULTS:,} more faults"] if len(texts) > MOST_FAULTS else []
+        raise kind("\n".join([*texts[:MOST_FAULTS], *more]))
+
+    @contextmanager
+    def collected(self, place: Place) -> Iterator[None]:
+        """Note what the parts of hpop, or a plugin's constructor, say of a value."""
+        try:
+            yield
+        except HpopError as error:
+            self.add(place, str(error), type(error))
+        except (TypeError, ValueError, shapely.errors.ShapelyError) as error:
+            self.add(place, str(error))
+
+    def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
+        """Values checked against a schema, strictly; None after noting one fault a place."""
+        try:
+            return schema.model_validate_json(json.dumps(values))
+        except ValidationError as error:
+            details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()[:MOST_COMPARED]]
+        places = [where for where, _ in details]
+        for where in dict.fromkeys(places):
+            below = any(other[: len(where)] == where != other for other in places)
+            here = [fault for at, fault in details if at == where]
+            if below and all(fault["type"] in EXPECTED for fault in here):
+                continue  # the branches of a choice that do not fit what was meant
+            self.add(where, _said(schema, where[len(place) :], here))
+        return None
+
+    def _place(self, place: Place, loc: tuple[str | int, ...]) -> Place:
+        """Place in the file of a fault, without the names that pydantic gives to the branches of a choice."""
+        for key in loc:
+            here = (*place, key)
+            branch = isinstance(key, str) and ("[" in key or key in ("str", "int", "float", "bool"))
+            if not branch or here in self._document:
+                place = here
+        return place
+
+    def one_world(self, section: Any) -> None:
+        """Exactly one way to give the world."""
+        if isinstance(section, dict):
+            ways = list(WorldSection.model_fields)
+            given = [name for name in ways if section.get(name) is not None]
+            if len(given) != 1 and section.keys() <= set(ways):
+                got = " and ".join(given) or "none"
+                self.add(("world",), f"give exactly one of {', '.join(ways)}; got {got}")
+
+    def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
+        """An object of a registry from a name, or from one name with its parameters, checked by their types."""
+        if not isinstance(spec, str | dict):
+            return None  # the file's schema says so
+        if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
+            several = "; several planners are written as a list, each with a dash"
+            got = (", ".join(named) or "none") + several * bool(named and place[0] == "planner")
+            self.add(place, f"expected one name with its parameters, got {got}")
+            return None
+        ((name, parameters),) = named.items()
+        if not isinstance(parameters, dict | None):
+            return None
+        inside = place if isinstance(spec, str) else (*place, name)
+        with self.collected(inside):
+            cls = registry[name]
+            checked = self.validated(_parameters(cls), parameters or {}, inside)
+            if checked is not None:
+                return cls(**{key: getattr(checked, key) for key in checked.model_fields_set})
+        return None
+
+    def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
+        """A start or goal by name, angles in rad; a goal's may be free (None). None after noting what is wrong with it.
+
+        Without a space, since the model is wrong, angles are looked at alone.
+        """
+        what = str(place[0])
+        if space is None:
+            for i, value in enumerate(entries(given)):
+                if isinstance(value, str) and value != "any":
+                    self.angle(value, (*place, i), "an angle")
+            return None
+        by_name = isinstance(given, dict)
+        keys: dict[str, str | int] = {name: name if by_name else i for i, name in enumerate(space.names)}
+        values = given if by_name else dict(enumerate(entries(given)))
+        if values.keys() == set(keys.values()) and all(_may_be(values[keys[n]], n in space.angles) for n in keys):
+            return {name: self._column(values[key], (*place, key), space, name) for name, key in keys.items()}
+        got = "nothing" if given is None else shown(given, 60)
+        misfit = space.misfit(given) if by_name else ""
+        self.add(place, f"expected {_form(space, what)}, got {got}{_note(given)}{f'; {misfit}' * bool(misfit)}")
+        return None
+
+    def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
+        """The value of one column of a start or goal."""
+        what = str(place[0])
+        turns = name in space.angles
+        if value == "any":
+            if what == "goal":
+                return None
+            self.add(place, f"the {name} at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
+            return 0.0
+        angle = self.angle(value, place, f"a {name}", ", or 'any'" if what == "goal" else "") if turns else value
+        with self.collected(place):
+            return space.checked(name, angle, what, f"a {name}" if turns else "")
+        return 0.0
+
+    def goal(self, given: Any, place: Place, space: StateSpace | None) -> Any:
+        """A goal, or a list of those of which any will do."""
+        several = isinstance(given, list) and given and all(isinstance(entry, list | dict) for entry in given)
+        if several:
+            return [self.state(entry, (*place, i), space) for i, entry in enumerate(given)]
+        return self.state(given, place, space)
+
+    def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
+        """An angle in rad from a number, or from text in degrees."""
+        if not isinstance(given, str):
+            return given
+        match = DEGREES.fullmatch(given)
+        if match:
+            return math.radians(float(match.group(1)))
+        self.add(
+            place, f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {shown(given)}{_note(given)}"
+        )
+        return 0.0
+
+    def made(self, given: Any, key: str, schema: type[BaseModel], make: Callable[[Any, Place], T]) -> list[T | None]:
+        """What the entries of a list stand for; None after noting what is wrong with one."""
+        things: list[T | None] = []
+        for place, entry in (((key, i), entry) for i, entry in enumerate(entries(given.get(key)))):
+            things.append(None)
+            checked = self.validated(schema, entry, place) if isinstance(entry, dict) else None
+            if checked is not None:
+                with self.collected(place):
+                    things[-1] = make(checked, place)
+        return things
+
+
+def _parameters(cls: Any) -> type[BaseModel]:
+    """The schema of a dataclass's fields."""
+    try:
+        hints = get_type_hints(cls)
+    except NameError:  # a plugin that imports names for type checkers only
+        hints = {}
+    schema: dict[str, Any] = {}
+    for field in dataclasses.fields(cls):
+        if field.init:
+            optional = not (field.default is field.default_factory is dataclasses.MISSING)
+            schema[field.name] = (hints.get(field.name, Any), None if optional else ...)
+    return create_model(cls.__name__, __config__=PARAMETERS, **schema)
+
+
+def _may_be(value: Any, angle: bool) -> bool:
+    """Whether a value may be that of a column: a finite number, of an angle also text."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
+    return number or (angle and isinstance(value, str))
+
+
+def _form(space: StateSpace, what: str) -> str:
+    """How a start or goal is written."""
+    *units, last = space.units
+    angle = next((name for name in space.names if name in space.angles), "")
+    degrees = f" (or a {angle} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
+    return f"[{', '.join(space.names)}], numbers in {', '.join(units)} and {last}{degrees}"
+
+
+def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
+    """One line on all that is wrong at one place."""
+    fault = next((one for one in faults if one["type"] not in EXPECTED), faults[0])
+    got = fault.get("input")
+    if fault["type"] == "extra_forbidden":
+        known, way_out = _keys_at(schema, loc[:-1]), ""
+        if loc[:-1] == ("world",):
+            if loc[-1] in readers:
+                return "no such key beside another; give exactly one reader"
+            known += [name for name in readers if name not in known]
+            way_out = f". For a reader of your own, {OWN}"
+        near = difflib.get_close_matches(str(loc[-1])[:MOST_LETTERS], known, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else "."
+        return f"no such key{hint} Known here: {', '.join(known)}{way_out}"
+    if fault["type"] == "missing":
+        return (
+            f"an entry is missing here, got {shown(got, 60)}"
+            if isinstance(loc[-1], int)
+            else "this key is missing; add it"
+        )
+    if fault["type"] in ("too_short", "too_long"):
+        bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
+        return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
+    limit = LIMITS.get(str(loc[-1])) if loc else None
+    expected = [EXPECTED[one["type"]] for one in faults if fault["type"] in EXPECTED]
+    text = (
+        f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
+    )
+    text += f" of {limit}" * bool(limit)
+    hint = f"; {NO_LIMIT}" * bool(limit)
+    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}{hint}"
+
+
+def _note(got: Any) -> str:
+    if isinstance(got, list | dict):
+        got = got.values() if isinstance(got, dict) else got
+        return next(filter(None, map(_note, got)), "")
+    if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
+        return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
+    if isinstance(got, bool):
+        return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
+    return ""
+
+
+def _keys_at(schema: Any, loc: Place) -> list[str]:
+    """Keys that a schema knows at a place."""
+    for key in loc:
+        annotation = schema.model_fields[key].annotation if isinstance(key, str) else schema
+        inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
+        schema = inner[0] if inner else schema
+    return list(schema.model_fields)
+
+
+def _flat(annotation: Any) -> list[Any]:
+    inside = getattr(annotation, "__args__", ())
+    return [leaf for part in inside for leaf in _flat(part)] if inside else [annotation]

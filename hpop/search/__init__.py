@@ -1,0 +1,20 @@
+"""Exact multi-objective search on plain graphs: arrays in, the whole front out; knows nothing of robots."""
+
+from hpop.search.graph import Graph
+from hpop.search.machinery.checkpoint import Checkpoint
+from hpop.search.mean.capped_mean import MeanPaths, capped_mean_paths
+from hpop.search.pareto_paths import pareto_paths
+from hpop.search.queries import ParetoPaths, SearchStats
+from hpop.search.supported.supported_paths import SupportedPaths, supported_paths
+
+__all__ = [
+    "Checkpoint",
+    "Graph",
+    "MeanPaths",
+    "ParetoPaths",
+    "SearchStats",
+    "SupportedPaths",
+    "capped_mean_paths",
+    "pareto_paths",
+    "supported_paths",
+]

@@ -1,0 +1,1 @@
+"""Exact search for one to six costs on any graph (:mod:`.general.search`)."""

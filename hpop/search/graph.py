@@ -1,0 +1,292 @@
+"""The graph that the exact search works on: arcs in compressed rows, integer costs, one aggregate a cost."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hpop.arrays import IntArray
+from hpop.errors import GraphError
+from hpop.options import whole
+from hpop.text import shown
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+MAX_COSTS = 6
+MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
+MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key of 62 bits
+AGGREGATES = ("sum", "max")
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """A directed graph with k non-negative integer costs on every arc.
+
+    Self-loops and parallel arcs are allowed. A cost adds up along a path ("sum") or counts its worst arc
+    ("max", a bottleneck).
+
+    indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
+    heads       (m,)      int32  where an arc leads
+    costs       (m, k)    int64  non-negative, k from 1 to 6
+    arc         (m,)      int32  the index of the arc in what the caller gave
+    aggregates  (k,)      "sum" or "max" for every cost
+    labels      (n,)      the caller's names of the nodes, or None
+
+    Arrays of these types that are read-only already are taken as they are, others are copied.
+
+    >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
+    >>> graph.nodes, graph.arcs, graph.criteria
+    (3, 3, 2)
+    >>> graph.arc.tolist()
+    [0, 2, 1]
+    """
+
+    indptr: IntArray
+    heads: NDArray[np.int32]
+    costs: IntArray
+    arc: NDArray[np.int32]
+    aggregates: tuple[str, ...]
+    labels: tuple[Hashable, ...] | None = None
+
+    def __post_init__(self) -> None:
+        indptr = _integers(self.indptr, "indptr", np.int64)
+        costs = _integers(self.costs, "costs", np.int64)
+        heads = _integers(self.heads, "heads", np.int32)
+        arc = _integers(self.arc, "arc", np.int32)
+        n, m = len(indptr) - 1, len(heads)
+        if indptr.ndim != 1 or n < 1:
+            raise GraphError(f"indptr must be a vector of n + 1 offsets, n at least 1; got {indptr.shape}")
+        if n > MAX_INDEX or m > MAX_INDEX:
+            raise GraphError(f"at most {MAX_INDEX} nodes and arcs, got {n} nodes and {m} arcs")
+        if indptr[0] != 0 or indptr[-1] != m or (np.diff(indptr) < 0).any():
+            raise GraphError(f"indptr must rise from 0 to the number of arcs, {m}")
+        if heads.ndim != 1 or arc.shape != heads.shape:
+            raise GraphError(f"heads and arc must be vectors of one length, got {heads.shape} and {arc.shape}")
+        if costs.ndim != 2 or len(costs) != m or not 1 <= costs.shape[1] <= MAX_COSTS:
+            raise GraphError(
+                f"costs must have a row for each of the {m} arcs and 1 to {MAX_COSTS} columns, got {costs.shape}"
+            )
+        _check_range(heads, n, "heads")
+        if m and costs.min() < 0:
+            row, column = np.argwhere(costs < 0)[0]
+            raise GraphError(f"costs must be non-negative, got {costs[row, column]} at arc {row}, cost {column}")
+        aggregates = tuple(self.aggregates)
+        if len(aggregates) != costs.shape[1] or not set(aggregates) <= set(AGGREGATES):
+            raise GraphError(
+                f"aggregates must name 'sum' or 'max' for each of {costs.shape[1]} costs, got {shown(aggregates)}"
+            )
+        if self.labels is not None and len(self.labels) != n:
+            raise GraphError(f"labels must name each of the {n} nodes, got {len(self.labels)}")
+        for name, value in (("indptr", indptr), ("heads", heads), ("costs", costs), ("arc", arc)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "aggregates", aggregates)
+        _check_sums(self)
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes, n."""
+        return len(self.indptr) - 1
+
+    @cached_property
+    def largest(self) -> IntArray:
+        """Largest cost (k,) of any arc; column by column, which is far quicker than ``max(axis=0)``."""
+        return np.array([self.costs[:, j].max(initial=0) for j in range(self.criteria)], np.int64)
+
+    @property
+    def arcs(self) -> int:
+        """Number of arcs, m."""
+        return len(self.heads)
+
+    @property
+    def criteria(self) -> int:
+        """Number of costs, k."""
+        return int(self.costs.shape[1])
+
+    @classmethod
+    def from_arcs(
+        cls,
+        n: int,
+        tails: ArrayLike,
+        heads: ArrayLike,
+        costs: ArrayLike,
+        *,
+        aggregates: Sequence[str] | None = None,
+    ) -> Self:
+        """Build the graph from arcs in any order; `arc` maps back to that order.
+
+        >>> Graph.from_arcs(2, [1, 0], [0, 1], [[3], [4]]).costs.tolist()
+        [[4], [3]]
+        """
+        n = whole("the number of nodes of a graph", n, 1, MAX_INDEX, error=GraphError)
+        tails_ = _integers(tails, "tails", np.int64)
+        heads_ = _integers(heads, "heads", np.int64)
+        costs_ = _integers(costs, "costs", np.int64)
+        if tails_.ndim != 1 or tails_.shape != heads_.shape or costs_.shape[:1] != tails_.shape:
+            raise GraphError(
+                "tails, heads and costs must have one row an arc, "
+                f"got {tails_.shape}, {heads_.shape} and {costs_.shape}"
+            )
+        _check_range(tails_, n, "tails")
+        order = np.arange(len(tails_), dtype=np.int32)
+        if (tails_[1:] < tails_[:-1]).any():
+            order = _stable_order(tails_)
+            heads_, costs_ = heads_[order], costs_[order]
+        indptr = np.zeros(n + 1, np.int64)
+        np.cumsum(np.bincount(tails_, minlength=n), out=indptr[1:])
+        kinds = _aggregates(aggregates, costs_)
+        _own(indptr, heads_, costs_, order)
+        return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), kinds)
+
+    @classmethod
+    def from_csr(
+        cls,
+        indptr: ArrayLike,
+        heads: ArrayLike,
+        costs: ArrayLike,
+        *,
+        aggregates: Sequence[str] | None = None,
+    ) -> Self:
+        """Build the graph from arcs that are sorted by tail already.
+
+        >>> Graph.from_csr([0, 1, 1], [1], [[7, 2]], aggregates=["sum", "max"]).aggregates
+        ('sum', 'max')
+        """
+        costs_ = _integers(costs, "costs", np.int64)
+        order = np.arange(len(costs_) if costs_.ndim else 0, dtype=np.int32)
+        kinds = _aggregates(aggregates, costs_)
+        _own(costs_, order)
+        return cls(cast(Any, indptr), cast(Any, heads), costs_, order, kinds)
+
+    @classmethod
+    def from_networkx(
+        cls,
+        g: nx.Graph[Any],
+        attributes: Sequence[str],
+        *,
+        aggregates: Sequence[str] | None = None,
+    ) -> Self:
+        """Build the graph from a networkx (multi)graph whose edges carry the named integer attributes.
+
+        An undirected edge becomes two arcs, both with the index of the edge in `g.edges`.
+
+        >>> import networkx as nx
+        >>> g = nx.Graph()
+        >>> g.add_edge("hall", "room", length=3, turns=1)
+        >>> graph = Graph.from_networkx(g, ["length", "turns"])
+        >>> graph.node("room"), graph.arc.tolist()
+        (1, [0, 0])
+        """
+        labels = tuple(g.nodes)
+        index = {label: i for i, label in enumerate(labels)}
+        edges = list(g.edges(data=True))
+        for tail, head, data in edges:
+            for name in attributes:
+                if name not in data:
+                    raise GraphError(f"edge {tail!r} - {head!r} has no attribute {name!r}")
+        tails = np.array([index[tail] for tail, _, _ in edges], np.int64)
+        heads = np.array([index[head] for _, head, _ in edges], np.int64)
+        table = [[data[name] for name in attributes] for _, _, data in edges]
+        costs = _integers(table if table else np.zeros((0, len(attributes)), np.int64), "costs", np.int64)
+        count = np.arange(len(edges))
+        if not g.is_directed():
+            tails, heads = np.concatenate([tails, heads]), np.concatenate([heads, tails])
+            costs, count = np.concatenate([costs, costs]), np.concatenate([count, count])
+        plain = cls.from_arcs(len(labels), tails, heads, costs, aggregates=aggregates)
+        return cls(plain.indptr, plain.heads, plain.costs, cast(Any, count[plain.arc]), plain.aggregates, labels)
+
+    def among(self, nodes: IntArray) -> Self:
+        """Return the part of the graph on some nodes, numbered anew in their order; `arc` has the arcs' places here.
+
+        >>> part = Graph.from_arcs(4, [0, 0, 1, 3], [1, 3, 2, 0], [[5], [6], [7], [8]]).among(np.array([0, 3]))
+        >>> part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
+        ([1, 0], [[6], [8]], [1, 3])
+        """
+        place = np.full(self.nodes, -1)
+        place[nodes] = np.arange(len(nodes))
+        arcs = np.concatenate([np.arange(self.indptr[u], self.indptr[u + 1]) for u in nodes])
+        tails = np.repeat(np.arange(len(nodes)), self.indptr[nodes + 1] - self.indptr[nodes])
+        inside = place[self.heads[arcs]] >= 0
+        arcs, tails = arcs[inside], tails[inside]
+        part = self.from_arcs(len(nodes), tails, place[self.heads[arcs]], self.costs[arcs], aggregates=self.aggregates)
+        return replace(part, arc=cast(Any, arcs[part.arc]))
+
+    def node(self, label: Hashable) -> int:
+        """Return the node that the caller calls `label`."""
+        if self.labels is None:
+            raise GraphError("this graph has no labels; build it with Graph.from_networkx, or use the numbers")
+        try:
+            return self.labels.index(label)
+        except ValueError:
+            raise GraphError(f"no node is called {label!r}") from None
+
+
+def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
+    """Return a contiguous array of integers, an own copy unless it is read-only; refuse what is not a whole number."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # rows of different lengths
+        raise GraphError(f"{name} must be an array of integers: {error}") from None
+    if array.size == 0:
+        return np.zeros(array.shape, dtype)
+    if array.dtype.kind == "f":
+        raise GraphError(
+            f"{name} must be integers, got {array.dtype}: choose a quantum and quantise first, "
+            f"for example np.rint({name} / quantum).astype(np.int64)"
+        )
+    if array.dtype.kind not in "iu":
+        raise GraphError(f"{name} must be integers that fit 64 bits, got {array.dtype}")
+    largest = MAX_INDEX if dtype is np.int32 else MAX_SUM
+    wider = array.dtype.itemsize > np.dtype(dtype).itemsize or array.dtype.kind == "u"
+    if wider and (array.max() > largest or array.min() < -largest):
+        raise GraphError(f"{name} must not exceed {largest}, got {array.max()}")
+    if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
+        return array
+    return np.array(array, dtype, order="C")
+
+
+def _own(*arrays: NDArray[Any]) -> None:
+    """Mark arrays that nobody else has, so that they are not copied again."""
+    for array in arrays:
+        array.setflags(write=False)
+
+
+def _stable_order(nodes: IntArray) -> NDArray[np.int32]:
+    """Sort by node, ties as given: NumPy sorts 16-bit integers by radix, so do it in two halves."""
+    order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable").astype(np.int32)
+    if nodes.max() > 0xFFFF:
+        order = order[np.argsort((nodes[order] >> 16).astype(np.uint16), kind="stable")]
+    return order
+
+
+def _check_range(nodes: IntArray, n: int, name: str) -> None:
+    if len(nodes) and (nodes.min() < 0 or nodes.max() >= n):
+        at = int(np.flatnonzero((nodes < 0) | (nodes >= n))[0])
+        raise GraphError(f"{name} must be nodes from 0 to {n - 1}, got {nodes[at]} at arc {at}")
+
+
+def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str, ...]:
+    if aggregates is None:
+        return ("sum",) * (costs.shape[1] if costs.ndim == 2 else 0)
+    return (aggregates,) if isinstance(aggregates, str) else tuple(aggregates)
+
+
+def _check_sums(graph: Graph) -> None:
+    """Refuse costs whose sums could overflow: a path without cycles leaves every node at most once."""
+    leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
+    for j, aggregate in enumerate(graph.aggregates):
+        worst = int(graph.largest[j])
+        bound = worst * (len(leaving) + 2 if aggregate == "sum" else 1)
+        if bound > MAX_SUM and worst <= MAX_SUM and aggregate == "sum":
+            steps = np.maximum.reduceat(graph.costs[:, j], leaving)
+            bound = sum(steps.tolist()) + 2 * worst
+        if bound > MAX_SUM:
+            raise GraphError(
+                f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; use a coarser quantum"
+            )

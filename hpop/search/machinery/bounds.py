@@ -1,0 +1,246 @@
+"""Consistent lower bounds of the cost-to-go: one backward scalar search a cost, from all targets at once.
+
+h_j(v) is the least cost j of any path from v to a target: Dijkstra for a sum, bottleneck Dijkstra for a
+maximum. It is exact a cost, so consistent: h(u) <= c(u, v) + h(v), and h(u) <= max(c(u, v), h(v)).
+Where turns make groups (:mod:`.machinery.turns`) no path needs two turns in a row, so a node whose way on begins with a
+turn is not turned to. Where all turns of a group are alike, only the node of it that is reached first is: later ones
+are farther from the target and could not improve the others. Source: Mandow and Perez de la Cruz, "Multiobjective A*
+search with consistent heuristics", JACM 2010 (the ideal-point heuristic of Tung and Chew 1992). Parallel arcs need no
+care: each is relaxed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import lean
+from hpop.search.graph import Graph
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
+from hpop.status import Status
+
+UNREACHABLE = np.int64(2**62)
+PILES = 63  # costs have up to 62 bits
+ARC, COST = 4, 8  # bytes of a reversed arc, and of each of its costs
+NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node, dearest turn, 9 of the search backward
+
+
+@lean
+def reverse(
+    start: IntArray,
+    heads: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    costs: IntArray,
+    first: IntArray,
+    tails: NDArray[np.int32],
+    weights: IntArray,
+) -> None:
+    """Sort arcs by head (a counting sort): write their tails (m,) and costs (k, m) in that order.
+
+    first (n + 2,) is 0 before; its first n + 1 are then the offsets.
+    """
+    n, m = len(start) - 1, len(heads)
+    for a in range(m):
+        first[heads[a] + 2] += 1
+    for v in range(n):
+        first[v + 2] += first[v + 1]
+    for u in range(n):
+        for a in range(start[u], start[u + 1]):
+            place = first[heads[a] + 1]
+            first[heads[a] + 1] = place + 1
+            tails[place] = u
+            for j in range(costs.shape[1]):
+                weights[j, place] = costs[origin[a], j]
+
+
+@lean
+def bits(x: int) -> int:
+    """Bits of a number that is not negative; without the second one a double holds the number's size exactly."""
+    return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
+
+
+@lean
+def enter(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Put a node on top of a pile."""
+    top = tops[pile]
+    above[v], below[v] = -1, top
+    if top >= 0:
+        above[top] = v
+    tops[pile] = v
+
+
+@lean
+def leave(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Take a node out of its pile."""
+    if above[v] >= 0:
+        below[above[v]] = below[v]
+    else:
+        tops[pile] = below[v]
+    if below[v] >= 0:
+        above[below[v]] = above[v]
+
+
+@lean
+def cost_to_go(
+    start: IntArray,
+    tails: NDArray[np.int32],
+    weights: IntArray,
+    is_max: bool,
+    group: IntArray,
+    rows: IntArray,
+    dearest: IntArray,
+    alike: bool,
+    turns: IntArray,
+    targets: IntArray,
+    out: IntArray,
+    parent: NDArray[np.int32],
+    turned: NDArray[np.uint8],
+    turning: NDArray[np.uint8],
+    tops: IntArray,
+    above: NDArray[np.int32],
+    below: NDArray[np.int32],
+) -> None:
+    """Search backward from the targets in one cost; out and parent (n,) receive cost and next node.
+
+    turned, of groups, and turning (n,), whether the way on begins with a turn, are 0, and tops (PILES,) -1 before;
+    above and below (n,) are scratch.
+
+    Open nodes lie in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has those whose cost differs from
+    the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty d becomes the least cost
+    of the next pile, which is dealt anew.
+    """
+    n = len(start) - 1
+    lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
+    for v in range(n):
+        out[v] = UNREACHABLE
+        parent[v] = -1
+    for v in targets:
+        if out[v] > 0:
+            out[v] = 0
+            enter(v, lowest, tops, above, below)
+    while True:
+        if tops[0] < 0:
+            pile = 1
+            while pile < PILES and tops[pile] < 0:
+                pile += 1
+            if pile == PILES:
+                return
+            top = tops[pile]
+            tops[pile] = -1
+            d = out[top]
+            v = below[top]
+            while v >= 0:
+                d = min(d, out[v])
+                v = below[v]
+            v = top
+            while v >= 0:
+                following = below[v]
+                enter(v, bits(out[v] ^ d), tops, above, below)
+                v = following
+        v = tops[0]
+        leave(v, lowest, tops, above, below)
+        g = group[v]
+        offset, members = rows[g, OFFSET], rows[g, SIZE]
+        entering = start[v + 1] - start[v]
+        more = entering
+        if members > 1 and turning[v] == 0 and not (alike and turned[g]):
+            more += members
+            turned[g] = 1
+        for i in range(more):
+            a = start[v] + i
+            u = np.int64(tails[a]) if i < entering else offset + i - entering
+            if out[u] <= d:
+                continue
+            if i < entering:
+                w = weights[a]
+            else:
+                w = dearest[g] if alike else turns[rows[g, TURNS] + (u - offset) * members + v - offset]
+            far = max(d, w) if is_max else d + w
+            if far < out[u]:
+                if out[u] < UNREACHABLE:
+                    leave(u, bits(out[u] ^ d), tops, above, below)
+                out[u] = far
+                parent[u] = v
+                turning[u] = i >= entering
+                enter(u, bits(far ^ d), tops, above, below)
+
+
+@lean
+def cost_along(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    is_max: IntArray,
+    column: int,
+    h: IntArray,
+    parent: NDArray[np.int32],
+    source: int,
+    total: IntArray,
+) -> None:
+    """Add up in total (k,) the costs of the path that is least in one cost, following `parent` from the source."""
+    k = costs.shape[1]
+    u = source
+    while parent[u] >= 0:
+        v = parent[u]
+        chosen = indptr[u]
+        for a in range(indptr[u], indptr[u + 1]):
+            if heads[a] == v:
+                w = costs[a, column]
+                exact = max(w, h[v]) == h[u] if is_max[column] else w + h[v] == h[u]
+                if exact:
+                    chosen = a
+                    break
+        for j in range(k):
+            w = costs[chosen, j]
+            total[j] = max(total[j], w) if is_max[j] else total[j] + w
+        u = v
+
+
+def lower_bounds(
+    graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups | None = None
+) -> tuple[IntArray, IntArray, Status | None]:
+    """Compute h (k, n), the cost vectors (k, k) of the paths least in each cost, and the limit passed.
+
+    Where there is no room for it, h is empty (k, 0): memory is counted before it is taken, scratch included.
+
+    A node from which no target is reached has UNREACHABLE; an unreachable source has no vectors (0, k).
+    """
+    n, k = graph.nodes, graph.criteria
+    clock.report("bounds")
+    is_max = np.array([a == "max" for a in graph.aggregates], np.int64)
+    groups = groups or Groups.of(graph, clock)
+    m = len(groups.heads)
+    memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k)
+    status = clock.exceeded(0, memory)
+    if status is not None:
+        return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
+    group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
+    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
+    clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+    same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
+    h = np.empty((k, n), np.int64)
+    parents = np.empty((k, n), np.int32)
+    dearest = np.ascontiguousarray(groups.dearest.T)
+    ends = groups.place[targets]
+
+    def arguments(j: int) -> tuple[Any, ...]:
+        turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
+        piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32))
+        marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
+        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j], *marks, *piles)
+
+    clock.call_all(cost_to_go, [arguments(j) for j in range(k)])
+    vectors = np.zeros((k, k), np.int64)
+    for j in range(k):
+        onward = parents[j]
+        if not same:
+            h[j] = h[j][groups.place]
+            onward = np.where(onward < 0, -1, groups.nodes[onward]).astype(np.int32)[groups.place]
+        if h[j, source] < UNREACHABLE:
+            arrays = (graph.indptr, graph.heads, graph.costs, is_max)
+            clock.call(cost_along, *arrays, j, h[j], onward, source, vectors[j])
+    return h, vectors[h[:, source] < UNREACHABLE], clock.exceeded(0, memory)

@@ -1,0 +1,83 @@
+"""A search whose open labels wait in one heap, ordered by all their costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.search.machinery.kernels import plan_keys, repack
+from hpop.search.machinery.labels import Unsound, is_heap
+from hpop.search.machinery.slices import HEAP, KEYS, N_OPEN, Clock, Search
+
+
+class HeapSearch(Search):
+    """The heap of a search: keys of one or more words, and the labels that they belong to."""
+
+    keys: IntArray
+    values: IntArray
+
+    def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
+        """Start with one label: f (k,) its estimate; rise (k,) what f may grow by in one expansion."""
+        super().__init__(len(f), fan)
+        self.rise = np.array(rise, np.int64)
+        self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
+        self.keys = np.zeros(max(1024, 2 * fan) * self.plan[3], np.int64)
+        self.values = np.zeros(max(1024, 2 * fan), np.int64)
+        for j, value in enumerate(f):
+            self.keys[self.plan[0][j]] |= value << int(self.plan[1][j])
+
+    def arrays(self) -> list[np.ndarray[Any, Any]]:
+        """List the arrays of the heap."""
+        return [self.keys, self.values]
+
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Double the heap, or widen the keys."""
+        if code == HEAP:
+            return self.keys.nbytes + self.values.nbytes, self._grow_heap
+        if code == KEYS:
+            return self.values.nbytes * self._wider()[3], self._widen_keys
+        raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
+
+    def estimates(self) -> IntArray:
+        """Estimates (m, k) of the labels still open."""
+        word, shift, limit, words = self.plan
+        keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
+        return (keys[:, word] >> shift) & limit
+
+    def opened(self) -> tuple[IntArray, IntArray]:
+        """The labels still open, all in the heap."""
+        return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
+
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the heap with labels, and their estimates."""
+        if len(waiting):
+            raise Unsound("labels wait outside the heap")
+        n = len(heap)
+        while n and (costs.max(axis=0) > self.plan[2]).any():
+            self._widen_keys()
+        while len(self.values) < n:
+            self._grow_heap()
+        word, shift, _, words = self.plan
+        self.keys[: n * words] = 0
+        for j in range(costs.shape[1]):
+            self.keys[word[j] : n * words : words] |= costs[:, j].astype(np.int64) << shift[j]
+        self.values[:n] = heap
+        if not clock.call(is_heap, self.keys, n, words):
+            raise Unsound("its open labels are no heap")
+
+    def _grow_heap(self) -> None:
+        self.keys.resize(2 * len(self.keys), refcheck=False)
+        self.values.resize(2 * len(self.values), refcheck=False)
+
+    def _wider(self) -> tuple[IntArray, IntArray, IntArray, int]:
+        return plan_keys([2 * int(limit) for limit in self.plan[2]])
+
+    def _widen_keys(self) -> None:
+        new = self._wider()
+        keys = np.zeros(len(self.values) * new[3], np.int64)
+        repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
+        self.keys, self.plan = keys, new

@@ -1,0 +1,294 @@
+"""A search in slices: the kernel runs for a while, then Python reports, checks the budget, grows arrays.
+
+The kernels (:mod:`.general.search`, :mod:`.staircase.search`) keep one heap of labels still open, the labels closed so
+far and the front. A label is one int64: (closed parent + 1) << 32 | (arc + 1), and 0 is the source. Its costs are its
+key in the heap, so a closed label is eight bytes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import is_kept
+from hpop.interrupts import interrupts_held
+from hpop.search.machinery import beside
+from hpop.search.machinery.kernels import is_ready, make_ready
+from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, weight
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+# What a kernel returns: the first two, or the array that has no room left for the next expansion.
+DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
+# The counters that a kernel and its driver share.
+N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
+PARTS = 8  # of a table that is worked on side by side
+WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
+INT32_LIMIT = 2**30  # below it, costs and their sums are kept in 32 bits
+
+
+class Clock:
+    """The budget of one search. Compiling is reported and measured, but not charged to the time limit."""
+
+    def __init__(self, budget: Budget, progress: ProgressCallback | None) -> None:
+        self.budget = budget
+        self.progress = progress
+        self.begin = perf_counter()
+        self.compiled = 0.0
+        self.peak = 0
+
+    def silent(self, labels: int, memory: int) -> Clock:
+        """A clock for a part of the search that reports nothing: it may take what these leave of the budget."""
+        most, room = self.budget.max_labels, self.budget.max_memory
+        left = replace(
+            self.budget,
+            max_labels=None if most is None else max(1, most - labels),
+            max_memory=None if room is None else max(1, room - memory),
+        )
+        clock = Clock(left, None)
+        clock.begin = self.begin + self.compiled
+        return clock
+
+    def seconds(self) -> float:
+        """Seconds since the search began, without compiling."""
+        return perf_counter() - self.begin - self.compiled
+
+    def report(self, stage: str, counters: Sequence[int] | IntArray | None = None, memory: int = 0) -> None:
+        """Tell the caller how far the search is."""
+        if self.progress is None:
+            return
+        c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
+        self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
+
+    def prepare(self, compiled: Any, *arguments: Any) -> None:
+        """Compile a kernel for arguments of these types; report and measure that."""
+        if is_ready(compiled, *arguments):
+            return
+        began = perf_counter()
+        detail = "" if is_kept(compiled) else beside.words(compiled)
+
+        def report() -> None:
+            if self.progress is not None:
+                self.progress(Progress("compiling", seconds=self.seconds(), detail=detail))
+
+        report()
+        beside.wait_for(compiled, report)
+        make_ready(compiled, *arguments)
+        self.compiled += perf_counter() - began
+
+    def call(self, compiled: Any, *arguments: Any) -> Any:
+        """Call a kernel; report and measure its compilation first."""
+        self.prepare(compiled, *arguments)
+        return compiled(*arguments)
+
+    def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """Call a kernel with each of some lists of arguments, all of the same types, on all cores."""
+        self.prepare(compiled, *calls[0])
+        with interrupts_held(), ThreadPoolExecutor() as threads:  # kernels run without Python's lock
+            return list(threads.map(lambda arguments: compiled(*arguments), calls))
+
+    def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
+        """Return the limit that is passed, or None; ``record`` says that the memory is taken, not only wanted."""
+        if record:
+            self.peak = max(self.peak, memory)
+        limit = self.budget
+        if limit.max_memory is not None and memory > limit.max_memory:
+            return Status.MEMORY_LIMIT
+        if limit.max_labels is not None and labels >= limit.max_labels:
+            return Status.LABEL_LIMIT
+        if limit.time_limit is not None and self.seconds() >= limit.time_limit:
+            return Status.TIME_LIMIT
+        return None
+
+
+class Search(ABC):
+    """The arrays of one search, and its loop. A subclass adds the structure that dominance tests use."""
+
+    counters: IntArray
+    closed: IntArray
+    front: IntArray  # (capacity, k)  costs in the order of the search
+    solutions: IntArray  # (capacity,)   the labels that reached a target
+    order: tuple[int, ...]  # (k,)       columns of the costs
+
+    def __init__(self, costs: int, fan: int) -> None:
+        """Start with one label open; `fan` is how many more one expansion can make."""
+        self.fan = fan
+        self.counters = np.zeros(COUNTERS, np.int64)
+        self.closed = np.zeros(1024, np.int64)
+        self.front = np.zeros((64, costs), np.int64)
+        self.solutions = np.zeros(64, np.int64)
+        self.counters[N_OPEN] = 1
+
+    @abstractmethod
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel for that much work; return why it stopped."""
+
+    @abstractmethod
+    def arrays(self) -> list[np.ndarray[Any, Any]]:
+        """List the arrays that the search allocated, for the memory count."""
+
+    @abstractmethod
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Say how many bytes the structure of the subclass needs for more room, and how to get it."""
+
+    def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
+        """Search to the end, or to a limit; Ctrl-C leaves the front found so far.
+
+        ``keep`` is called between slices. With it, Ctrl-C waits for the end of one: the arrays then fit each other.
+        """
+        whole = nullcontext if keep is None else interrupts_held
+        memory = self.memory()
+        status = clock.exceeded(0, memory)
+        while status is None:
+            with whole():
+                code = self.advance(clock, self.slice_work(clock))
+            if code == DONE:
+                return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
+            if code != SLICE:
+                extra, grow = self._room(code)
+                clock.report("search", self.counters, memory)
+                status = clock.exceeded(0, memory + extra, record=False)
+                if status is Status.MEMORY_LIMIT:
+                    break
+                with whole():
+                    grow()
+            memory = self.memory()
+            if code == SLICE:
+                clock.report("search", self.counters, memory)
+            if keep is not None:
+                keep()
+            status = clock.exceeded(int(self.counters[N_GENERATED]), memory)
+        return status
+
+    def slice_work(self, clock: Clock) -> int:
+        """Work of the next slice: less when the label limit is near, so that it is kept closely."""
+        limit = clock.budget.max_labels
+        return WORK if limit is None else min(WORK, max(1, limit - int(self.counters[N_GENERATED])))
+
+    def memory(self) -> int:
+        """Bytes of all arrays."""
+        own = (self.closed, self.front, self.solutions)
+        return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
+
+    def _room(self, code: int) -> tuple[int, Callable[[], None]]:
+        if code == CLOSED:
+            return self.closed.nbytes, self._grow_closed
+        if code == FRONT:
+            return self.front.nbytes + self.solutions.nbytes, self._grow_front
+        return self.growth(code)
+
+    def _grow_closed(self) -> None:
+        self.closed.resize(2 * len(self.closed), refcheck=False)
+
+    def _grow_front(self) -> None:
+        self.front.resize((2 * len(self.front), self.front.shape[1]), refcheck=False)
+        self.solutions.resize(2 * len(self.solutions), refcheck=False)
+
+    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """Costs (n, k) and labels (n,) of the front so far; labels generated, expanded and open."""
+        n = int(self.counters[N_FRONT])
+        generated, expanded, waiting = (int(self.counters[c]) for c in (N_GENERATED, N_EXPANDED, N_OPEN))
+        return self.front[:n], self.solutions[:n], generated, expanded, waiting
+
+    @abstractmethod
+    def estimates(self) -> IntArray:
+        """Estimates (m, k) of the labels still open, costs in the order of the search; as in :meth:`opened`."""
+
+    @abstractmethod
+    def opened(self) -> tuple[IntArray, IntArray]:
+        """The labels still open: those in the heap, in its order, and those that wait for it."""
+
+    @abstractmethod
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over what the sets hold, however they lie."""
+
+    def solved(self) -> IntArray:
+        """The labels of the front, as far as these cannot be told from the closed ones."""
+        return self.solutions[: int(self.counters[N_FRONT])]
+
+    def labels(self, clock: Clock) -> Labels:
+        """All that a search must keep to go on."""
+        heap, waiting = self.opened()
+        counts = self.counters[[N_GENERATED, N_EXPANDED]]
+        closed = self.closed[: int(self.counters[N_CLOSED])]
+        return Labels(closed, heap, waiting, self.solved(), counts, np.array(self.order), self._evidence(clock))
+
+    def resume(self, labels: Labels, clock: Clock) -> None:
+        """Go on from labels that a search of the same question kept; raises Unsound where they are not such.
+
+        This search is a new one. Until all is known to be sound it says that it has found nothing.
+        """
+        if labels.order.tolist() != list(self.order):
+            raise Unsound("it takes the costs in another order")
+        values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
+        if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
+            raise Unsound("a label is there twice, or none begins")
+        nodes, costs = self._retraced(values, c, clock)
+        closed, opened, solved = costs[:c], costs[c : c + o], costs[c + o :]
+        check_order(closed, opened, solved)
+        self.enter(nodes[:c], closed, nodes[c + o :], solved, clock)
+        self.reopen(labels.heap, labels.waiting, opened, clock)
+        capacity = len(self.closed)
+        while capacity < c:
+            capacity *= 2
+        kept = np.zeros(capacity, np.int64)
+        kept[:c] = labels.closed
+        found = len(solved)
+        if len(labels.solutions):
+            while len(self.solutions) < found:
+                self._grow_front()
+            self.front[:found], self.solutions[:found] = solved, labels.solutions
+        with interrupts_held():
+            self.closed = kept
+            if len(labels.solutions):
+                self.counters[N_FRONT] = found
+            self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
+        if self._evidence(clock).tolist() != labels.evidence.tolist():
+            raise Unsound("its labels are not those whose costs it knew")
+
+    def _evidence(self, clock: Clock) -> IntArray:
+        n = int(self.counters[N_FRONT])
+        opened = weight(np.concatenate(self.opened()), self.estimates())
+        front = weight(self.solutions[:n], self.front[:n])
+        return np.array([opened, front, self.weight_of_sets(clock)], np.int64)
+
+    def _retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, k) of labels (n,), the closed ones first."""
+        at = np.zeros(len(values), np.int32)
+        while True:
+            reached, f = self.retrace(values, closed, at, clock)
+            if reached == len(values):
+                return at, f
+            if reached >= 0 or not self.widen():
+                raise Unsound("a label is no path of this graph")
+
+    @abstractmethod
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
+        """Fill in the nodes (n,) of labels (n,), the closed ones first; their number, and their estimates (n, k).
+
+        The place of a label that is none; minus one and its place where its costs are too large.
+        """
+
+    def widen(self) -> bool:
+        """Take more bits for costs; False where there are no more."""
+        return False
+
+    @abstractmethod
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the sets: closed labels at nodes, with their estimates, and solutions; raises Unsound."""
+
+    @abstractmethod
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the queue with labels, and their estimates; raises Unsound."""
+
+    @abstractmethod
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""

@@ -1,0 +1,250 @@
+"""The groups that turns make of nodes, and what they save the search.
+
+Call the arcs with a positive cost in one chosen column (the index) turns, but for those that begin where nothing leads
+to or end where nothing leads on: a start and a goal beside the groups may be joined to them by arcs that turn and move.
+Turns make groups where every ordered pair of nodes joined by turns is joined by exactly one, all raise the index alike,
+and no turn costs more, in any cost, than two turns on the same way. All is checked, arc by arc, so nothing is assumed
+of the graph. Then
+
+- a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches a
+  target); its successors are "an arc" and "a turn, then an arc".
+- if no turn costs anything in the first cost of the search, a label g at a node of a group is also dominated if some
+  closed label of any node of the group is nowhere larger after the dearest turn of the group: that one could turn to
+  this node. First costs compare, because their bound is the same at all nodes of a group.
+- likewise what a label becomes by a turn counts as closed at that node: all that follows from it is made at once.
+- if moreover all turns of a group cost the same, a label that is no better than a closed one of its group, whatever
+  the node, has no use for turns: the other one has made them. For lower bounds likewise, the best node of a group
+  speaks for all.
+
+Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import kernel, lean
+from hpop.search.graph import Graph
+from hpop.search.machinery.slices import PARTS, Clock
+
+OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
+MOST = 1024  # a turn raises its cost by less
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Nodes renumbered so that each group is a range, and the arcs that are no turns; a lone node is a group too.
+
+    column    of the costs that turns raise; -1 if there are no groups, and then no turns either
+    step      by how much they raise it
+    nodes     (n,)      node of the graph at each new number
+    place     (n,)      new number of each node of the graph
+    rows      (g, 3)    first node, number of nodes, where the turns of each group begin in ``turns``
+    dearest   (g, k)    costs of the dearest turn of each group
+    alike     (k,)      whether all turns of a group cost the same
+    turns     (k, t)    costs of turns, one a pair of places (from, to) of a group; none where all are alike
+    start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
+    heads     (m,)      where they lead
+    origin    (m,)      which arcs of the graph they are
+    """
+
+    column: int
+    step: int
+    nodes: IntArray
+    place: IntArray
+    rows: IntArray
+    dearest: IntArray
+    alike: NDArray[np.bool_]
+    turns: IntArray
+    start: IntArray
+    heads: NDArray[np.int32]
+    origin: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, graph: Graph, clock: Clock) -> Self:
+        """The groups that turns make, counted in the sum that single arcs raise least; none where they make none."""
+        most = graph.largest.tolist()
+        sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
+        column = min(sums, key=lambda j: most[j], default=-1)
+        return (cls.of_column(graph, column, clock) if column >= 0 else None) or cls.none(graph, clock)
+
+    @classmethod
+    def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
+        """The groups that the turns of a column make; None where they make none."""
+        group = np.full(graph.nodes, -1)
+        entered = np.zeros(graph.nodes, np.bool_)
+        entered[graph.heads] = True
+        tables = (graph.indptr, graph.heads, graph.costs, column, entered)
+        count, step, turns = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
+        if step == 0:
+            return None
+        nodes = np.argsort(group, kind="stable") if (np.diff(group) < 0).any() else np.arange(graph.nodes)
+        rows = np.zeros((count, GROUP_COLUMNS), np.int64)
+        rows[:, SIZE] = np.bincount(group, minlength=count)
+        rows[1:, OFFSET] = np.cumsum(rows[:-1, SIZE])
+        rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
+        groups = cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
+        worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
+        checks = [(part, groups.turns, groups.alike, worst) for part in _parts(rows)]
+        return groups if all(clock.call_all(no_dearer_than_two, checks)) else None
+
+    @classmethod
+    def none(cls, graph: Graph, clock: Clock) -> Self:
+        """Every node on its own, every arc a plain one."""
+        rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
+        rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
+        return cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
+
+    @classmethod
+    def _with_arcs(
+        cls, graph: Graph, column: int, step: int, nodes: IntArray, rows: IntArray, plain: int, clock: Clock
+    ) -> Self:
+        place = np.empty(graph.nodes, np.int64)
+        place[nodes] = np.arange(graph.nodes)
+        start = np.empty(graph.nodes + 1, np.int64)
+        heads, origin = np.empty(plain, np.int32), np.empty(plain, np.int32)
+        dearest = np.zeros((len(rows), graph.criteria), np.int64)
+        alike = np.ones(graph.criteria, np.bool_)
+        tables = (graph.indptr, graph.heads, graph.costs, column, nodes, place, rows)
+        m = clock.call(part_arcs, *tables, start, heads, origin, dearest, alike)
+        turns = np.zeros((graph.criteria, 0), np.int64)
+        if not alike.all():
+            turns = np.zeros((graph.criteria, int((rows[:, SIZE] ** 2).sum())), np.int64)
+            clock.call_all(tell_turns, [(*tables[:-1], part, turns) for part in _parts(rows)])
+        return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
+
+
+def _parts(rows: IntArray) -> list[IntArray]:
+    return np.array_split(rows, PARTS)
+
+
+@lean
+def number_groups(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    index: int,
+    entered: NDArray[np.bool_],
+    group: IntArray,
+    size: IntArray,
+    seen: IntArray,
+) -> tuple[int, Any, int]:
+    """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many.
+
+    entered (n,) says where arcs lead; size (n,) of the groups is 0, group and seen (n,) are -1 before.
+    """
+    count, turns = 0, 0
+    step: Any = np.int64(0)
+    for u in range(len(group)):
+        new = group[u] < 0
+        if new:
+            group[u] = count
+            size[count] = 1
+            count += 1
+        found = 1
+        for a in range(indptr[u], indptr[u + 1] if entered[u] else indptr[u]):
+            v = heads[a]
+            if costs[a, index] == 0 or v == u or indptr[v] == indptr[v + 1]:
+                continue
+            if new:
+                if group[v] >= 0:
+                    return 0, 0, 0
+                step = costs[a, index] if step == 0 else step
+                group[v] = group[u]
+                size[group[u]] += 1
+            if costs[a, index] != step or group[v] != group[u] or seen[v] == u:
+                return 0, 0, 0
+            seen[v] = u
+            found += 1
+        if found != size[group[u]]:
+            return 0, 0, 0
+        turns += found - 1
+    return count, step, turns
+
+
+@kernel
+def part_arcs(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    nodes: IntArray,
+    place: IntArray,
+    rows: IntArray,
+    start: IntArray,
+    plain: NDArray[np.int32],
+    origin: NDArray[np.int32],
+    dearest: IntArray,
+    alike: NDArray[np.bool_],
+) -> int:
+    """Fill in the plain arcs, no loops among them, the dearest turns, and whether all are alike; returns m."""
+    k = costs.shape[1]
+    m = 0
+    for g in range(len(rows)):
+        one = -1
+        offset, end = rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]
+        for p in range(offset, end):
+            start[p] = m
+            u = nodes[p]
+            for a in range(indptr[u], indptr[u + 1]):
+                if heads[a] == u:
+                    continue
+                to = place[heads[a]]
+                if column < 0 or costs[a, column] == 0 or not offset <= to < end:
+                    plain[m] = to
+                    origin[m] = a
+                    m += 1
+                else:
+                    one = a if one < 0 else one
+                    for j in range(k):
+                        dearest[g, j] = max(dearest[g, j], costs[a, j])
+                        alike[j] = alike[j] and costs[a, j] == costs[one, j]
+    start[len(nodes)] = m
+    return m
+
+
+@kernel
+def tell_turns(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    nodes: IntArray,
+    place: IntArray,
+    rows: IntArray,
+    turns: IntArray,
+) -> None:
+    """Fill in the costs of turns (k, t)."""
+    for g in range(len(rows)):
+        offset, size = rows[g, OFFSET], rows[g, SIZE]
+        for p in range(offset, offset + size):
+            u = nodes[p]
+            for a in range(indptr[u], indptr[u + 1]):
+                to = place[heads[a]] - offset
+                if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
+                    for j in range(len(turns)):
+                        turns[j, rows[g, TURNS] + (p - offset) * size + to] = costs[a, j]
+
+
+@kernel
+def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
+    """Whether no turn costs more than two turns on the same way; where all are alike, two cost no less than one."""
+    dearer = False
+    for j in range(len(alike)):
+        if alike[j]:
+            continue
+        for g in range(len(rows)):
+            size = rows[g, SIZE]
+            for u in range(size):
+                ahead = rows[g, TURNS] + u * size
+                for v in range(size):
+                    one, after = turns[j, ahead + v], rows[g, TURNS] + v * size
+                    for w in range(size):
+                        more = turns[j, after + w]
+                        dearer |= turns[j, ahead + w] > (max(one, more) if worst[j] else one + more)
+    return not dearer

@@ -1,0 +1,229 @@
+"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, against others.
+
+The cap is on the duration, or on other sums that make it finite (:mod:`.mean.limits`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import GraphError, OptionError
+from hpop.options import whole
+from hpop.search.graph import Graph
+from hpop.search.mean.limits import MAX_PRODUCT, MeanLimits
+from hpop.search.pareto_paths import pareto_paths
+from hpop.search.queries import UNLIMITED, ParetoPaths, checked_node, checked_targets
+from hpop.status import Budget, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
+    from hpop.search.machinery.slices import Clock
+    from hpop.search.mean.search import CappedMean
+
+METHOD = "capped mean"
+
+
+@dataclass(frozen=True, eq=False)
+class MeanPaths(ParetoPaths):
+    """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
+
+    Rows of ``costs`` are in the order of the mean. If the search was stopped, they are walks within the limits,
+    mutually non-dominated, but the exact front may have better ones.
+
+    integral  column of S
+    duration  column of T
+    cap       what no walk's duration exceeds within the limits
+    notes     what blocks the way
+    """
+
+    integral: int
+    duration: int
+    cap: int
+    notes: tuple[str, ...]
+
+    @property
+    def means(self) -> FloatArray:
+        """S / T (n,) in quanta of the one over quanta of the other; 0 for a walk that takes no time."""
+        total, time = self.costs[:, self.integral], self.costs[:, self.duration]
+        return np.asarray(total / np.maximum(1, time), dtype=np.float64)
+
+    def mean(self, i: int) -> Fraction:
+        """S / T of one walk, exactly."""
+        total, time = self.costs[i, [self.integral, self.duration]].tolist()
+        return Fraction(total, max(1, time))
+
+
+def capped_mean_paths(
+    graph: Graph,
+    source: int,
+    target: int | Sequence[int] | IntArray,
+    *,
+    integral: int,
+    duration: int,
+    cap: int | None = None,
+    at_most: Sequence[int | None] = (),
+    budget: Budget = UNLIMITED,
+    progress: ProgressCallback | None = None,
+    checkpoint: CheckpointSpec | None = None,
+) -> MeanPaths:
+    """Find every non-dominated vector (S/T, other costs) of the walks from source to target within limits.
+
+    S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are costs of their own (to
+    minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: a mean
+    falls where one lingers in good places, so that without limits the front may be infinite. Of walks with equal
+    vectors one is kept. A walk of no arcs has the mean 0.
+
+    cap      T <= cap; may be left out if every arc that takes time raises a sum that ``at_most`` bounds
+    at_most  one bound a cost, None for none, as in :func:`pareto_paths`; None for S and T
+
+    First :func:`pareto_paths` finds the front of T and the other costs, S left out, which is fast: the means of these
+    paths are a beginning. Then :mod:`.mean.kernel` does the rest, pruning by the means found so far.
+
+    Accepts: any :class:`Graph` whose columns S and T are sums and whose arcs of no duration add nothing to S; up to
+    four other costs, each a sum or a maximum.
+
+    Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, what is
+    returned are walks within the limits, perhaps dominated by ones not found.
+
+    `checkpoint`: as in :func:`pareto_paths`, for the search of the mean; the one before it is done anew.
+
+    Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
+    additive search, growing steeply with the limits.
+
+    >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a way through a bad place, a shorter one, and waiting before it
+    >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 0], arcs)
+    >>> paths = capped_mean_paths(graph, 0, 1, integral=0, duration=1, cap=6)
+    >>> paths.mean(0), paths.arcs(0).tolist()
+    (Fraction(1, 6), [2, 2, 1])
+    """
+    source = checked_node(graph, source, "source")
+    targets = checked_targets(graph, target)
+    columns = _columns(graph, integral, duration)
+    limits = MeanLimits.of(graph, columns, cap, at_most)
+    from hpop.search.machinery.checkpoint import Keeper
+    from hpop.search.machinery.slices import Clock  # numba: on first use
+
+    keeper = Keeper.of(checkpoint, graph, source, targets, METHOD, *columns, limits.most)
+    clock = Clock(budget, progress)
+    bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
+    first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress, at_most=bounds)
+    clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
+    run = _MeanRun(graph, first, columns, limits, keeper)
+    try:
+        status = run.go(source, targets, clock)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return run.result(source, clock, status)
+
+
+class _MeanRun:
+    """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
+
+    def __init__(
+        self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: MeanLimits, keeper: Keeper | None
+    ) -> None:
+        totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
+        costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]
+        under = np.flatnonzero(costs[:, 0] <= limits.cap)
+        self.rows = under[np.argsort(costs[under, 0], kind="stable")]  # of equal vectors the shortest comes first
+        self.walks = costs[self.rows]
+        self.least = int(costs[:, 0].min(initial=MAX_PRODUCT))
+        self.graph, self.first, self.columns, self.limits, self.keeper = graph, first, columns, limits, keeper
+        self.front = np.zeros((max(64, 2 * len(first)), len(columns)), np.int64)
+        self.solutions = np.zeros(len(self.front), np.int64)
+        self.size = 0
+        self.search: CappedMean | None = None
+        self.seconds_bounds = first.stats.seconds_bounds
+
+    def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
+        """Run the query; what it found is in the front of ``search``, or else in this one."""
+        from hpop.search.machinery.bounds import lower_bounds
+        from hpop.search.machinery.slices import N_GENERATED
+        from hpop.search.mean.kernel import gather
+        from hpop.search.mean.search import CappedMean
+
+        self.size = int(clock.call(gather, self.walks, self.front, self.solutions))
+        if self.first.status is not Status.COMPLETE:
+            return self.first.status
+        if not self.size:
+            return Status.NO_PATH
+        begin = clock.seconds()
+        h, _, status = lower_bounds(self.graph, source, targets, clock)
+        self.seconds_bounds += clock.seconds() - begin
+        if status is not None:
+            return status
+        known = (self.front, self.solutions, self.size)
+        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.limits, known)
+        self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # the limit is one for both
+        return self.search.run(clock) if self.keeper is None else self.keeper.run(self.search, METHOD, clock)
+
+    def result(self, source: int, clock: Clock, status: Status) -> MeanPaths:
+        """What was found, in the order of the mean."""
+        first, counts = self.first.stats, {}
+        front, solutions = self.front[: self.size], self.solutions[: self.size]
+        if self.search is not None:
+            front, solutions, generated, expanded, waiting = self.search.found()
+            expanded += first.labels_expanded
+            counts = {"labels_generated": generated, "labels_expanded": expanded, "labels_open": waiting}
+        costs = np.empty((len(front), self.graph.criteria), np.int64)
+        costs[:, list(self.columns)] = front
+        costs.setflags(write=False)
+        stats = replace(
+            first,
+            method=METHOD,
+            order=self.columns,
+            peak_memory=clock.peak,
+            seconds_bounds=self.seconds_bounds,
+            seconds_search=clock.seconds() - self.seconds_bounds,
+            seconds_compiled=clock.compiled,
+            **counts,
+        )
+        paths = tuple(self._path(int(label), clock) for label in solutions)
+        integral, duration = self.columns[1], self.columns[0]
+        notes: tuple[str, ...] = ()
+        if status is Status.NO_PATH and len(self.first):
+            notes = (f"the cap of {self.limits.cap} on the duration is below the least, {self.least}; raise it",)
+        return MeanPaths(
+            costs,
+            status,
+            stats,
+            self.graph,
+            source,
+            paths,
+            integral=integral,
+            duration=duration,
+            cap=self.limits.cap,
+            notes=notes,
+        )
+
+    def _path(self, label: int, clock: Clock) -> IntArray:
+        """Places of the arcs of a walk that the second search closed, or that the first one found."""
+        if label < 0:
+            return self.first._paths[int(self.rows[-1 - label])]
+        if self.search is None:
+            raise AssertionError("a label without its search, please report")
+        return self.search.paths(np.array([label]), clock)[0]
+
+
+def _without(graph: Graph, column: int) -> Graph:
+    """The graph without one of its costs."""
+    left = [j for j in range(graph.criteria) if j != column]
+    aggregates = [graph.aggregates[j] for j in left]
+    return Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, left], aggregates=aggregates)
+
+
+def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
+    """The duration, the integral, then the other costs."""
+    for name, column in (("integral", integral), ("duration", duration)):
+        whole(name, column, 0, graph.criteria - 1, "a column")
+        if graph.aggregates[column] != "sum":
+            raise GraphError(f"a mean is the ratio of two sums, but {name}, cost {column}, is a 'max'")
+    if integral == duration:
+        raise OptionError(f"integral and duration must be two columns, got {integral} for both")
+    return (int(duration), int(integral), *(j for j in range(graph.criteria) if j not in (integral, duration)))

@@ -1,0 +1,307 @@
+"""The search behind exact means within limits: its kernel, and the sets that its dominance tests use.
+
+A label has the duration T, the integral S and the other costs of a walk from the source; f = g + h bounds those of its
+completions from below. Labels leave the heap in the order of (f_T, f_S, ...), so whatever was closed at a node before
+is no longer in duration.
+
+Dominance by a shifted cost. Let lam be a mean that no useful completion of b exceeds. A closed label a at the same node
+prunes b if its other costs are nowhere larger, T_a <= T_b, and S_a - lam T_a <= S_b - lam T_b. Proof: with the same
+completion, S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <= (V_b' - lam) T_a', for V_b' <= lam and
+T_b' >= T_a'; hence V_a' <= V_b', and a' keeps every limit that b' keeps, for it lasts no longer and costs no more. (The
+rule by the vertices of what may be added is the same one: a useful completion adds at most lam T_b' - S_b to S.)
+
+With lam the largest rate of any arc that is the componentwise rule R = S - phi_max T; a smaller lam prunes more, and
+the means found so far give one: in every moment each walk within the limits has a point of the front that is nowhere
+larger in its other costs. If one is nowhere larger than f_b, a useful completion of b has a smaller mean than that one;
+otherwise it has a mean no larger than the largest on the front.
+
+Bound. A completion of b has at least the mean f_S / T, T the longest that b may last within the limits
+(:mod:`.mean.limits`), so b is useless if that reaches its lam.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import kernel, lean
+from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.machinery.kernels import drop_first, push
+from hpop.search.machinery.slices import (
+    CLOSED,
+    DONE,
+    FRONT,
+    HEAP,
+    KEYS,
+    N_CLOSED,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_OPEN,
+    N_ROWS,
+    ROWS,
+    SLICE,
+)
+from hpop.search.mean.limits import INTEGRAL, OTHERS, TIME
+
+START, SIZE, ROOM = range(3)  # columns of the table of blocks
+
+
+@lean
+def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
+    """Whether row i of rows (n, k) is nowhere larger than f (k,) in the other costs."""
+    j = OTHERS
+    while j < len(f) and rows[i, j] <= f[j]:
+        j += 1
+    return j >= len(f)
+
+
+@kernel
+def bar(front: IntArray, size: int, f: IntArray) -> int:
+    """Find the mean on the front that f must beat: of the first row nowhere larger in the other costs, or the last.
+
+    front (size, k) is sorted by the mean.
+    """
+    for i in range(size - 1):
+        if is_nowhere_larger(front, i, f):
+            return i
+    return size - 1
+
+
+@kernel
+def may_last(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
+    """Find how long a walk may last in all, if its costs at v are f less the bounds h there."""
+    left = 0.0
+    for j in range(len(f)):
+        if rates[j] > 0:  # of a sum
+            left += rates[j] * (most[j] - (f[j] - h[v, j]))
+    return int(f[TIME] - h[v, TIME] + np.int64(left))
+
+
+@kernel
+def is_useless(
+    front: IntArray, size: int, longest: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
+) -> tuple[bool, int]:
+    """Ask whether the front or block b makes a label with the bounds f useless, and how many rows were looked at."""
+    i = bar(front, size, f)
+    total, time = front[i, INTEGRAL], max(1, front[i, TIME])
+    if f[INTEGRAL] * time >= total * longest:
+        return True, i + 1
+    begin, last = blocks[b, START], blocks[b, START] + blocks[b, SIZE] - 1
+    for a in range(last, begin - 1, -1):
+        if (vectors[a, INTEGRAL] - f[INTEGRAL]) * time > total * (vectors[a, TIME] - f[TIME]):
+            continue
+        if is_nowhere_larger(vectors, a, f):  # where one that dominates moves to is where the next scan begins
+            for j in range(len(f)):
+                vectors[a, j], vectors[last, j] = vectors[last, j], vectors[a, j]
+            return True, i + 2 + last - a
+    return False, i + 2 + last - begin
+
+
+@kernel
+def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
+    """Add f to block b and drop what it makes superfluous; return how many rows are in use.
+
+    What comes later lasts no less, so a vector prunes nothing more than f does if f is nowhere larger in the integral
+    and the other costs, whatever the durations.
+    """
+    begin = blocks[b, START]
+    kept = begin
+    for i in range(begin, begin + blocks[b, SIZE]):
+        covered = True
+        for j in range(INTEGRAL, len(f)):
+            if vectors[i, j] < f[j]:
+                covered = False
+                break
+        if not covered:
+            vectors[kept] = vectors[i]
+            kept += 1
+    size = kept - begin
+    if size == blocks[b, ROOM]:
+        for i in range(size):
+            vectors[used + i] = vectors[begin + i]
+        begin = used
+        blocks[b, START] = begin
+        blocks[b, ROOM] = max(2 * size, 2)
+        used += blocks[b, ROOM]
+    vectors[begin + size] = f
+    blocks[b, SIZE] = size + 1
+    return used
+
+
+@kernel
+def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
+    """Add a walk to the front, unless it is covered, and drop what it covers; return the new size."""
+    time = max(1, f[TIME])
+    place = 0  # behind all rows with no larger a mean
+    while place < size and front[place, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[place, TIME]):
+        if is_nowhere_larger(front, place, f):
+            return size
+        place += 1
+    kept, behind = 0, place
+    for i in range(size):
+        covered = f[INTEGRAL] * max(1, front[i, TIME]) <= front[i, INTEGRAL] * time
+        for j in range(OTHERS, len(f)):
+            covered &= f[j] <= front[i, j]
+        if covered:
+            place -= i < behind
+        else:
+            front[kept] = front[i]
+            solutions[kept] = solutions[i]
+            kept += 1
+    for i in range(kept, place, -1):
+        front[i] = front[i - 1]
+        solutions[i] = solutions[i - 1]
+    front[place] = f
+    solutions[place] = label
+    return kept + 1
+
+
+@kernel
+def gather(walks: IntArray, front: IntArray, solutions: IntArray) -> int:
+    """Insert walks (s, k) into an empty front, as solutions -1, -2, ...; return its size."""
+    size = 0
+    for i in range(len(walks)):
+        size = insert(front, solutions, size, walks[i], -1 - i)
+    return size
+
+
+@kernel
+def advance(
+    counters: IntArray,
+    work: int,
+    rise: IntArray,
+    fan: int,
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    h: IntArray,
+    is_target: NDArray[np.uint8],
+    is_max: NDArray[np.bool_],
+    most: IntArray,
+    rates: FloatArray,
+    blocks: IntArray,
+    vectors: IntArray,
+    source: int,
+    plan: tuple[IntArray, IntArray, IntArray, int],
+    keys: IntArray,
+    values: IntArray,
+    closed: IntArray,
+    front: IntArray,
+    solutions: IntArray,
+) -> int:
+    """Expand labels until the work is done or an array is full; return why."""
+    word, shift, limit, words = plan
+    k = len(word)
+    key = np.zeros(words, np.int64)
+    f = np.zeros(k, np.int64)
+    g = np.zeros(k, np.int64)
+    size = counters[N_OPEN]
+    done = counters[N_CLOSED]
+    code = SLICE
+    while work > 0:
+        if size == 0:
+            code = DONE
+            break
+        value = values[0]
+        arc = (value & 0xFFFFFFFF) - 1
+        v = np.int64(heads[arc]) if arc >= 0 else source
+        tight = False
+        for j in range(k):
+            f[j] = (keys[word[j]] >> shift[j]) & limit[j]
+            g[j] = f[j] if is_max[j] else f[j] - h[v, j]
+            tight |= g[j] + rise[j] > limit[j]
+        longest = may_last(f, h, v, most, rates)
+        useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, v, f)
+        work -= rows
+        if useless:
+            drop_first(keys, values, size, words)
+            size -= 1
+            continue
+        if size + fan > len(values):
+            code = HEAP
+            break
+        if done == len(closed):
+            code = CLOSED
+            break
+        if counters[N_FRONT] == len(solutions):
+            code = FRONT
+            break
+        if counters[N_ROWS] + 2 * blocks[v, ROOM] + 2 > len(vectors):
+            code = ROWS
+            break
+        if tight:
+            code = KEYS
+            break
+        drop_first(keys, values, size, words)
+        size -= 1
+        counters[N_EXPANDED] += 1
+        counters[N_ROWS] = enter(blocks, vectors, v, f, counters[N_ROWS])
+        closed[done] = value
+        done += 1
+        if is_target[v]:  # and go on: a walk may pass a target and come back with a smaller mean
+            counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], f, done)
+        for a in range(indptr[v], indptr[v + 1]):
+            x = heads[a]
+            if h[x, TIME] >= UNREACHABLE:
+                continue
+            within = True
+            for j in range(k):
+                f[j] = max(g[j], costs[a, j], h[x, j]) if is_max[j] else g[j] + costs[a, j] + h[x, j]
+                within &= f[j] <= most[j]
+            if not within:
+                continue
+            longest = may_last(f, h, x, most, rates)
+            useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, x, f)
+            work -= rows
+            if useless:
+                continue
+            key[:] = 0
+            for j in range(k):
+                key[word[j]] |= f[j] << shift[j]
+            push(keys, values, size, words, key, (done << 32) | (a + 1))
+            size += 1
+            counters[N_GENERATED] += 1
+    counters[N_OPEN] = size
+    counters[N_CLOSED] = done
+    return code
+
+
+@kernel
+def enter_all(
+    nodes: NDArray[np.int32],
+    costs: IntArray,
+    begin: int,
+    is_target: NDArray[np.uint8],
+    blocks: IntArray,
+    vectors: IntArray,
+    front: IntArray,
+    solutions: IntArray,
+    counters: IntArray,
+) -> int:
+    """Enter closed labels (n,) with their costs (n, k), from `begin` on, as the search did when it closed them.
+
+    Returns n, or the place where the blocks or the front have too little room.
+    """
+    for i in range(begin, len(nodes)):
+        v = np.int64(nodes[i])
+        full = counters[N_FRONT] == len(solutions)
+        if full or counters[N_ROWS] + 2 * blocks[v, ROOM] + 2 > len(vectors):
+            return i
+        counters[N_ROWS] = enter(blocks, vectors, v, costs[i], counters[N_ROWS])
+        if is_target[v]:
+            counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], costs[i], i + 1)
+    return len(nodes)
+
+
+@kernel
+def weigh(blocks: IntArray, vectors: IntArray) -> int:
+    """A sum over the rows of all blocks, however they lie; it may overflow."""
+    total = np.int64(0)
+    for b in range(len(blocks)):
+        total += (b + 1) * blocks[b, SIZE]
+        for i in range(blocks[b, START], blocks[b, START] + blocks[b, SIZE]):
+            for j in range(vectors.shape[1]):
+                total += (b + 1) * (2 * j + 3) * vectors[i, j]
+    return int(total)

@@ -1,0 +1,124 @@
+"""The limits on walks whose mean is minimised: on the duration itself, or on other sums that make it finite.
+
+Let every arc that takes time raise some sum that is bounded, and let the first such sum pay for it. With rate_j the
+largest ratio of an arc's duration to what it adds to sum j, over the arcs that j pays for, a walk may still last at
+most the sum over j of rate_j times what is left of bound j. So a length and a number of turns that are both bounded
+make the duration finite, if moves have a length and turns are counted. Either alone does not: turning in place adds
+no length, and moving no turns.
+
+A bound on the duration is the same with a rate of 1: the duration pays for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Self
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import GraphError, OptionError
+from hpop.options import whole
+from hpop.search.graph import MAX_SUM, Graph
+from hpop.search.machinery.approximation import ANYTHING
+from hpop.text import shown
+
+MOST_BOUND = 2**63 - 1
+MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
+MARGIN = 1e-12  # by which rates are larger than their floats: far more than sums of their products are rounded by
+TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the integral, then the other costs
+
+
+@dataclass(frozen=True, eq=False)
+class MeanLimits:
+    """Limits in the columns of the search.
+
+    most   (k,)  largest costs of a walk, ANYTHING where there is no limit; the duration always has one
+    rates  (k,)  time that is left for each count that is left of a cost; 0 where the cost pays for no arc
+    """
+
+    most: IntArray
+    rates: FloatArray
+
+    @classmethod
+    def of(cls, graph: Graph, columns: tuple[int, ...], cap: Any, at_most: Sequence[Any]) -> Self:
+        """Limits from a cap on the duration, or None, and bounds in the order of the graph's costs.
+
+        columns  of the graph, in the order of the search
+
+        Raises OptionError for what is no limit, GraphError where no limit makes the duration finite, or where sums or
+        means could overflow.
+        """
+        if cap is not None:
+            whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")
+        bounds = [None if b is None else whole("at_most", b, 0, MOST_BOUND) for b in at_most] or [None] * graph.criteria
+        if len(bounds) != graph.criteria or any(bounds[j] is not None for j in columns[:OTHERS]):
+            raise OptionError(
+                f"at_most is a whole number or None for each of {graph.criteria} costs, None for the integral and the "
+                f"duration, which cap bounds; got {shown(at_most)}"
+            )
+        most = np.array([ANYTHING if b is None else min(b, ANYTHING) for b in (bounds[j] for j in columns)], np.int64)
+        rates = np.zeros(len(columns))
+        if cap is None:
+            rates[:] = _rates(graph, columns, most)
+            longest = float(rates @ most)
+        else:
+            rates[TIME] = 1.0
+            longest = cap
+        most[TIME] = min(longest, ANYTHING)
+        _refuse_overflow(graph, columns, int(most[TIME]))
+        return cls(most, rates)
+
+    @property
+    def cap(self) -> int:
+        """What no walk's duration exceeds."""
+        return int(self.most[TIME])
+
+
+def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
+    """How much time goes with a count of each bounded sum (k,), over the arcs that it pays for."""
+    time = graph.costs[:, columns[TIME]]
+    unpaid = time > 0
+    rates = np.zeros(len(columns))
+    for i, j in enumerate(columns):
+        if most[i] < ANYTHING and graph.aggregates[j] == "sum":
+            pays = unpaid & (graph.costs[:, j] > 0)
+            rates[i] = (1 + MARGIN) * (time[pays] / graph.costs[pays, j]).max(initial=0.0)
+            unpaid &= ~pays
+    if unpaid.any():
+        raise GraphError(
+            f"arc {graph.arc[unpaid][0]} takes time but raises no sum that at_most bounds: walks may last for ever, "
+            "and their mean fall; give cap, or bound such a sum"
+        )
+    return rates
+
+
+def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
+    """Raise GraphError where sums or products under a cap could overflow, or instant arcs add to the integral."""
+    time, total = graph.costs[:, columns[TIME]], graph.costs[:, columns[INTEGRAL]]
+    lasts = time > 0
+    free = np.flatnonzero(~lasts & (total > 0))
+    if free.size:
+        raise GraphError(
+            f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean has no "
+            "bound; give it a duration, or a finer quantum of the duration"
+        )
+    rate = float(np.max(total[lasts] / time[lasts], initial=1.0))
+    largest = int(Fraction(1.01 * rate) * cap**2)  # of an integral and a duration under the cap
+    if largest > MAX_PRODUCT:
+        raise GraphError(
+            f"means could overflow: they are compared by products of up to {largest}, the limit is "
+            f"{MAX_PRODUCT}; use a coarser quantum of cost {columns[TIME]} or {columns[INTEGRAL]}, or smaller limits"
+        )
+    # A useful walk has no loop of no duration.
+    shortest = int(time[lasts].min()) if lasts.any() else cap + 1
+    arcs = (cap // shortest + 1) * (1 if lasts.all() else graph.nodes)
+    for j in columns[OTHERS:]:
+        worst = int(graph.largest[j])
+        if graph.aggregates[j] == "sum" and worst * arcs > MAX_SUM:
+            raise GraphError(
+                f"cost {j} could overflow: a walk under the cap may cost up to {worst * arcs}, the limit is {MAX_SUM}; "
+                "use a coarser quantum, or a smaller cap"
+            )

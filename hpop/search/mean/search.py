@@ -1,0 +1,131 @@
+"""The search behind exact means within limits, whose kernel is :mod:`.mean.kernel`: its arrays, and their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.search.graph import Graph
+from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.machinery.heap_search import HeapSearch
+from hpop.search.machinery.labels import Nodes, Unsound, enter_each, retrace
+from hpop.search.machinery.slices import N_FRONT, ROWS, Clock
+from hpop.search.mean.kernel import advance, enter_all, weigh
+from hpop.search.mean.limits import MeanLimits
+
+
+class CappedMean(HeapSearch):
+    """The search on one graph for one query; ``columns`` has the duration, the integral, then the other costs.
+
+    It begins with what is ``known``: a front, its solutions (negative; a label is 1 + its place among the closed ones)
+    and its size. Each walk within the limits must have one there that is nowhere larger in the other costs.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        source: int,
+        targets: IntArray,
+        h: IntArray,
+        columns: tuple[int, ...],
+        limits: MeanLimits,
+        known: tuple[IntArray, IntArray, int],
+    ) -> None:
+        order = list(columns)
+        self.graph, self.source, self.limits, self.order = graph, source, limits, columns
+        self.costs = np.ascontiguousarray(graph.costs[:, order])
+        self.h = np.ascontiguousarray(h[order].T)
+        self.is_max = np.array([graph.aggregates[j] == "max" for j in order])
+        self.is_target = np.zeros(graph.nodes, np.uint8)
+        self.is_target[targets] = 1
+        self.blocks = np.zeros((graph.nodes, 3), np.int64)
+        self.vectors = np.zeros((1024, len(order)), np.int64)
+        most = self.costs.max(axis=0, initial=0)
+        far = self.h.max(axis=0, where=self.h < UNREACHABLE, initial=0)
+        super().__init__(self.h[source].tolist(), (most + far).tolist(), int(np.diff(graph.indptr).max()))
+        self.front, self.solutions, self.counters[N_FRONT] = known
+
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel."""
+        code = clock.call(
+            advance,
+            self.counters,
+            work,
+            self.rise,
+            self.fan,
+            self.graph.indptr,
+            self.graph.heads,
+            self.costs,
+            self.h,
+            self.is_target,
+            self.is_max,
+            self.limits.most,
+            self.limits.rates,
+            self.blocks,
+            self.vectors,
+            self.source,
+            self.plan,
+            self.keys,
+            self.values,
+            self.closed,
+            self.front,
+            self.solutions,
+        )
+        return int(code)
+
+    def solved(self) -> IntArray:
+        """None: closed labels at targets are solutions."""
+        return self.solutions[:0]
+
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, k) of labels."""
+        f = np.zeros((len(values), len(self.order)), np.int64)
+        passed = np.zeros_like(self.is_target)  # a walk may go on from a target
+        graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
+        return clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f), f
+
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the blocks and the front."""
+        if len(ends):
+            raise Unsound("a solution is none")
+
+        def enter(begin: int) -> int:
+            tables = (self.is_target, self.blocks, self.vectors, self.front, self.solutions, self.counters)
+            return int(clock.call(enter_all, nodes, closed, begin, *tables))
+
+        def grow() -> None:
+            full = self.counters[N_FRONT] == len(self.solutions)
+            (self._grow_front if full else self._grow_rows)()
+
+        enter_each(len(nodes), enter, grow)
+
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over the rows of all blocks."""
+        return int(clock.call(weigh, self.blocks, self.vectors))
+
+    def arrays(self) -> list[NDArray[Any]]:
+        """List the tables of the graph and the sets."""
+        return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
+
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Double the rows of the sets."""
+        return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
+
+    def _grow_rows(self) -> None:
+        self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
+
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""
+        return [self._path(int(label)) for label in labels]
+
+    def _path(self, label: int) -> IntArray:
+        arcs = []
+        while label > 0:
+            value = int(self.closed[label - 1])
+            arcs.append((value & 0xFFFFFFFF) - 1)
+            label = value >> 32
+        return np.array(arcs[-2::-1], np.int64)  # the source came by no arc

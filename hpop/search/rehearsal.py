@@ -1,0 +1,104 @@
+"""What a process that compiles beside does: the search of a tiny graph, for which all kernels get their types.
+
+The parts are "search" (queue and dominance), "bounds" and "weights" (of first answers); kernels that come before run as
+plain Python, since the process that plans compiles these meanwhile.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hpop import garbage
+from hpop.search.graph import Graph
+from hpop.search.machinery.beside import name_of
+from hpop.search.machinery.bounds import lower_bounds
+from hpop.search.machinery.kernels import is_ready, make_ready
+from hpop.search.machinery.slices import Clock, Search
+from hpop.search.machinery.turns import Groups
+from hpop.search.supported.supported_paths import SupportedRun
+from hpop.status import Budget
+
+SIDE, HEADINGS = 3, 8  # of the lattice
+FAR = 2000  # a move costs at least so much: only turns are a small whole number
+NICENESS = 5
+
+
+class _Rehearsal(Clock):
+    """A clock that compiles kernels, or has them run as plain Python."""
+
+    def __init__(self) -> None:
+        super().__init__(Budget(), None)
+        self.compiles = False
+
+    def prepare(self, compiled: Any, *arguments: Any) -> None:
+        if self.compiles and not is_ready(compiled, *arguments):
+            print(name_of(compiled), flush=True)  # noqa: T201
+            make_ready(compiled, *arguments)
+            print(flush=True)  # noqa: T201
+
+    def call(self, compiled: Any, *arguments: Any) -> Any:
+        self.prepare(compiled, *arguments)
+        return (compiled if self.compiles else compiled.py_func)(*arguments)
+
+    def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+        return [self.call(compiled, *arguments) for arguments in calls]
+
+
+def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
+    """Search a tiny lattice, and compile what a part of that takes."""
+    graph, target = lattice(aggregates, turns), np.array([SIDE * SIDE * HEADINGS - 1])
+    clock = _Rehearsal()
+    groups = Groups.of(graph, clock)
+    if part != "search":
+        clock.compiles = True
+    if part == "bounds":
+        lower_bounds(graph, 0, target, clock, groups)
+        return
+    if part == "weights":
+        if "max" not in aggregates:
+            SupportedRun(graph, 0, clock).go(target, None, None)
+        return
+    h = np.zeros((graph.criteria, graph.nodes), np.int64)
+    search: Search
+    if turns >= 0 and graph.criteria == 3:
+        from hpop.search.staircase.search import Staircase
+
+        others = [j for j in range(3) if j != turns]
+        search = Staircase(graph, 0, target, h, (others[0], turns, others[1]), groups, clock, width=1)
+    else:
+        from hpop.search.general.search import General
+
+        search = General(graph, 0, target, h, tuple(range(graph.criteria)), groups, clock)
+    clock.compiles = True
+    search.run(clock)
+    search.paths(search.found()[1], clock)
+
+
+def lattice(aggregates: Sequence[str], turns: int) -> Graph:
+    """A small lattice with costs drawn by chance."""
+    rng = np.random.default_rng(0)
+    places = np.arange(SIDE * SIDE)[:, None] * HEADINGS
+    a, b = np.nonzero(~np.eye(HEADINGS, dtype=bool))
+    step = np.arange(SIDE * SIDE - 1)[:, None] * HEADINGS + np.arange(HEADINGS)
+    tails = np.concatenate([(places + a).ravel(), step.ravel()])
+    heads = np.concatenate([(places + b).ravel(), step.ravel() + HEADINGS])
+    is_turn = tails // HEADINGS == heads // HEADINGS
+    costs = np.where(is_turn[:, None], FAR, rng.integers(FAR, 2 * FAR, (len(tails), len(aggregates))))
+    if turns >= 0:
+        costs[:, turns] = is_turn
+    return Graph.from_arcs(SIDE * SIDE * HEADINGS, tails, heads, costs, aggregates=aggregates)
+
+
+def main() -> None:
+    """Compile the parts that the command line names, for the costs that it describes."""
+    if os.cpu_count() == 1 and hasattr(os, "nice"):  # elsewhere a search waits for this, and nothing stands in its way
+        os.nice(NICENESS)
+    garbage.seldom()
+    parts, turns, *aggregates = sys.argv[1:]
+    for part in parts.split(","):
+        rehearse(part, aggregates, int(turns))

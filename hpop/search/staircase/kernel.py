@@ -1,0 +1,294 @@
+"""The inner loop of the staircase search: labels out of the queue, dominance by look-up, macro moves into the queue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import lean
+from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.slices import (
+    BUCKETS,
+    CHUNKS,
+    CLOSED,
+    DONE,
+    FRONT,
+    HEAP,
+    KEYS,
+    N_CLOSED,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_OPEN,
+    N_ROWS,
+    ROWS,
+    SLICE,
+    WIDTH,
+)
+from hpop.search.machinery.turns import TURNS
+from hpop.search.staircase.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next, sift_down
+from hpop.search.staircase.corners import may_improve
+from hpop.search.staircase.tables import (
+    BEGIN,
+    BELOW,
+    DEAREST,
+    FIRST,
+    GROUP,
+    H_FIRST,
+    H_INDEX,
+    H_REST,
+    HEAD,
+    INDEX,
+    REST,
+    ROW,
+    SLOTS,
+    enter_stairs,
+    lower,
+)
+
+
+@lean
+def advance(
+    counters: IntArray,
+    work: int,
+    fan: int,
+    rise: IntArray,
+    packing: IntArray,
+    graph: Any,
+    turn: tuple[int, bool, bool, bool, bool],
+    stairs: NDArray[Any],
+    share: NDArray[Any],
+    goal: NDArray[Any],
+    width: int,
+    layers: NDArray[Any],
+    hull: Any,
+    queue: IntArray,
+    waiting: Any,
+    heap: tuple[IntArray, IntArray],
+    closed: IntArray,
+    front: IntArray,
+    solutions: IntArray,
+    fresh: IntArray,
+    eps: float,
+    tolerance: IntArray,
+    bound: int,
+) -> int:
+    """Expand labels until the work is done or an array is full; return why."""
+    nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
+    step, shared, alike, max_first, max_rest = turn
+    tops, below, entries = waiting
+    keys, values = heap
+    shift, bits, top, origin, limit = packing
+    last = width - 1
+    end = len(goal) - 1
+    m_arcs = len(arc_heads)
+    n_layers = layers.shape[1]
+    low = (np.int64(1) << shift) - 1
+    most_index = (np.int64(1) << (top - bits)) - 1
+    most_rest = (np.int64(1) << bits) - 1
+    opened = queue[OPEN]
+    size = queue[IN_HEAP]
+    count = counters[N_OPEN]
+    done = counters[N_CLOSED]
+    code = SLICE
+    while work > 0:
+        if size == 0:
+            size = open_next(queue, waiting, heap)
+            opened = queue[OPEN]
+            if size <= 0:
+                code = HEAP if size < 0 else DONE
+                size = 0
+                break
+        key = keys[0]
+        f0 = ((opened + origin) << shift) | (key >> top)
+        f1 = (key >> bits) & most_index
+        f2 = key & most_rest
+        if f0 > bound:  # and so are all that follow
+            code = DONE
+            break
+        # Room for whatever this label may need, before anything changes.
+        if size + fan > len(values):
+            code = HEAP
+        elif queue[USED] + fan > len(below) + queue[N_FREE]:
+            code = CHUNKS
+        elif ((f0 + rise[0]) >> shift) - origin >= len(tops):
+            code = BUCKETS
+        elif f1 + rise[1] > most_index or f2 + rise[2] > limit:
+            code = KEYS
+        elif f1 >= width:
+            code = WIDTH
+        elif done == len(closed):
+            code = CLOSED
+        elif counters[N_FRONT] == len(solutions):
+            code = FRONT
+        elif counters[N_ROWS] + width * fan > len(stairs):
+            code = ROWS
+        if code != SLICE:
+            break
+        work -= 1
+        count -= 1
+        value = values[0]
+        size -= 1
+        keys[0], values[0] = keys[size], values[size]
+        sift_down(keys, values, np.int64(0), size)  # of a literal numba makes a variant of its own
+        if hull is not None:  # where it is None, numba leaves this out
+            h_layers, h_weights, corners, last_corner, ahead, reached, scratch = hull
+            while reached[0] < len(ahead) and ahead[reached[0], 0] <= f0:
+                for m in range(ahead[reached[0], 1], len(goal)):
+                    goal[m] = min(np.int64(goal[m]), ahead[reached[0], 2])
+                reached[0] += 1
+        if goal[(f1 if f1 < end else end) & BELOW] <= f2:
+            continue
+        arc = (value & 0xFFFFFFFF) - 1
+        if arc < 0:
+            v = np.int64(source)
+        elif arc >= m_arcs:
+            v = arc - m_arcs
+        else:
+            v = np.int64(arc_heads[arc]) & BELOW
+        n = (f1 - nodes[v, H_INDEX]) & BELOW
+        d = f2 if max_rest else f2 - nodes[v, H_REST]
+        group = np.int64(nodes[v, GROUP])
+        final = group < 0
+        group = (~group if final else group) & BELOW
+        base = np.int64(groups[group, ROW])
+        slots = np.int64(groups[group, SLOTS]) & BELOW
+        slot = (v - np.int64(groups[group, BEGIN])) & BELOW
+        crowded = False
+        if base >= 0:
+            crowded = share[group, n] <= d
+            if shared and n >= step and not final:
+                e = np.int64(share[group, (n - step) & BELOW])
+                most = np.int64(groups[group, DEAREST])
+                if (max(e, most) if max_rest else e + most) <= d:
+                    continue
+            if stairs[(base + n * slots + slot) & BELOW] <= d:
+                continue
+        if n_layers > 0 and not final:
+            alive = False
+            for m in range(n_layers):
+                alive |= goal[n + m] > layers[v, m] + d
+            if not alive:
+                continue
+        if hull is not None and not final:
+            work -= 8 * len(h_layers)
+            fewest = np.int64(nodes[v, H_INDEX])
+            if not may_improve(v, n, f0, f2, fewest, h_layers, h_weights, corners, last_corner, scratch):
+                continue
+        counters[N_EXPANDED] += 1
+        if final:
+            first_covered = least_covered(f1, eps, tolerance[1])
+            lower(goal, first_covered, np.int64(1), len(goal) - first_covered, least_covered(f2, eps, tolerance[2]))
+            at = counters[N_FRONT]
+            front[at, 0] = f0
+            front[at, 1] = f1
+            front[at, 2] = f2
+            solutions[at] = value
+            counters[N_FRONT] = at + 1
+            continue
+        base = enter_stairs(stairs, share, groups, counters, group, slot, n, d, width)
+        closed[done] = value
+        done += 1
+
+        made = 0
+        g0 = f0 if max_first else f0 - nodes[v, H_FIRST]
+        above = base + min(n + step, last) * slots
+        begin, over = v - slot, v - slot + slots
+        if crowded and shared and alike:  # others of the group have made the turns
+            begin, over = v, v + 1
+        for u in range(begin, over):
+            u0, un, ud = g0, n, d
+            if u != v:
+                un = n + step
+                turn_first = dearest[group, first]
+                turn_rest = np.int64(groups[group, DEAREST])
+                if not alike:
+                    price = rows[group, TURNS] + slot * slots + slot + u - v
+                    turn_first = turns[first, price]
+                    turn_rest = turns[rest, price] if rest >= 0 else np.int64(0)
+                u0 = max(g0, turn_first, nodes[u, H_FIRST]) if max_first else g0 + turn_first
+                ud = max(d, turn_rest, nodes[u, H_REST]) if max_rest else d + turn_rest
+                if stairs[(above + slot + u - v) & BELOW] <= ud:
+                    continue
+                if nodes[u, GROUP] < 0:
+                    f1 = un + nodes[u, H_INDEX]
+                    f2 = ud if max_rest else ud + nodes[u, H_REST]
+                    if goal[f1 if f1 < end else end] > f2:
+                        fresh[made, 0] = u0 if max_first else u0 + nodes[u, H_FIRST]
+                        fresh[made, 1] = (f1 << bits) | f2
+                        fresh[made, 2] = m_arcs + u
+                        made += 1
+                    continue
+                if shared and not alike:  # whoever arrives here no better has no use: what follows is made now
+                    lower(stairs, above + slot + u - v, slots, width - un, ud)
+            for a in range(start[u], start[u + 1]):
+                work -= 1
+                x = np.int64(arcs[a, HEAD]) & BELOW
+                xn = un + arcs[a, INDEX]
+                xd = max(ud, arcs[a, REST], nodes[x, H_REST]) if max_rest else ud + arcs[a, REST]
+                f1 = xn + nodes[x, H_INDEX]
+                f2 = xd if max_rest else xd + nodes[x, H_REST]
+                if goal[(f1 if f1 < end else end) & BELOW] <= f2:
+                    continue
+                at_x = np.int64(nodes[x, GROUP])
+                told = shared and xn >= step and at_x >= 0
+                if told:
+                    e = np.int64(share[at_x & BELOW, min(xn - step, last) & BELOW])
+                    most = np.int64(groups[at_x & BELOW, DEAREST])
+                    if (max(e, most) if max_rest else e + most) <= xd:
+                        continue
+                if not (told and alike):  # where all turns are alike, the group told of its nodes
+                    at_x = (~at_x if at_x < 0 else at_x) & BELOW
+                    row = np.int64(groups[at_x, ROW])
+                    own = x - np.int64(groups[at_x, BEGIN])
+                    if row >= 0 and stairs[row + min(xn, last) * groups[at_x, SLOTS] + own] <= xd:
+                        continue
+                h0 = np.int64(nodes[x, H_FIRST])
+                fresh[made, 0] = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0
+                fresh[made, 1] = (f1 << bits) | f2
+                fresh[made, 2] = a
+                made += 1
+        counters[N_GENERATED] += made
+        count += made
+        for i in range(made):
+            f0 = fresh[i, 0]
+            key = ((f0 & low) << top) | fresh[i, 1]
+            value = (done << 32) | (fresh[i, 2] + 1)
+            bucket = ((f0 >> shift) - origin) & BELOW
+            if bucket == opened:
+                at = size
+                size += 1
+                while at > 0:
+                    above = ((at - 1) >> 2) & BELOW
+                    if keys[above] <= key:
+                        break
+                    keys[at] = keys[above]
+                    values[at] = values[above]
+                    at = above
+                keys[at] = key
+                values[at] = value
+                continue
+            chunk = np.int64(tops[bucket, 0])
+            filled = np.int64(tops[bucket, 1]) & BELOW
+            if chunk < 0 or filled == CHUNK:
+                new = queue[FREE]
+                if new >= 0:
+                    queue[FREE] = below[new]
+                    queue[N_FREE] -= 1
+                else:
+                    new = queue[USED]
+                    queue[USED] = new + 1
+                below[new] = chunk
+                tops[bucket, 0] = new
+                chunk, filled = new, np.int64(0)
+            at = (chunk * CHUNK + filled) & BELOW
+            entries[at, 0] = key
+            entries[at, 1] = value
+            tops[bucket, 1] = filled + 1
+    queue[IN_HEAP] = size
+    counters[N_CLOSED] = done
+    counters[N_OPEN] = count
+    return code

@@ -1,0 +1,421 @@
+"""Exact search where one cost is a small integer (turns): a staircase a node makes dominance one look-up.
+
+Accepts: two or three costs, one of them (the index, a sum) small along good paths; the others sum or max.
+
+Guarantees: every non-dominated cost vector once, each with one path that has it.
+
+Labels leave the queue in lexicographic order of f = g + h (for a maximum f = g, with h taken into g), so the first
+cost of whatever was closed at a node is never larger and drops out of the dominance test (Pulido, Mandow, Perez de la
+Cruz, "Dimensionality reduction in multiobjective shortest path search", 2015). Of the two costs (n, d) left, n is a
+small integer. So keep, at each node, best[n] = the least d closed with at most n: a label is dominated iff best[n] <=
+d. The same staircase over f at the targets prunes what cannot be a solution. Both are asked at generation and again at
+expansion ("lazy", as in BOA*, Hernandez et al. 2023).
+
+Where the arcs that raise the index make groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are made
+only where other arcs arrive, and one staircase a group tells what any of its nodes could turn into. The staircases of a
+group lie side by side, so that one line of the processor's cache answers for all its nodes. Once a search has proved
+long, bounds that know how many turns are left prune more (:mod:`.turn_bounds`).
+
+A search within a precision takes joint bounds of both other costs instead (:mod:`.turn_hull`). The ways that they find
+run through few nodes; the front on these alone is soon known, and near the whole one. A part of it that covers the rest
+of it within a share of the precision goes into the front, and the search is left with what the bounds cannot tell to be
+covered (:mod:`.corners`): often some thousands of labels for millions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.frontier import is_nondominated
+from hpop.search.graph import Graph
+from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision, thinned
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.labels import Nodes, Unsound, check_solutions, enter_each
+from hpop.search.machinery.slices import (
+    BUCKETS,
+    CHUNKS,
+    HEAP,
+    INT32_LIMIT,
+    KEYS,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_ROWS,
+    ROWS,
+    Clock,
+)
+from hpop.search.machinery.turns import OFFSET, SIZE, Groups
+from hpop.search.staircase.bucket_search import BucketSearch
+from hpop.search.staircase.corners import Corners
+from hpop.search.staircase.kernel import advance
+from hpop.search.staircase.labels import enter_all, enter_goal, retrace, weigh
+from hpop.search.staircase.tables import (
+    ARC_COLUMNS,
+    BELOW,
+    GROUP_COLUMNS,
+    H_FIRST,
+    H_REST,
+    NODE_COLUMNS,
+    fill_tables,
+    trace,
+    widen,
+)
+from hpop.search.staircase.turn_bounds import LAYERS, costs_by_turns
+from hpop.search.staircase.turn_hull import LANES, ROOM, IntLanes, Steps, directions, turn_hull
+
+STEPS = 64  # arcs a path for which there is room at first
+INDEX_BITS = 14
+KEY_BITS = 62
+BUCKET_BITS = 15  # the first cost of the whole way, or of a long arc, is so many bits of buckets
+LONG = 4  # a search is long once it has expanded that many labels a node
+SOON = 0.1  # the same where joint bounds help: few searches end between this and what they cost
+NEAR = 4  # the front on the ways found, and the bounds by turns, are as near as eps / NEAR
+THIN = 3  # and the part of it that is kept covers it within eps / THIN
+
+
+class JointBounds(NamedTuple):
+    """Joint bounds, and the corners of what is left uncovered, in the order in which the kernel takes them.
+
+    layers, weights  of the hull, see :class:`.TurnHull`
+    corners, last    weighted corners and the last of each number of turns, see :class:`.Corners`
+    ahead            (n, 3)      least estimates that solutions known beforehand cover, the first cost rising
+    reached          (1,)        how many of these the search has come to
+    scratch          (2, LANES)  room for the kernel
+    """
+
+    layers: Steps
+    weights: FloatArray
+    corners: IntLanes
+    last: IntArray
+    ahead: IntArray
+    reached: IntArray
+    scratch: IntLanes
+
+
+class TooWide(Exception):
+    """Costs of a label no longer fit a key, or staircases an index: the general search has to take over."""
+
+
+class Staircase(BucketSearch):
+    """The search on one graph for one query, costs taken in the given order: first, index, rest (or -1)."""
+
+    order: tuple[int, int, int]
+
+    def __init__(
+        self,
+        graph: Graph,
+        source: int,
+        targets: IntArray,
+        h: IntArray,
+        order: tuple[int, int, int],
+        groups: Groups,
+        clock: Clock,
+        precision: Precision = EXACT,
+        at_most: Sequence[int] = (),
+        width: int = 16,
+        jointly: bool = True,
+    ) -> None:
+        """Set up the tables; `jointly` allows joint bounds, which no checkpoint holds."""
+        self.precision, self.tolerance = precision, precision.of(order)
+        worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
+        self.jointly = jointly and not precision.is_exact and groups.step == 1 and order[2] >= 0 and not any(worst)
+        self.graph, self.order, self.groups, self.at_most = graph, order, groups, tuple(at_most)
+        reached = h[0] < UNREACHABLE
+        most = [int(graph.largest[j]) if j >= 0 else 0 for j in order]
+        far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
+        rise = [2 * c + b for c, b in zip(most, far, strict=True)]
+        self.rise = np.array(rise, np.int64)
+        f = [int(h[j, source]) if j >= 0 else 0 for j in order]
+        self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
+        priced = [j for j in (order[0], order[2]) if j >= 0]
+        shared = groups.step > 0 and not groups.dearest[:, order[0]].any()
+        self.turn = (groups.step, shared, bool(groups.alike[priced].all()), worst[0], worst[2])
+        self.source = int(groups.place[source])
+        self.start = np.empty(graph.nodes + 1, np.int64)
+        self.is_target = np.zeros(graph.nodes, np.uint8)
+        self.is_target[self.groups.place[targets]] = 1
+        self.nodes = np.empty((graph.nodes, NODE_COLUMNS), self.dtype)
+        self.group_table = np.empty((len(groups.rows), GROUP_COLUMNS), self.dtype)
+        m = len(groups.heads)
+        self.arcs = np.empty((m, ARC_COLUMNS), self.dtype)
+        self.heads, self.origin = np.empty(m, np.int32), np.empty(m, np.int32)
+        plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, groups.origin)
+        tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
+        m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
+        self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
+        self._bound(width)
+        self.share = np.full((len(self.groups.rows), self.width), self._empty(1)[0])
+        self.stairs = self._empty(1 << 14)
+        self.layers = np.zeros((1, 0), self.dtype)
+        self.looked_ahead = False
+        self.hull: JointBounds | None = None
+        self.cornered = 0  # size of the front that the corners are of
+        self.hull_paths: tuple[IntArray, ...] = ()  # arcs of the solutions that no label led to
+        sizes = self.groups.rows[:, SIZE]
+        degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
+        super().__init__(3, int((degrees + sizes).max()))
+        self.fresh = np.zeros((self.fan, 3), np.int64)
+        self._queue(f)
+
+    def _no_more_than(self) -> list[int]:
+        """What no solution may exceed, in the order of the search."""
+        return [self.at_most[j] if self.at_most and j >= 0 else ANYTHING for j in self.order]
+
+    def _bound(self, width: int) -> None:
+        """Begin the front with what no solution may exceed, as if something better were known."""
+        first, index, rest = self._no_more_than()
+        self.most, self.width = first, width
+        while index < 1 << INDEX_BITS and self.width < index + 2:
+            self.width *= 2
+        self.goal = self._empty(self.width)
+        self.goal[:] = min(rest + 1, int(self.goal[0]))
+        self.goal[index + 1 :] = 0
+
+    def _queue(self, f: list[int]) -> None:
+        """The queue with one label of estimate f (3,)."""
+        self.root = np.array(f, np.int64)
+        shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
+        bits = KEY_BITS - INDEX_BITS - shift
+        origin = f[0] >> shift
+        limit = INT32_LIMIT if self.dtype is np.int32 else (1 << bits) - 1
+        if max(f[1] + self.rise[1], 0) >> INDEX_BITS or f[2] + int(self.rise[2]) > limit:
+            raise TooWide
+        self._make_queue(f, np.array([shift, bits, bits + INDEX_BITS, origin, limit], np.int64))
+
+    def _empty(self, size: int) -> NDArray[Any]:
+        return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
+
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel."""
+        if not self.looked_ahead and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
+            self._look_ahead(clock)
+        if self.hull and self.cornered < self.counters[N_FRONT]:
+            self._take_corners(self.hull, clock)
+        code = clock.call(
+            advance,
+            self.counters,
+            work,
+            self.fan,
+            self.rise,
+            self.packing,
+            self._tables(),
+            self.turn,
+            self.stairs,
+            self.share,
+            self.goal,
+            self.width,
+            self.layers,
+            tuple(self.hull) if self.hull else None,
+            self.queue,
+            (self.tops, self.below, self.entries),
+            (self.keys, self.values),
+            self.closed,
+            self.front,
+            self.solutions,
+            self.fresh,
+            float(self.precision.eps),
+            self.tolerance,
+            self.most,
+        )
+        return int(code)
+
+    def _tables(self) -> tuple[Any, ...]:
+        """The graph, as kernels take it."""
+        groups = self.groups
+        tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
+        return (*tables, groups.rows, groups.dearest, groups.turns, self.source, self.order[0], self.order[2])
+
+    def _look_ahead(self, clock: Clock) -> None:
+        """Take bounds that know how many turns are left, where there are any and memory allows."""
+        self.looked_ahead = True
+        if self.jointly and self._look_jointly(clock):
+            return
+        limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
+        if limit is not None and self.memory() + 2 * size > limit:
+            return
+        if self.turn[0] != 1 or self.turn[4]:  # turns do not count by ones, or a maximum does not add up
+            return
+        layers = costs_by_turns(self.groups, self.order[2], self.nodes, self.start, self.arcs, self.is_target, clock)
+        if layers is not None:
+            self.layers = layers
+            self._lengthen_goal()
+
+    def _look_jointly(self, clock: Clock) -> bool:
+        """Take joint bounds, and solutions to begin with; False where there are none, or no room for them."""
+        limit = clock.budget.max_memory
+        room = ROOM if limit is None else limit - self.memory()
+        columns = (self.order[0], self.order[2])
+        weights = directions((int(self.nodes[:, H_FIRST].max()), int(self.nodes[:, H_REST].max())))
+        best = self.nodes[self.source, [H_FIRST, H_REST]]
+        enough = best * (1 + self.precision.eps / NEAR) + self.tolerance[[0, 2]] // NEAR
+        tables = (self.nodes, self.start, self.arcs, self.is_target, self.source)
+        hull = turn_hull(self.groups, columns, weights, *tables, (enough[0], enough[1]), room, clock)
+        if hull is None:
+            return False
+        costs, hull_paths = self._front_on(hull.passed, clock)
+        found = int(self.counters[N_FRONT])
+        rows = thinned(costs, self.front[:found], self.precision.eps / THIN, self.tolerance // THIN)
+        self.hull_paths = tuple(hull_paths[row] for row in rows)
+        self.front = np.concatenate([self.front[:found], costs[rows], np.zeros((64, 3), np.int64)])
+        self.solutions = np.concatenate([self.solutions[:found], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
+        self.counters[N_FRONT] += len(rows)
+        ahead = self._covered(costs[rows])
+        ahead = ahead[ahead[:, 0].argsort()]
+        nothing = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
+        reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
+        self._take_corners(JointBounds(hull.layers, weights, *nothing, ahead, reached, scratch), clock)
+        return True
+
+    def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
+        nodes = np.sort(self.groups.nodes[passed])
+        part = self.graph.among(nodes)
+        source = int(np.searchsorted(nodes, self.groups.nodes[self.source]))
+        targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
+        memory = self.memory()
+        silent = clock.silent(int(self.counters[N_GENERATED]), memory)
+        groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+        h, _, _ = lower_bounds(part, source, targets, silent, groups)
+        if not h.size or h[0, source] >= UNREACHABLE:  # no room, or steps are too coarse to tell ways apart
+            return np.zeros((0, 3), np.int64), []
+        near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
+        search = Staircase(part, source, targets, h, self.order, groups, silent, near, self.at_most, jointly=False)
+        search.run(silent)
+        costs, labels, generated, expanded, _ = search.found()
+        self.counters[N_GENERATED] += generated
+        self.counters[N_EXPANDED] += expanded
+        hull_paths = [part.arc[path].astype(np.int64) for path in search.paths(labels, silent)]
+        clock.compiled += silent.compiled
+        clock.peak = max(clock.peak, memory + silent.peak)
+        return costs, hull_paths
+
+    def _covered(self, costs: IntArray) -> IntArray:
+        """The least estimates (n, 3) that costs cover."""
+        eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
+        table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
+        return np.array(table, np.int64).reshape(-1, 3)
+
+    def _take_corners(self, hull: JointBounds, clock: Clock) -> None:
+        """Tell the kernel what the front leaves uncovered, within what no solution may exceed."""
+        self.cornered = int(self.counters[N_FRONT])
+        covered = self._covered(self.front[: self.cornered])
+        if self.at_most:
+            beyond = np.diag([self.at_most[j] + 1 for j in self.order])
+            covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
+        corners = Corners.of(covered, hull.weights, clock)
+        self.hull = hull._replace(corners=corners.values, last=corners.last)
+
+    def _lengthen_goal(self) -> None:
+        more = self.width + self.layers.shape[1] - len(self.goal)
+        self.goal = np.concatenate([self.goal, np.repeat(self.goal[-1:], more)])
+
+    def arrays(self) -> list[NDArray[Any]]:
+        """List the tables of the graph, the staircases and the queue."""
+        groups = self.groups
+        tables = [self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin, self.is_target]
+        grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
+        queue: list[NDArray[Any]] = [self.tops, self.below, self.entries, self.keys, self.values, self.fresh]
+        return [*tables, *grouped, *(self.hull or ()), self.stairs, self.share, self.goal, self.layers, *queue]
+
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Double the rows or the width of the staircases, or the room of the queue."""
+        if code == HEAP:
+            return self.keys.nbytes + self.values.nbytes, self._grow_heap
+        if code == CHUNKS:
+            return self.below.nbytes + self.entries.nbytes, self._grow_chunks
+        if code == BUCKETS:
+            return self.tops.nbytes, self._grow_buckets
+        if code == KEYS:
+            return self.stairs.nbytes + self.arcs.nbytes + self.nodes.nbytes, self._widen_costs
+        if len(self.stairs) > BELOW // 2:  # kernels would cut off the indices of twice as many
+            raise TooWide
+        return self.stairs.nbytes, self._grow_rows if code == ROWS else self._grow_width
+
+    def _widen_costs(self) -> None:
+        """Take 64 bits for costs that have outgrown 32."""
+        if self.dtype is np.int64:
+            raise TooWide
+        old = np.iinfo(self.dtype).max
+        self.dtype = np.int64
+        self.packing[-1] = (1 << int(self.packing[1])) - 1
+        for name in ("nodes", "group_table", "arcs", "stairs", "share", "goal", "layers"):
+            array = getattr(self, name).astype(np.int64)
+            array[array == old] = UNREACHABLE
+            setattr(self, name, array)
+        self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # 32 bits may have been too few for that
+
+    def _grow_rows(self) -> None:
+        size = len(self.stairs)
+        self.stairs.resize(2 * size, refcheck=False)
+        self.stairs[size:] = self._empty(1)[0]
+
+    def _grow_width(self) -> None:
+        old = self.stairs
+        self.stairs = self._empty(2 * len(old))
+        self.counters[N_ROWS] = widen(old, self.stairs, self.group_table, self.width)
+        self.share = np.concatenate([self.share, np.repeat(self.share[:, -1:], self.width, axis=1)], axis=1)
+        self.width *= 2
+        self._lengthen_goal()
+
+    def weight_of_sets(self, clock: Clock) -> int:
+        """A sum over the steps of all staircases."""
+        empty = int(self._empty(1)[0])
+        return int(clock.call(weigh, self.stairs, self.group_table, self.width, empty))
+
+    def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
+        """Nodes (n,) and estimates (n, 3) of labels."""
+        f = np.zeros((len(values), 3), np.int64)
+        tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
+        most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
+        return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
+
+    def widen(self) -> bool:
+        """Take 64 bits for costs that have outgrown 32."""
+        narrow = self.dtype is np.int32
+        if narrow:
+            self._widen_costs()
+        return narrow
+
+    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+        """Fill the staircases of the groups and that of the targets."""
+        check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
+        while closed[:, 1].max(initial=0) >= self.width:
+            self._grow_width()
+
+        def enter(begin: int) -> int:
+            tables = (self._tables(), self.turn, self.stairs, self.share, self.width)
+            return int(clock.call(enter_all, nodes, closed, begin, self.counters, *tables))
+
+        enter_each(len(nodes), enter, self._grow_rows)
+        if clock.call(enter_goal, self.goal, solved, float(self.precision.eps), self.tolerance) < 0:
+            raise Unsound("a solution is covered by one before it")
+
+    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """As of any search; a solution known before may be worse than one found later."""
+        front, labels, generated, expanded, waiting = super().found()
+        if self.hull_paths:
+            best = is_nondominated(front.astype(np.float64))
+            front, labels = front[best], labels[best]
+        return front, labels, generated, expanded, waiting
+
+    def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
+        """Places of the arcs of solutions in the graph, from the source on."""
+        graph, groups = self.graph, self.groups
+        tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
+        arcs = (graph.indptr, graph.heads, graph.costs, self.order[1], tails, self.heads, self.origin)
+        arrays = (*arcs, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
+        ends, steps = np.empty(len(labels), np.int64), np.empty(STEPS * len(labels), np.int64)
+        size = clock.call(trace, *arrays, ends, steps)
+        if size > len(steps):
+            steps = np.empty(size, np.int64)
+            clock.call(trace, *arrays, ends, steps)
+        hull_paths = [part[::-1] for part in np.split(steps[:size], ends)[:-1]]
+        return [
+            self.hull_paths[-1 - label] if label < 0 else path for label, path in zip(labels, hull_paths, strict=True)
+        ]

@@ -1,0 +1,370 @@
+"""Weighted sums: the supported part of the front, one exact shortest path a weight."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import islice, pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import GraphError, OptionError
+from hpop.options import real, whole
+from hpop.search.graph import Graph
+from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
+from hpop.search.supported.weight_cone import Vector, WeightCone
+from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.sweep import Sweep
+from hpop.text import shown
+
+if TYPE_CHECKING:
+    from hpop.search.machinery.slices import Clock
+
+ROUND = 16  # weights tested before the hull is updated: the same with and without workers
+CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredths of a second
+FINEST = 10**6  # denominators of given weights
+LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
+MAX_WEIGHTS = 100_000
+
+Task = tuple[Vector, int]  # weights of the reduced costs, and what the least weighted sum is known not to exceed
+
+
+@dataclass(frozen=True, eq=False)
+class SupportedPaths(ParetoPaths):
+    """Supported points and their paths; see :class:`ParetoPaths`.
+
+    weights  n         for each point the weights (., k) of normalised costs that gave it, each summing to 1
+    ideal    (k,)      least value of each cost
+    nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate beyond two costs)
+    solved   count     weights for which a shortest path was computed
+    notes              what went wrong with an executor
+    """
+
+    weights: tuple[FloatArray, ...]
+    ideal: IntArray
+    nadir: IntArray
+    solved: int
+    notes: tuple[str, ...]
+
+
+def supported_paths(
+    graph: Graph,
+    source: int,
+    target: int | Sequence[int] | IntArray,
+    *,
+    divisions: int | None = None,
+    weights: Sequence[Sequence[float]] | None = None,
+    budget: Budget = UNLIMITED,
+    progress: ProgressCallback | None = None,
+    executor: Executor | None = None,
+) -> SupportedPaths:
+    """Find supported cost vectors of the paths from source to target, each with one path.
+
+    Weights are those of normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights``
+    they are adaptive: the lexicographic optima first, then the facets of the hull of all points found so far, until
+    every facet is tested (:mod:`.weight_cone`; for two costs that is the dichotomy). With ``divisions`` d they are the
+    simplex lattice (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. Given ``weights`` are
+    non-negative, of any positive sum, taken as fractions of the largest with denominators up to a million; the
+    lexicographic optima, which normalisation needs, are returned as well. Where weights are zero,
+    ties go to the least of these costs, the first of them first, so that every point is efficient, not only weakly.
+
+    Accepts: any :class:`Graph` whose costs are sums.
+
+    Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. The adaptive sweep
+    that ends by itself has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do not
+    depend on the executor. If the time limit or Ctrl-C stops it, what is returned are supported vectors.
+
+    Cost: a shortest path a weight, by A* with the bounds of all costs; the number of facets grows with the number of
+    extreme supported points n like n for up to three costs, like n^2 for four and five, n^3 for six.
+
+    >>> graph = Graph.from_arcs(2, [0, 0, 0, 0], [1, 1, 1, 1], [[0, 4], [1, 3], [3, 2], [4, 0]])
+    >>> found = supported_paths(graph, 0, 1)
+    >>> found.costs.tolist(), found.solved  # (3, 2) lies above the line from (1, 3) to (4, 0)
+    ([[0, 4], [4, 0]], 3)
+    """
+    if "max" in graph.aggregates:
+        raise GraphError(
+            f"weighted sums need costs that add up, cost {graph.aggregates.index('max')} is a 'max'; use pareto_paths"
+        )
+    if divisions is not None and weights is not None:
+        raise OptionError("give divisions or weights, not both")
+    given = None if weights is None else [integer_weights(w, graph.criteria) for w in weights]
+    if divisions is not None:
+        check_divisions(divisions, graph.criteria)
+        given = list(simplex_lattice(divisions, graph.criteria))
+    source = checked_node(graph, source, "source")
+    targets = checked_targets(graph, target)
+    from hpop.search.machinery.slices import Clock  # numba: on first use
+
+    run = SupportedRun(graph, source, Clock(budget, progress))
+    try:
+        status = run.go(targets, given, executor)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    return run.result(status)
+
+
+def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
+    """All vectors of k non-negative integers that sum to ``divisions``, in lexicographic order.
+
+    >>> list(simplex_lattice(2, 2))
+    [(0, 2), (1, 1), (2, 0)]
+    """
+    if k == 1:
+        yield (divisions,)
+        return
+    for first in range(divisions + 1):
+        for rest in simplex_lattice(divisions - first, k - 1):
+            yield (first, *rest)
+
+
+def check_divisions(divisions: Any, k: int = 1) -> None:
+    """Raise OptionError unless a simplex lattice of k weights can have that many divisions."""
+    whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
+    count = math.comb(int(divisions) + k - 1, k - 1)
+    if count > MAX_WEIGHTS:
+        raise OptionError(
+            f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
+            "leave them out: then weights are chosen where they find something"
+        )
+
+
+def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
+    """Whole numbers in the proportions of weights; k says how many there must be.
+
+    >>> integer_weights([0.1, 0.25, 0])
+    (2, 5, 0)
+    """
+    try:
+        values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
+    except TypeError:
+        raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
+    if k is not None and len(values) != k:
+        raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
+    if not any(values):
+        raise OptionError("weights are all zero: one of them must be above")
+    fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
+    return _smallest([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
+
+
+def _smallest(vector: Sequence[int]) -> Vector:
+    divisor = math.gcd(*vector)
+    return tuple(v // divisor for v in vector)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What a worker needs: the graph without dead ends, costs reduced by the bounds of the cost-to-go.
+
+    The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative, and along a path from the source to a target
+    adds up to its cost minus the ideal.
+
+    indptr, heads  arcs in compressed rows
+    costs          (m, k)  reduced, in int32 where they fit
+    source         node
+    is_target      (n,)
+    largest        (k,)    greatest reduced cost of an arc
+    """
+
+    indptr: IntArray
+    heads: Any
+    costs: Any
+    source: int
+    is_target: Any
+    largest: tuple[int, ...]
+
+
+def solve_weight(data: Reduced, task: Task) -> IntArray:
+    """Arcs (in the reduced graph) of a path of least weighted cost."""
+    return _solve(data, task, lambda kernel, *arguments: kernel(*arguments))
+
+
+def _solve(data: Reduced, task: Task, call: Any) -> IntArray:
+    from hpop.search.supported.weighted_path import encoded, weighted_path
+
+    weights, limit = encoded(*task, data.largest)
+    arcs: IntArray = call(
+        weighted_path, data.indptr, data.heads, data.costs, data.source, data.is_target, weights, limit
+    )
+    if arcs.size and arcs[0] < 0:
+        raise AssertionError(f"no path within the limit {task}: the graph's bounds are wrong, please report")
+    return arcs
+
+
+@dataclass(eq=False)
+class SupportedRun:
+    """One query: bounds, lexicographic optima, sweep; keeps what is found as it comes."""
+
+    graph: Graph
+    source: int
+    clock: Clock
+    found: dict[Vector, tuple[IntArray, list[Vector]]] = field(default_factory=dict)  # reduced costs: arcs, weights
+    ideal: IntArray = field(init=False)
+    nadir: IntArray = field(init=False)
+    solved: int = 0
+    after_bounds: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
+
+    def go(self, targets: IntArray, given: list[Vector] | None, executor: Executor | None) -> Status:
+        """Run the query; what it found is in ``found``."""
+        from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+
+        k = self.graph.criteria
+        h, _, status = lower_bounds(self.graph, self.source, targets, self.clock)
+        self.after_bounds = self.clock.seconds()
+        if status is not None:
+            return status
+        if h[0, self.source] >= UNREACHABLE:
+            return Status.NO_PATH
+        self.ideal = self.nadir = h[:, self.source].copy()
+        self._reduce(h, targets, UNREACHABLE)
+        del h
+        units = [tuple(int(i == j) for i in range(k)) for j in range(k)]
+        for unit in units:
+            if self._late():
+                return Status.TIME_LIMIT
+            self._keep(unit, _solve(self.data, self._task(unit, 0), self.clock.call))
+            self.nadir = self.ideal + np.max(np.array(list(self.found)), axis=0)
+        ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
+        chunk = max(1, min(ROUND, CHUNK_ARCS // max(1, len(self.data.heads))))
+        with Sweep(solve_weight, self.data, executor, chunk=chunk) as sweep:
+            rounds = self._adaptive(units) if given is None else self._given(given, ranges, units)
+            for tasks in rounds:
+                known = list(self.found)
+                nearest = (np.array(known, float) @ np.array(tasks, float).reshape(-1, k).T).argmin(axis=0)
+                bounded = [self._task(w, _dot(w, known[i])) for w, i in zip(tasks, nearest, strict=True)]
+                results: dict[int, IntArray] = {}
+                try:
+                    for i, arcs in sweep.run(bounded, self._late):
+                        results[i] = arcs
+                        self.solved += 1
+                        self._report(len(tasks) - len(results), len(self.found))
+                finally:  # what is finished when Ctrl-C comes is kept
+                    for i in sorted(results):
+                        self._keep(tasks[i], results[i], count=0)
+                    self.notes = tuple(sweep.notes)
+                if len(results) < len(tasks):
+                    return Status.TIME_LIMIT
+        return Status.COMPLETE
+
+    def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
+        """Drop arcs that lead nowhere and reduce the costs of the rest."""
+        from hpop.search.machinery.slices import PARTS
+        from hpop.search.supported.weighted_path import arcs_onward, reduce_costs
+
+        graph, k = self.graph, len(h)
+        start = self.clock.call(arcs_onward, graph.indptr, graph.heads, h[0], unreachable)
+        m = int(start[-1])
+        farthest = h.max(axis=1, initial=0, where=h < unreachable)
+        narrow = (graph.largest + farthest).max() < 2**31  # no reduced cost is more, though all may be less
+        self.place, heads = np.empty(m, np.int64), np.empty(m, np.int32)
+        costs = np.empty((m, k), np.int32 if narrow else np.int64)
+        borders = np.linspace(0, graph.nodes, PARTS + 1).astype(int).tolist()
+        rest = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.place, heads, costs)
+        largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *rest) for p in pairwise(borders)]), strict=True)
+        if np.max(largest) < 2**31:
+            costs = costs.astype(np.int32, copy=False)
+        is_target = np.zeros(graph.nodes, np.uint8)
+        is_target[targets] = 1
+        # No path adds up to this much in a cost, so these are the digits of lexicographic order.
+        self.radix = [int(min(1.001 * worst + 2, LARGEST_SUM)) for worst in np.sum(bound, axis=0)]
+        self.data = Reduced(start, heads, costs, self.source, is_target, tuple(np.max(largest, axis=0).tolist()))
+
+    def _task(self, weights: Vector, limit: int) -> Task:
+        """Weights with the ties of zero weights broken: one number whose digits are the sum and these costs."""
+        refined = [0] * len(weights)
+        scale = 1
+        for j in reversed(range(len(weights))):
+            if weights[j] == 0:
+                refined[j] = scale
+                scale *= self.radix[j]
+        return tuple(w * scale if w else r for w, r in zip(weights, refined, strict=True)), (limit + 1) * scale - 1
+
+    def _adaptive(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
+        """Rounds of weights, until every facet of the hull of what is found is tested."""
+        done = set(tested)
+        inside: set[Vector] = set()
+        cone: WeightCone | None = None
+        while True:
+            for point in self.found:
+                if point in inside:
+                    continue
+                inside.add(point)
+                if cone is None:
+                    cone = WeightCone(point)
+                else:
+                    cone.add(point)
+            facets = cone.facets() if cone else []
+            tasks = list(islice(dict.fromkeys(w for w in (_smallest(w) for w, _ in facets) if w not in done), ROUND))
+            if not tasks:
+                return
+            done.update(tasks)
+            yield tasks
+
+    def _given(self, given: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
+        """One round of the given weights of normalised costs, but those of a single cost, which are solved already."""
+        product = math.prod(ranges)
+        scaled = dict.fromkeys(_smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in given)
+        yield [w for w in scaled if w not in units]
+
+    def _keep(self, weights: Vector, arcs: IntArray, count: int = 1) -> None:
+        """File a path under its costs."""
+        costs = tuple(int(c) for c in self.data.costs[arcs].sum(axis=0, dtype=np.int64))
+        self.solved += count
+        self.found.setdefault(costs, (arcs, []))[1].append(weights)
+
+    def _late(self) -> bool:
+        return self.clock.exceeded(0, 0) is not None
+
+    def _report(self, waiting: int, found: int) -> None:
+        if self.clock.progress is not None:
+            seconds = self.clock.seconds()
+            self.clock.progress(Progress("weights", labels=self.solved, open=waiting, front=found, seconds=seconds))
+
+    def result(self, status: Status) -> SupportedPaths:
+        """What was found, in lexicographic order."""
+        k = self.graph.criteria
+        points = sorted(self.found)
+        costs = np.array(points, np.int64).reshape(len(points), k) + self.ideal
+        costs.setflags(write=False)
+        ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
+        end = self.clock.seconds()
+        stats = SearchStats(
+            "weighted sum",
+            peak_memory=self.clock.peak,
+            seconds_bounds=self.after_bounds,
+            seconds_search=end - self.after_bounds,
+            seconds_compiled=self.clock.compiled,
+        )
+        return SupportedPaths(
+            costs,
+            status,
+            stats,
+            self.graph,
+            self.source,
+            tuple(self.place[self.found[p][0]] for p in points),
+            weights=tuple(_normalised(self.found[p][1], ranges) for p in points),
+            ideal=self.ideal,
+            nadir=self.nadir,
+            solved=self.solved,
+            notes=self.notes,
+        )
+
+
+def _dot(weights: Vector, point: Vector) -> int:
+    return sum(w * c for w, c in zip(weights, point, strict=True))
+
+
+def _normalised(weights: Sequence[Vector], ranges: Sequence[int]) -> FloatArray:
+    """Weights (m, k) of normalised costs, summing to 1, from weights of the costs as they are."""
+    scaled = [[w * r for w, r in zip(row, ranges, strict=True)] for row in weights]
+    return np.array([[float(Fraction(w, sum(row))) for w in row] for row in scaled])

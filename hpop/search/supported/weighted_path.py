@@ -1,0 +1,209 @@
+"""One shortest path for integer weights of the costs, exact however large the weights are.
+
+Dijkstra's keys are w . c in words of 62 bits, most significant first, added with carry and compared as such: normals of
+facets are determinants, and with three costs of 25 bits the products pass 64 bits. Costs are reduced by the bounds of
+the cost-to-go (Johnson's potentials, one a cost, so valid for all weights), which turns Dijkstra into A*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import kernel, lean
+from hpop.search.machinery.kernels import WORD_BITS, drop_first, push
+
+LIMB_BITS = 31
+LIMB_MASK = np.int64(2**LIMB_BITS - 1)
+WORD_MASK = np.int64(2**WORD_BITS - 1)
+UNSEEN = np.int64(-2)
+
+
+def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple[IntArray, IntArray]:
+    """Weights (k, L) in limbs of 31 bits, least first, and the limit (W,) in words, so that no sum overflows.
+
+    largest (k,) is the greatest cost of an arc in each column.
+
+    >>> encoded([1, 2**40], 2**62 + 5, [1, 1])[1].tolist()
+    [1, 5]
+    """
+    arc = sum(w * c for w, c in zip(weights, largest, strict=True))
+    words = -(-(limit + arc + 1).bit_length() // WORD_BITS)
+    count = -(-max(w.bit_length() for w in weights) // LIMB_BITS)
+    limbs = [[(w >> (LIMB_BITS * i)) & int(LIMB_MASK) for i in range(count)] for w in weights]
+    top_first = [(limit >> (WORD_BITS * i)) & int(WORD_MASK) for i in reversed(range(words))]
+    return np.array(limbs, np.int64), np.array(top_first, np.int64)
+
+
+@lean
+def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
+    """Write the weighted cost of an arc into `step` (W,); `limbs` (2 W + 3,) is scratch."""
+    words = len(step)
+    k, count = weights.shape
+    if words == 1 and count == 1:
+        value = np.int64(0)
+        for j in range(k):
+            value += weights[j, 0] * np.int64(costs[a, j])
+        step[0] = value
+        return
+    for i in range(len(limbs)):
+        limbs[i] = 0
+    for j in range(k):
+        rest = np.int64(costs[a, j])
+        shift = 0
+        while rest > 0:
+            digit = rest & LIMB_MASK
+            rest >>= LIMB_BITS
+            for i in range(min(count, 2 * words - shift)):  # what is beyond is zero
+                product = weights[j, i] * digit
+                limbs[i + shift] += product & LIMB_MASK
+                limbs[i + shift + 1] += product >> LIMB_BITS
+            shift += 1
+    for i in range(2 * words):
+        limbs[i + 1] += limbs[i] >> LIMB_BITS
+        limbs[i] &= LIMB_MASK
+    for w in range(words):
+        step[words - 1 - w] = limbs[2 * w] | (limbs[2 * w + 1] << LIMB_BITS)
+
+
+@lean
+def compare(a: IntArray, b: IntArray) -> int:
+    """Sign of a - b, both words with the most significant first."""
+    for w in range(len(a)):
+        if a[w] != b[w]:
+            return -1 if a[w] < b[w] else 1
+    return 0
+
+
+@kernel
+def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
+    """Offsets (n + 1,) of the arcs that lead on: to where the bound (n,) of a cost-to-go is not unreachable."""
+    start = np.zeros(len(indptr), np.int64)
+    for u in range(len(indptr) - 1):
+        start[u + 1] = start[u]
+        for a in range(indptr[u], indptr[u + 1]):
+            start[u + 1] += bound[heads[a]] < unreachable
+    return start
+
+
+@kernel
+def reduce_costs(
+    nodes: tuple[int, int],
+    graph: tuple[IntArray, NDArray[np.int32], IntArray],
+    h: IntArray,
+    unreachable: int,
+    start: IntArray,
+    place: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+) -> tuple[IntArray, NDArray[np.float64]]:
+    """Fill in the arcs that lead on from some nodes, with their costs less what they gain on the bounds h (k, n).
+
+    nodes the first and one past the last; start (n + 1,) of :func:`arcs_onward`. Arrays (m,), (m,) and (m, k) receive
+    places in the graph, heads and c(u, v) + h(v) - h(u). Returns the largest of these (k,), and what no path without
+    cycles exceeds in these nodes (k,).
+    """
+    indptr, all_heads, all_costs = graph
+    k = len(h)
+    largest = np.zeros(k, np.int64)
+    bound = np.zeros(k, np.float64)
+    most = np.empty(k, np.int64)
+    for u in range(nodes[0], nodes[1]):
+        for j in range(k):
+            most[j] = 0
+        i = start[u]
+        for a in range(indptr[u], indptr[u + 1]):
+            v = all_heads[a]
+            if h[0, v] >= unreachable:
+                continue
+            place[i] = a
+            heads[i] = v
+            for j in range(k):
+                cost = all_costs[a, j] + h[j, v] - h[j, u]
+                costs[i, j] = cost
+                most[j] = max(most[j], cost)
+            i += 1
+        for j in range(k):
+            largest[j] = max(largest[j], most[j])
+            bound[j] += most[j]
+    return largest, bound
+
+
+@kernel
+def weighted_path(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    source: int,
+    is_target: NDArray[np.uint8],
+    weights: IntArray,
+    limit: IntArray,
+) -> IntArray:
+    """Arcs of a path of least weighted cost to a target, from the source on; [-1] if none is within the limit."""
+    n = len(indptr) - 1
+    words = len(limit)
+    best = np.empty((n, words), np.int64)
+    arc_in = np.full(n, UNSEEN)
+    tail_in = np.empty(n, np.int32)
+    capacity = 1024
+    keys = np.empty(capacity * words, np.int64)
+    nodes = np.empty(capacity, np.int64)
+    here = np.zeros(words, np.int64)
+    there = np.empty(words, np.int64)
+    step = np.empty(words, np.int64)
+    limbs = np.empty(2 * words + 3, np.int64)
+    for w in range(words):
+        best[source, w] = 0
+    arc_in[source] = -1
+    size = np.int64(0)  # not 0: numba would compile the heap once for that number alone
+    push(keys, nodes, size, words, here, source)
+    size += 1
+    reached = -1
+    while size > 0:
+        u = nodes[0]
+        for w in range(words):
+            here[w] = keys[w]
+        drop_first(keys, nodes, size, words)
+        size -= 1
+        if compare(here, best[u]) > 0:
+            continue
+        if is_target[u]:
+            reached = u
+            break
+        while size + indptr[u + 1] - indptr[u] > capacity:
+            keys = np.concatenate((keys, np.empty_like(keys)))
+            nodes = np.concatenate((nodes, np.empty_like(nodes)))
+            capacity *= 2
+        for a in range(indptr[u], indptr[u + 1]):
+            head = np.int64(heads[a])
+            weigh(costs, a, weights, limbs, step)
+            carry = np.int64(0)
+            for w in range(words - 1, -1, -1):
+                total = here[w] + step[w] + carry
+                carry = total >> WORD_BITS
+                there[w] = total & WORD_MASK
+            if compare(there, limit) > 0 or (arc_in[head] != UNSEEN and compare(there, best[head]) >= 0):
+                continue
+            for w in range(words):
+                best[head, w] = there[w]
+            arc_in[head] = a
+            tail_in[head] = u
+            push(keys, nodes, size, words, there, head)
+            size += 1
+    if reached < 0:
+        return np.full(1, -1, np.int64)
+    length = 0
+    v = reached
+    while arc_in[v] >= 0:
+        length += 1
+        v = tail_in[v]
+    path = np.empty(length, np.int64)
+    v = reached
+    while arc_in[v] >= 0:
+        length -= 1
+        path[length] = arc_in[v]
+        v = tail_in[v]
+    return path

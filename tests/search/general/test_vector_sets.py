@@ -1,0 +1,62 @@
+"""Claims: a set answers as its vectors one by one do, whatever their number, and keeps the non-dominated ones only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.search.general.vector_sets import PIECE, ROOM, SET_COLUMNS, SIZE, START, enter, is_covered, needs
+
+
+def members(sets, pool, s, k):
+    start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
+    return {tuple(int(pool[start + j * room + i]) for j in range(k - 1)) for i in range(size)}
+
+
+def on_a_sphere(rng, count, k, scale):
+    """Vectors of which nearly none dominates another in what follows their first cost, so that sets grow large."""
+    x = np.abs(rng.normal(size=(count, k - 1)))
+    near = scale * (1 - x / np.linalg.norm(x, axis=1)[:, None])
+    return np.column_stack([np.zeros(count), near]).astype(np.int64)
+
+
+@pytest.mark.parametrize("number", [np.int32, np.int64])
+@pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("large", [False, True])
+def test_sets_answer_as_vectors_one_by_one(k, number, large):
+    rng = np.random.default_rng(k)
+    scale = np.iinfo(number).max // 4
+    if large and k >= 3:
+        vectors = on_a_sphere(rng, 1000, k, scale)
+    else:
+        vectors = rng.integers(0, 6, (1000, k)) * (scale // 6 if large else 1)
+    sets, pool = np.zeros((3, SET_COLUMNS), np.int64), np.zeros(40_000, number)
+    expected: list[set[tuple[int, ...]]] = [set(), set(), set()]
+    used = largest = 0
+    for vector in vectors:
+        s = int(rng.integers(3))
+        rest = tuple(vector[1:].tolist())
+        covered = any(all(a <= b for a, b in zip(m, rest, strict=True)) for m in expected[s])
+        f = vector.astype(number)
+        assert is_covered(sets, pool, s, f) == covered
+        if covered:
+            continue
+        before, room = used, needs(sets, s, k)
+        used = enter(sets, pool, s, f, used)
+        assert used - before <= room
+        expected[s] = {m for m in expected[s] if not all(b <= a for a, b in zip(m, rest, strict=True))} | {rest}
+        assert members(sets, pool, s, k) == expected[s]
+        assert sets[s, SIZE] == len(expected[s])
+        largest = max(largest, len(expected[s]))
+    assert not (large and k >= 4) or largest > 2 * PIECE
+
+
+def test_a_full_set_moves_and_leaves_the_others_alone():
+    sets, pool = np.zeros((2, SET_COLUMNS), np.int64), np.zeros(4096, np.int32)
+    used = enter(sets, pool, 1, np.array([0, 50, 50], np.int32), 0)
+    for i in range(200):
+        used = enter(sets, pool, 0, np.array([0, i, 200 - i], np.int32), used)
+    assert members(sets, pool, 1, 3) == {(50, 50)}
+    assert members(sets, pool, 0, 3) == {(i, 200 - i) for i in range(200)}
+    used = enter(sets, pool, 0, np.array([0, 0, 0], np.int32), used)
+    assert members(sets, pool, 0, 3) == {(0, 0)}

@@ -1,0 +1,96 @@
+"""Claims: bounds are the exact scalar optimum a cost, for sums and bottlenecks, parallel arcs included."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from hpop.search import Graph
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import Groups
+from hpop.search.namoa_star import ideal_cost_to_go
+from hpop.status import Budget, Status
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_are_the_scalar_optima(seed):
+    rng = np.random.default_rng(seed)
+    n, m = 40, 120
+    graph = Graph.from_arcs(
+        n,
+        rng.integers(0, n, m),
+        rng.integers(0, n, m),
+        rng.integers(0, [2, 9, 10**12], (m, 3)),
+        aggregates=["sum", "max", "sum"],
+    )
+    targets = np.unique(rng.integers(0, n, 2))
+    h, samples, status = lower_bounds(graph, 3, targets, Clock(Budget(), None))
+    assert status is None
+    for j in range(3):
+        expected = ideal_cost_to_go(graph, set(targets.tolist()), j)
+        assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(n)]
+        if len(samples):
+            assert samples[j, j] == h[j, 3]
+            assert (samples[:, j] >= h[j, 3]).all()
+
+
+@pytest.mark.parametrize("how", ["sum", "max"])
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
+    """Turns of unlike prices (metric, as groups ask), and plain arcs inside groups as well as between them."""
+    rng = np.random.default_rng(seed)
+    cells, size, plain = 12, 5, 90
+    tails, heads = rng.integers(0, cells * size, (2, plain))
+    heads[::3] = tails[::3] // size * size + rng.integers(0, size, len(tails[::3]))
+    moves = np.c_[rng.integers(0, 40, plain), np.zeros(plain, int), rng.integers(0, 3, plain)]
+    place, other = np.nonzero(~np.eye(size, dtype=bool))
+    corner = np.arange(cells).repeat(len(place)) * size
+    place, other = corner + np.tile(place, cells), corner + np.tile(other, cells)
+    price = rng.integers(5, 11, len(corner)) if how == "sum" else np.full(len(corner), 7)
+    turns = np.c_[price, np.ones(len(corner), int), np.full(len(corner), 2)]
+    arcs = (np.r_[tails, place], np.r_[heads, other], np.r_[moves, turns])
+    graph = Graph.from_arcs(cells * size, *arcs, aggregates=[how, "sum", "sum"])
+    groups = Groups.of_column(graph, 1, Clock(Budget(), None))
+    assert groups is not None
+    h, _, _ = lower_bounds(graph, 0, np.array([7, 8]), Clock(Budget(), None), groups)
+    for j in range(3):
+        expected = ideal_cost_to_go(graph, {7, 8}, j)
+        assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(graph.nodes)]
+
+
+def test_parallel_arcs_do_not_add_up():
+    graph = Graph.from_arcs(2, [0, 0], [1, 1], [[3], [5]])
+    h, _, _ = lower_bounds(graph, 0, np.array([1]), Clock(Budget(), None))
+    assert h.tolist() == [[3, 0]]
+
+
+def test_a_hub_with_more_arcs_than_the_heap_has_room():
+    n = 5000
+    spokes = np.arange(1, n)
+    graph = Graph.from_arcs(n, spokes, np.zeros(n - 1, int), (spokes % 7)[:, None])
+    h, _, _ = lower_bounds(graph, 1, np.array([0]), Clock(Budget(), None))
+    np.testing.assert_array_equal(h[0, 1:], spokes % 7)
+    everywhere, _, _ = lower_bounds(graph, 1, np.arange(n), Clock(Budget(), None))
+    assert not everywhere.any()
+
+
+def test_memory_is_counted_before_it_is_taken_scratch_included():
+    """What the bounds allocate, measured, is no more than what they count before."""
+    rng = np.random.default_rng(3)
+    graph = Graph.from_arcs(20_000, *rng.integers(0, 20_000, (2, 80_000)), rng.integers(0, 9, (80_000, 3)))
+    clock = Clock(Budget(), None)
+    groups = Groups.none(graph, clock)
+    lower_bounds(graph, 0, np.array([1]), clock, groups)
+    bounded = Clock(Budget(max_memory=clock.peak - 1), None)
+    assert lower_bounds(graph, 0, np.array([1]), bounded, groups)[2] is Status.MEMORY_LIMIT
+    tracemalloc.start()
+    lower_bounds(graph, 0, np.array([1]), clock, groups)
+    arrays = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.8 * clock.peak <= arrays <= clock.peak + 20_000  # the objects of a pool of threads
+
+
+def test_a_limit_stops_between_costs():
+    graph = Graph.from_arcs(2, [0], [1], [[1, 1]])
+    assert lower_bounds(graph, 0, np.array([1]), Clock(Budget(max_memory=1), None))[2] is Status.MEMORY_LIMIT

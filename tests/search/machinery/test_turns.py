@@ -1,0 +1,89 @@
+"""Claims: groups are found where turns allow two in a row to be left out, and only there; renumbering loses nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.search import Graph
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import OFFSET, SIZE, Groups
+from hpop.status import Budget
+
+
+def groups_of(graph: Graph) -> Groups | None:
+    return Groups.of_column(graph, 1, Clock(Budget(), None))
+
+
+def shuffled(graph: Graph, seed: int) -> tuple[Graph, np.ndarray]:
+    """The same graph under other numbers, and the new number of each node."""
+    name = np.random.default_rng(seed).permutation(graph.nodes)
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    return Graph.from_arcs(graph.nodes, name[tails], name[graph.heads], graph.costs), name
+
+
+def test_the_headings_of_a_cell_are_a_group(lattice):
+    graph = lattice(0, 4)
+    groups = groups_of(graph)
+    assert groups is not None
+    assert groups.rows[:, SIZE].tolist() == [4] * 16
+    assert groups.nodes.tolist() == list(range(64))
+    assert groups.step == 1
+    assert (groups.dearest[:, 1] == 1).all()
+    assert not groups.dearest[:, 2].any()
+
+
+def test_groups_are_ranges_of_the_new_numbers(lattice):
+    graph, name = shuffled(lattice(0, 4), 1)
+    groups = groups_of(graph)
+    assert groups is not None
+    assert (groups.nodes[groups.place] == np.arange(graph.nodes)).all()
+    cells = {frozenset(name[4 * cell : 4 * cell + 4].tolist()) for cell in range(16)}
+    ranges = zip(groups.rows[:, OFFSET], groups.rows[:, SIZE], strict=True)
+    assert {frozenset(groups.nodes[begin : begin + size].tolist()) for begin, size in ranges} == cells
+
+
+def test_every_plain_arc_is_kept_and_no_turn(lattice):
+    graph, _ = shuffled(lattice(3, 4), 2)
+    groups = groups_of(graph)
+    assert groups is not None
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    new_tails = np.repeat(np.arange(graph.nodes), np.diff(groups.start))
+    assert sorted(groups.origin.tolist()) == np.flatnonzero(graph.costs[:, 1] == 0).tolist()
+    assert (groups.nodes[new_tails] == tails[groups.origin]).all()
+    assert (groups.nodes[groups.heads] == graph.heads[groups.origin]).all()
+
+
+CLIQUE = [(0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)]
+
+
+def clique(extra: list[tuple[int, int]], costs: dict[tuple[int, int], int], how: str = "sum", turn: int = 1) -> Graph:
+    arcs = CLIQUE + extra
+    table = [[costs.get(arc, 1), turn if arc == (0, 1) else 1, 0] for arc in arcs]
+    return Graph.from_arcs(4, [t for t, _ in arcs], [h for _, h in arcs], table, aggregates=[how, "sum", "sum"])
+
+
+@pytest.mark.parametrize(
+    ("extra", "costs", "how", "turn", "found"),
+    [
+        ([], {}, "sum", 1, True),
+        ([], {(0, 1): 2}, "sum", 1, True),
+        ([], {(0, 1): 3}, "sum", 1, False),  # dearer than two turns
+        ([], {(0, 1): 2}, "max", 1, False),
+        ([], {}, "sum", 2, False),  # counts more than the others
+        ([(0, 1)], {}, "sum", 1, False),  # parallel turns
+        ([(2, 3)], {}, "sum", 1, True),  # a plain arc: nothing leads on from its end
+        ([(3, 2)], {}, "sum", 1, True),  # likewise: nothing leads to its begin
+        ([(2, 3), (3, 2)], {}, "sum", 1, False),  # not every pair
+    ],
+)
+def test_groups_are_checked_arc_by_arc(extra, costs, how, turn, found):
+    assert (groups_of(clique(extra, costs, how, turn)) is not None) == found
+
+
+def test_turns_that_differ_are_told_pair_by_pair():
+    groups = groups_of(clique([], {(0, 1): 2}))
+    assert groups is not None
+    assert groups.alike.tolist() == [False, True, True]
+    assert groups.turns[0, :9].reshape(3, 3).tolist() == [[0, 2, 1], [1, 0, 1], [1, 1, 0]]
+    assert groups.dearest[0].tolist() == [2, 1, 0]
