@@ -38,6 +38,7 @@ hpop.models.driven.driven
 hpop.models.laws.rest_to_rest
 hpop.motions.Curve
 hpop.motions.Law
+hpop.motions.Leg
 hpop.motions.Motions
 hpop.motions.Phase
 hpop.motions.StateSpace
@@ -60,6 +61,8 @@ hpop.status.Progress
 hpop.status.Status
 hpop.sweep.Sweep
 hpop.testing.check_criterion
+hpop.testing.check_model
+hpop.testing.check_planner
 hpop.trajectory.Trajectory
 hpop.verify
 hpop.view.save_pictures

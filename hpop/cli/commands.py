@@ -1,4 +1,4 @@
-"""The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``planners``.
+"""The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``models``, ``planners``.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
 usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
@@ -25,7 +25,6 @@ from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
 from hpop.cli.terminal import Commands, echo, warnings_as_notes
 from hpop.errors import (
-    CriterionError,
     HpopError,
     OptionError,
     OutputError,
@@ -209,22 +208,27 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 
 @main.command()
-@click.argument("criterion", metavar="CRITERION")
+@click.argument("plugin", metavar="NAME")
 @_imports
 @_user_errors
-def check(criterion: str, imports: tuple[str, ...]) -> None:
-    """Run the conformance checks on a CRITERION: FILE.py:NAME or MODULE:NAME of its class, or a registered name."""
+def check(plugin: str, imports: tuple[str, ...]) -> None:
+    """Run the conformance checks on a criterion, model or planner.
+
+    NAME is FILE.py:NAME or MODULE:NAME of its class, or a registered name.
+    """
     from hpop.cli import user_code
-    from hpop.testing import conformance
+    from hpop.testing import conformance, kind_of
 
     user_code.register(imports)
     faults = 0
-    made = user_code.named_criterion(criterion)
+    made = user_code.named(plugin)
     for result in conformance(made):
         faults += bool(result.fault)
         echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
     if faults:
-        raise CriterionError(f"criterion {made.name!r} fails {faults} check{'s' * (faults > 1)}")
+        registry = kind_of(made)
+        called = getattr(made, "name", type(made).__name__)
+        raise registry.error(f"{registry.kind} {called!r} fails {faults} check{'s' * (faults > 1)}")
 
 
 @main.command()
@@ -236,6 +240,17 @@ def criteria(imports: tuple[str, ...]) -> None:
 
     user_code.register(imports)
     report.print_criteria()
+
+
+@main.command()
+@_imports
+@_user_errors
+def models(imports: tuple[str, ...]) -> None:
+    """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
+    from hpop.cli import report, user_code
+
+    user_code.register(imports)
+    report.print_models()
 
 
 @main.command()

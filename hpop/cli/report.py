@@ -25,8 +25,10 @@ from rich.text import Text
 from hpop import registry
 from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
+from hpop.errors import HpopError
 from hpop.front import Front
 from hpop.frontier import hypervolume
+from hpop.planners.needs import needs_of
 from hpop.problem import Problem
 from hpop.registry import GROUPS
 from hpop.status import Progress, ProgressCallback
@@ -352,12 +354,30 @@ def print_criteria(console: Console | None = None) -> None:
             _print_entry(console, cls.name, declared, _first_line(cls))
 
 
-def print_planners(console: Console | None = None) -> None:
-    """Print the registered planners and their options."""
+def print_models(console: Console | None = None) -> None:
+    """Print the registered robots, their parameters and what they provide."""
     console = console or Console()
-    console.print("Planners: name, options with their defaults")
+    console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
+    for name, cls in registry.models.items():
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} {_provided(cls)}".strip())
+
+
+def print_planners(console: Console | None = None) -> None:
+    """Print the registered planners, their options and what they need."""
+    console = console or Console()
+    console.print("Planners: name, options with their defaults, what they need of a model")
     for name, cls in registry.planners.items():
-        _print_entry(console, name, _fields(cls), _first_line(cls))
+        needs = ", ".join(sorted(needs_of(cls)))
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
+
+
+def _provided(cls: type) -> str:
+    """What a robot with its defaults provides, in words; nothing of one that has none."""
+    try:
+        made = cls()
+    except (TypeError, HpopError):
+        return ""
+    return f"States {made.space}. Provides {', '.join(sorted(made.provides))}."
 
 
 def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
@@ -366,7 +386,14 @@ def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
 
 
 def _fields(cls: Any) -> str:
-    return ", ".join(f"{field.name}={field.default!r}" for field in dataclasses.fields(cls))
+    return ", ".join(f"{field.name}={_default(field)}" for field in dataclasses.fields(cls) if field.init)
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    """What a field is if nobody gives it: "..." where somebody must."""
+    if field.default_factory is not dataclasses.MISSING:
+        return repr(field.default_factory())
+    return "..." if field.default is dataclasses.MISSING else repr(field.default)
 
 
 def _first_line(cls: type) -> str:

@@ -16,7 +16,9 @@ from types import ModuleType
 from typing import Any
 
 from hpop.criteria.base import Criterion, make_criterion
-from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place
+from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place, unknown_name
+from hpop.motions import Model
+from hpop.planners.base import Planner, make_planner
 from hpop.registry import Registry, criteria, models, planners, readers
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, readers)
@@ -49,23 +51,29 @@ def _registered() -> Iterator[Any]:
         yield from registry.own().values()
 
 
-def named_criterion(spec: str) -> Criterion:
-    """A criterion with its default parameters: ``FILE.py:NAME`` or ``MODULE:NAME`` of its class, or a registered name.
+def named(spec: str) -> Criterion | Model | Planner:
+    """A criterion, model or planner with its defaults: ``FILE.py:NAME`` or ``MODULE:NAME``, or a registered name.
 
-    Raises OwnCodeError where its module cannot be imported, CriterionError where that has no such criterion, and
+    Raises OwnCodeError where its module cannot be imported, the error of its kind where that has no such class, and
     UnknownName.
     """
     source, colon, name = spec.rpartition(":")
-    if not colon and _is_file(spec) and spec not in criteria:
-        raise CriterionError(f"{spec!r} does not say which criterion: give {spec}:NAME, with the name of its class")
+    known = {name: registry[name] for registry in (planners, models, criteria) for name in registry}
+    if not colon and spec not in known:
+        if _is_file(spec):
+            raise CriterionError(f"{spec!r} does not say what to check: give {spec}:NAME, with the name of its class")
+        raise unknown_name("criterion, model or planner", spec, known)
     try:
-        found: Any = getattr(imported(source), name) if colon else criteria[spec]
+        found: Any = getattr(imported(source), name) if colon else known[spec]
     except AttributeError as error:
         raise CriterionError(f"{spec!r} is not there ({error}); give FILE.py:NAME or MODULE:NAME") from None
     try:
-        return make_criterion(found() if isinstance(found, type) else found)
+        made = found() if isinstance(found, type) else found
     except TypeError as error:
         raise CriterionError(f"{spec} needs defaults for all its parameters to be checked ({error})") from None
+    if isinstance(made, Model):
+        return made
+    return make_planner(made) if callable(getattr(made, "solve", None)) else make_criterion(made)
 
 
 def imported(spec: str) -> ModuleType:

@@ -92,6 +92,57 @@ def test_criteria_and_planners_are_listed_with_their_parameters(run: Callable[..
     assert max(map(len, listed.splitlines())) <= 80
 
 
+def test_models_are_listed_with_what_they_provide_and_planners_with_what_they_need(run: Callable[..., Result]) -> None:
+    listed = " ".join(run("models").stdout.split())
+    assert all(f" {name} " in listed for name in registry.models)
+    assert "radius=0.3" in listed
+    assert "States (x m, y m, yaw rad). Provides base, camera, heading, plane, rigid, turn-move, wheels." in listed
+    assert "Needs plane, rigid, turn-move, wheels." in " ".join(run("planners").stdout.split())
+
+
+ROBOT = """\
+from dataclasses import dataclass, replace
+import hpop
+from hpop.planners import Lattice, planner
+
+@hpop.model("{name}")
+@dataclass(frozen=True)
+class Robot(hpop.DifferentialDrive):
+    def extent(self, motions):
+        farthest, turned = super().extent(motions)
+        return {share} * farthest, turned
+
+@planner("{name}-planner")
+@dataclass(frozen=True)
+class Mine:
+    needs = Lattice.needs
+    def solve(self, problem, progress=None):
+        found = Lattice(step=0.5).solve(problem, progress)
+        return replace(found, planned={share} * found.planned)
+"""
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_robots_and_planners_are_checked_as_criteria_are(
+    run: Callable[..., Result], refused: Callable[..., None], here: Path, monkeypatch: pytest.MonkeyPatch, share: float
+) -> None:
+    for known in (registry.models, registry.planners):
+        monkeypatch.setattr(known, "_types", dict(known))
+    name = f"robot_{share:g}".replace(".", "_")
+    (here / f"{name}.py").write_text(ROBOT.format(name=name, share=share))
+    for cls, error, said in (
+        ("Robot", f"model '{name}' fails 1 check", "moves no body farther than its extent: the base goes"),
+        ("Mine", f"planner '{name}-planner' fails", "costs what it planned for differential_drive: length of"),
+    ):
+        done = run("check", f"{name}:{cls}")
+        if share == 1.0:
+            assert done.exit_code == 0, done.output
+            assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
+        else:
+            refused(done, done.exit_code, error)
+            assert f"FAIL  {said}" in done.stdout
+
+
 def test_lists_show_no_markup_of_docstrings(run: Callable[..., Result]) -> None:
     assert "`" not in run("criteria").stdout + run("planners").stdout
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import hpop.testing
+import hpop.testing.criteria
 from hpop.criteria import make_criterion, motion_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
@@ -43,7 +43,7 @@ def walking(rng):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_they_keep_what_criteria_promise_where_there_is_time(name, monkeypatch):
-    monkeypatch.setattr(hpop.testing, "random_world", walking)
+    monkeypatch.setattr(hpop.testing.criteria, "random_world", walking)
     checks = [check for check in conformance(make_criterion(name)) if check.claim not in TIMELESS]
     assert len(checks) >= 5
     faults = [check for check in checks if check.fault]

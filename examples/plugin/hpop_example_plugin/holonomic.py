@@ -15,9 +15,10 @@ from hpop.errors import ModelError
 from hpop.math import hypot, smooth_abs
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import rest_to_rest
-from hpop.motions import Law, Phase, States, StateSpace
+from hpop.motions import Law, Leg, Phase, States, StateSpace
 
 MAST_RADIUS = 0.05  # m
+STILL = 1e-9  # m: states no further apart are one
 
 
 @dataclass(frozen=True)
@@ -112,3 +113,9 @@ class Holonomic(PlanarModel):
     def mounts(self) -> Mapping[str, Mount]:
         """Its bodies: the base, and the camera on its mast."""
         return {"base": Mount(), "camera": Mount(height=self.camera_height)}
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """One slide; where b leaves the yaw open, that of a stays."""
+        to = self.space.onward(a, b)
+        to = States(x=to.x, y=to.y, yaw=np.where(np.isnan(to.yaw), a.yaw, to.yaw))
+        return [Leg("slide", to, self.space.apart(a, to) > STILL)]

@@ -1,45 +1,35 @@
-"""Conformance checks for anyone's criterion: what planners and fronts rely on, shown on random worlds.
-
-``hpop check module:Name`` prints them; :func:`check_criterion` raises, for use in tests.
-"""
+"""What planners and fronts rely on in a criterion, shown on motions in random worlds."""
 
 from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import shapely
 
 from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
-from hpop.models.differential_drive.driven import ahead, driven
+from hpop.models.differential_drive.driven import driven
 from hpop.motions import Model, Motions, States
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.registry import make_model
+from hpop.testing.checks import Check, differ, fault_of, raise_faults
+from hpop.testing.motions import random_motions
+from hpop.testing.worlds import FRAME, in_frame, random_world, reframed
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Landmark, Person, Zone
 
 KINDS = ("move", "turn", "drive")
 CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
-FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
 FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
-
-
-class Check(NamedTuple):
-    """One conformance check: what it claims, and what contradicts it ("" where it holds)."""
-
-    claim: str
-    fault: str
 
 
 def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
@@ -47,12 +37,10 @@ def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
     if isinstance(criterion, type) or not isinstance(criterion, Criterion):
         made = f"{criterion.__name__}()" if isinstance(criterion, type) else "Turns()"
         raise CriterionError(f"expected an instance of a criterion, such as {made}, got {shown(criterion)}")
-    faults = [f"{check.claim}: {check.fault}" for check in conformance(criterion, seed=seed) if check.fault]
-    if faults:
-        raise CriterionError(f"criterion {criterion.name!r} fails {len(faults)} checks:\n  " + "\n  ".join(faults))
+    raise_faults(f"criterion {criterion.name!r}", criterion_checks(criterion, seed=seed), CriterionError)
 
 
-def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
+def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that."""
     rng = np.random.default_rng(seed)
     model = make_model({"differential_drive": {"camera_offset": (0.1, 0.05)}})
@@ -70,104 +58,45 @@ def conformance(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
 
     finite = Check(
-        "costs a finite number >= 0 for each motion", _fault(lambda: "" if ask(criterion).size else "no costs")
+        "costs a finite number >= 0 for each motion", fault_of(lambda: "" if ask(criterion).size else "no costs")
     )
     yield finite
     if finite.fault:  # the other checks compare costs: they would all say this again
         return
-    yield Check("survives pickling", _fault(lambda: _pickled(criterion, ask)))
+    yield Check("survives pickling", fault_of(lambda: _pickled(criterion, ask)))
     yield Check(
         "gives the same costs when asked again",
-        _fault(lambda: _differ("the second time", ask(criterion), ask(criterion), 0.0)),
+        fault_of(lambda: differ("the second time", ask(criterion), ask(criterion), 0.0)),
     )
     if not getattr(criterion, "world_frame", False):
         yield Check(
-            "costs the same wherever the world's frame lies", _fault(lambda: _reframed(criterion, world, model))
+            "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, model))
         )
     if hasattr(criterion, "bound"):
-        yield Check("bounds the cost of every trajectory from below", _fault(lambda: _bounded(criterion, world, model)))
+        yield Check(
+            "bounds the cost of every trajectory from below", fault_of(lambda: _bounded(criterion, world, model))
+        )
     if criterion.aggregate == "trajectory":
         return
-    yield Check("costs the same on a trajectory as on its edges", _fault(lambda: _as_edges(criterion, world, model)))
-    yield Check("adds up along lattice edges to the trajectory's cost", _fault(lambda: _walk(criterion, rng, world)))
-    yield Check("costs a motion the same alone and in a batch", _fault(lambda: _alone(criterion, batches)))
-    yield Check("costs halves of a move as much as the whole", _fault(lambda: _halves(criterion, batches)))
-    yield Check("costs the same wherever a curve is cut", _fault(lambda: _cut(criterion, rng, world, model)))
+    yield Check("costs the same on a trajectory as on its edges", fault_of(lambda: _as_edges(criterion, world, model)))
+    yield Check("adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, rng, world)))
+    yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _alone(criterion, batches)))
+    yield Check("costs halves of a move as much as the whole", fault_of(lambda: _halves(criterion, batches)))
+    yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
     if criterion.smooth:
-        yield Check("has the same value on CasADi symbols", _fault(lambda: _symbolic(criterion, batches)))
-        yield Check("has the gradient of its differences", _fault(lambda: _gradient(criterion, batches)))
-
-
-def random_world(rng: np.random.Generator) -> World:
-    """A room of 12 x 9 m with boxes of random places, sizes and heights, standing people, landmarks and zones."""
-    corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
-    sizes = rng.uniform(0.3, 1.5, size=(8, 2))
-    tops = rng.uniform(0.5, 2.5, size=8)
-    boxes = [(shapely.box(*c, *(c + s)), (0.0, float(top))) for c, s, top in zip(corners, sizes, tops, strict=True)]
-    places = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(6, 2)).tolist()
-    yaws = rng.uniform(-np.pi, np.pi, size=5).tolist()
-    line = shapely.LineString(rng.uniform((1.0, 1.0), (11.0, 8.0), size=(3, 2)))
-    return World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0)).with_content(
-        people=[Person(x, y, yaw) for (x, y), yaw in zip(places[:3], yaws[:3], strict=True)],
-        groups=[(0, 1)],
-        landmarks=[Landmark(x, y, facing=facing) for (x, y), facing in zip(places[3:], [None, *yaws[3:]], strict=True)],
-        zones=[
-            Zone("speed", shapely.box(2.0, 2.0, 8.0, 6.0), limit=0.5),
-            Zone("one-way", line.buffer(1.5), path=line),
-        ],
-    )
-
-
-def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Short moves, turns of up to half a turn either way across yaw = pi, or curves; 0.5 m from what is blocked.
-
-    Every third curve begins or ends standing, every fourth turns first one way and then the other.
-    """
-    x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
-    x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
-    yaw = rng.uniform(-np.pi, np.pi, size)
-    if kind == "drive":
-        speeds, bends = rng.uniform(0.3, 1.0, (2, size)), rng.uniform(0.4, 1.5, (2, size))
-        speeds[rng.integers(0, 2, size), np.arange(size)] *= np.arange(size) % 3 > 0
-        bends = bends * rng.choice([-1.0, 1.0], size) * np.array([np.ones(size), np.where(np.arange(size) % 4, 1, -1)])
-        lasts = rng.uniform(0.2, 0.4, size)
-        start = States(x=x, y=y, yaw=yaw, speed=speeds[0], turn_rate=bends[0], clock=rng.uniform(0, 60, size))
-        end = ahead(start, (speeds[1] - speeds[0]) / lasts, (bends[1] - bends[0]) / lasts, lasts)
-        return Motions(world, model, model.laws[kind], start, end, t0=start.clock)
-    length = rng.uniform(0.1, 0.4, size) if kind == "move" else np.zeros(size)
-    turn = rng.uniform(0.2, 3.1, size) * rng.choice([-1.0, 1.0], size) if kind == "turn" else np.zeros(size)
-    end = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw + turn)
-    return Motions(world, model, model.laws[kind], States(x=x, y=y, yaw=yaw), end, t0=rng.uniform(0, 60, size))
-
-
-def _fault(test: Callable[[], str]) -> str:
-    """What a check found; a criterion under test may raise anything, and that is a fault, not a crash."""
-    try:
-        return test()
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
-
-
-def _differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float, scale: float | None = None) -> str:
-    """Where two columns differ by more than a share of each value and of a scale, by default that of the largest."""
-    gap = np.abs(expected - found)
-    largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
-    allowed = tolerance * np.maximum(np.abs(expected), largest)
-    if np.all(gap <= allowed):  # not a number is a fault
-        return ""
-    worst = int(np.argmax(np.where(np.isnan(gap), np.inf, gap - allowed)))
-    return f"{what}: expected {expected.flat[worst]:.6g}, found {found.flat[worst]:.6g}"
+        yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, batches)))
+        yield Check("has the gradient of its differences", fault_of(lambda: _gradient(criterion, batches)))
 
 
 def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray]) -> str:
-    return _differ("after pickling", ask(criterion), ask(pickle.loads(pickle.dumps(criterion))), 0.0)
+    return differ("after pickling", ask(criterion), ask(pickle.loads(pickle.dumps(criterion))), 0.0)
 
 
 def _alone(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in batches:
         together = motion_costs(criterion, motions)
         apart = np.concatenate([motion_costs(criterion, _part(motions, slice(i, i + 1))) for i in range(len(motions))])
-        fault = _differ(f"a {motions.kind} alone", together, apart, 1e-9)
+        fault = differ(f"a {motions.kind} alone", together, apart, 1e-9)
         if fault:
             return fault
     return ""
@@ -187,7 +116,7 @@ def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Mo
     for pieces in (2, 5):
         apart = trajectory_costs([criterion], [whole.cut(np.array([pieces])) for whole in wholes], world)
         limits = (world.cell, 1.0) if criterion.aggregate == "max" else (CUT_TOLERANCE, None)
-        fault = _differ(f"in {pieces} pieces", expected, apart, *limits)
+        fault = differ(f"in {pieces} pieces", expected, apart, *limits)
         if fault:
             return fault
     return ""
@@ -203,7 +132,7 @@ def _halves(criterion: Criterion, batches: list[Motions]) -> str:
         halves = np.maximum(first, second) if criterion.aggregate == "max" else first + second
         # A worst moment between two samples is missed by what the cost changes within a cell, in metres.
         limits = (motions.world.cell, 1.0) if criterion.aggregate == "max" else (SPLIT_TOLERANCE, None)
-        fault = _differ("in two halves", motion_costs(criterion, motions), halves, *limits)
+        fault = differ("in two halves", motion_costs(criterion, motions), halves, *limits)
         if fault:
             return fault
     return ""
@@ -231,7 +160,7 @@ def _as_edges(criterion: Criterion, world: World, model: Model) -> str:
             # On a graph without time; a criterion that asks for the time is only defined on trajectories.
             costs[index] = motion_costs(criterion, replace(motions, t0=None))
         added = _added_up(criterion, costs, trajectory)
-        fault = _differ("on the trajectory", added, _value(criterion, trajectory, world), 1e-9)
+        fault = differ("on the trajectory", added, _value(criterion, trajectory, world), 1e-9)
         if fault:
             return fault
     return ""
@@ -264,7 +193,7 @@ def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
         paid.append(costs[edge])
     trajectory = lattice.trajectory(np.array(walk))
     added = _added_up(criterion, np.array(paid), trajectory)
-    return _differ("along lattice edges", _value(criterion, trajectory, world), added, 1e-9)
+    return differ("along lattice edges", _value(criterion, trajectory, world), added, 1e-9)
 
 
 def _added_up(criterion: Criterion, costs: FloatArray, trajectory: Trajectory) -> FloatArray:
@@ -282,44 +211,14 @@ def _reframed(criterion: Criterion, world: World, model: Model) -> str:
     elsewhere = reframed(world)
     for trajectory in (_detour(model, 1.0), _slalom(model)):
         s = trajectory.states
-        x, y = _turned(s.x, s.y)
+        x, y = in_frame(s.x, s.y)
         others = {name: getattr(s, name) for name in s.names[3:]}
         moved = Trajectory(model, States(x=x, y=y, yaw=s.yaw + FRAME[2], **others), trajectory.kinds)
         there = _value(criterion, moved, elsewhere)
-        fault = _differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
+        fault = differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
         if fault:
             return fault
     return ""
-
-
-def reframed(world: World) -> World:
-    """A polygon world turned and shifted by ``FRAME``, content and all."""
-
-    def place(geometry: Any) -> Any:
-        return shapely.transform(geometry, lambda points: np.stack(_turned(points[:, 0], points[:, 1]), axis=1))
-
-    def pose(thing: Any, facing: str) -> dict[str, Any]:
-        x, y = _turned(thing.x, thing.y)
-        angle = getattr(thing, facing)
-        return {"x": float(x), "y": float(y), facing: None if angle is None else angle + FRAME[2]}
-
-    content = world.content
-    return World.from_polygons(
-        [(place(obstacle.polygon), obstacle.heights) for obstacle in world.obstacles], extent=place(world.extent)
-    ).with_content(
-        people=[replace(person, **pose(person, "yaw")) for person in content.people],
-        groups=content.groups,
-        landmarks=[replace(landmark, **pose(landmark, "facing")) for landmark in content.landmarks],
-        zones=[
-            replace(zone, area=place(zone.area), path=None if zone.path is None else place(zone.path))
-            for zone in content.zones
-        ],
-    )
-
-
-def _turned(x: Any, y: Any) -> tuple[Any, Any]:
-    cos, sin = np.cos(FRAME[2]), np.sin(FRAME[2])
-    return cos * x - sin * y + FRAME[0], sin * x + cos * y + FRAME[1]
 
 
 class _SampledWorld(World):
@@ -335,7 +234,7 @@ def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=3) for m in batches):
         symbols = SymbolicMotions.of(motions)
         value, _ = symbols.values_and_jacobian(criterion.cost(symbols.motions))
-        fault = _differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)
+        fault = differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)
         if fault:
             return fault
     return ""
@@ -352,9 +251,7 @@ def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
         for column, step in enumerate(GRADIENT_STEP * np.eye(symbols.point.size)):
             below, above = (np.array(function(symbols.point + ahead)[0]).ravel() for ahead in (-step, step))
             slope = (above - below) / (2 * GRADIENT_STEP)
-            fault = _differ(
-                f"d cost/d state of a {motions.kind}", slope, jacobian[:, column], GRADIENT_TOLERANCE, scale
-            )
+            fault = differ(f"d cost/d state of a {motions.kind}", slope, jacobian[:, column], GRADIENT_TOLERANCE, scale)
             if fault:
                 return fault
     return ""

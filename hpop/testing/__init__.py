@@ -1,0 +1,46 @@
+"""Conformance checks for anyone's criterion, model or planner: what the house relies on, shown on random worlds.
+
+``hpop check module:Name`` prints them; :func:`check_criterion`, :func:`check_model` and :func:`check_planner` raise,
+for use in tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from hpop import registry
+from hpop.criteria.base import Criterion
+from hpop.motions import Model
+from hpop.testing.checks import Check
+from hpop.testing.criteria import check_criterion, criterion_checks
+from hpop.testing.models import check_model, model_checks
+from hpop.testing.motions import random_motions
+from hpop.testing.planners import check_planner, planner_checks
+from hpop.testing.worlds import random_world, reframed
+
+__all__ = [
+    "Check",
+    "check_criterion",
+    "check_model",
+    "check_planner",
+    "conformance",
+    "kind_of",
+    "random_motions",
+    "random_world",
+    "reframed",
+]
+
+
+def kind_of(plugin: Any) -> registry.Registry[type]:
+    """The registry of criteria, models or planners that something belongs to."""
+    if isinstance(plugin, Criterion):
+        return registry.criteria
+    return registry.models if isinstance(plugin, Model) else registry.planners
+
+
+def conformance(plugin: Any, *, seed: int = 0) -> Iterator[Check]:
+    """Check what a criterion, a model or a planner promises, one check after the other."""
+    if isinstance(plugin, Criterion):
+        return criterion_checks(plugin, seed=seed)
+    return model_checks(plugin, seed=seed) if isinstance(plugin, Model) else planner_checks(plugin, seed=seed)

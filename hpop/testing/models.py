@@ -1,0 +1,364 @@
+"""What criteria, planners and verification rely on in a model, shown on states and motions in random worlds."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray
+from hpop.errors import ModelError
+from hpop.motions import Body, Model, Motions, Pose, States, is_curve
+from hpop.motions.states import Vector
+from hpop.registry import make_model
+from hpop.testing.checks import Check, differ, fault_of, raise_faults
+from hpop.testing.motions import random_motions
+from hpop.testing.worlds import random_world
+from hpop.text import shown
+from hpop.trajectory import STILL, Trajectory
+from hpop.world import World
+
+PAIRS = 12  # motions of each law
+STATES = 200  # whose collisions are looked at
+MOMENTS = 40  # within each motion
+MOMENT = 1e-6  # s, of differences
+SAMPLES = 1000  # along a motion whose way and rotation are measured
+NEAR = 0.15  # share of the way to another state: of motions short enough to be free now and then
+SAME = 1e-9  # m or rad, and relative
+TWIST_TOLERANCE = 1e-4  # relative, of differences
+BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in the place of curves
+PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
+BODIES = ("base", "camera")
+
+
+def check_model(model: Model, *, seed: int = 0) -> None:
+    """Raise ModelError that lists every check a model fails, on worlds drawn with a seed."""
+    if isinstance(model, type) or not isinstance(model, Model):
+        made = f"{model.__name__}()" if isinstance(model, type) else "DifferentialDrive()"
+        raise ModelError(f"expected an instance of a model, such as {made}, got {shown(model)}")
+    raise_faults(f"model {type(model).__name__}", model_checks(model, seed=seed), ModelError)
+
+
+def model_checks(model: Model, *, seed: int = 0) -> Iterator[Check]:
+    """Check what a model promises, one check after the other; of one without laws that lead anywhere, no more.
+
+    Laws of curves are looked at where hpop can draw motions of them, which it can of "drive".
+    """
+    rng = np.random.default_rng(seed)
+    world = random_world(rng)
+    yield Check("is made again from its description", fault_of(lambda: _described(model)))
+    yield Check("reads and writes its states", fault_of(lambda: _spaced(model, world, rng)))
+    yield Check("provides what it says", fault_of(lambda: _provided(model, world)))
+    batches: list[Motions] = []
+    led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, rng, batches)))
+    yield led
+    if led.fault:  # the other checks look at motions
+        return
+    bodies = [name for name in BODIES if name in model.provides]
+    yield Check("has poses with axes at right angles", fault_of(lambda: _upright(bodies, batches)))
+    yield Check("has twists that say how its poses change", fault_of(lambda: _twisted(bodies, batches, rng)))
+    yield Check("moves its bodies as far as their poses go", fault_of(lambda: _measured(bodies, batches)))
+    yield Check("moves no body farther than its extent", fault_of(lambda: _bounded(bodies, batches)))
+    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, rng)))
+    connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, rng)))
+    yield connected
+    if connected.fault:  # the others look at trajectories, which are made of these
+        return
+    yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, rng)))
+    yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, rng)))
+
+
+# What it is
+
+
+def _described(model: Model) -> str:
+    description = model.describe()
+    again = make_model(json.loads(json.dumps(description, allow_nan=False)))
+    if again.describe() != description:
+        return f"described as {description}, and what is made of that as {again.describe()}"
+    if (again, hash(again)) != (model, hash(model)):
+        return f"what is made of {description} is not equal to it, or has another hash"
+    return "" if pickle.loads(pickle.dumps(model)) == model else "after pickling it is another"
+
+
+def _spaced(model: Model, world: World, rng: np.random.Generator) -> str:
+    space = model.space
+    states = drawn_states(model, world, rng, STATES)
+    if states.names != space.names:
+        return f"a sample has the states {states.names}, the space {space.names}"
+    for i in range(PAIRS):
+        one = states.take(slice(i, i + 1))
+        if space.values(space.state(space.values(one))) != space.values(one):
+            return f"{space.values(one)} is read as {space.values(space.state(space.values(one)))}"
+    turned = States(**{n: getattr(states, n) + 2 * np.pi * (n in space.turning) for n in space.names})
+    for body in (name for name in BODIES if name in model.provides):
+        here, there = _axes(model.pose(body, states), STATES), _axes(model.pose(body, turned), STATES)
+        if fault := differ(f"{body} after a whole turn of {', '.join(space.turning)}", here, there, SAME, 10.0):
+            return fault
+    return ""
+
+
+def _provided(model: Model, world: World) -> str:
+    provides, names = model.provides, set(model.space.names)
+    if not provides & set(BODIES):
+        return f"neither of the bodies {' and '.join(BODIES)}: criteria have nothing to read"
+    if "plane" in provides:
+        if not {"x", "y", "yaw"} <= names:
+            return f"plane, but x, y and yaw are not all among {', '.join(model.space.names)}"
+        for collision in (model.collision(world),):
+            if not (hasattr(collision, "clear") and hasattr(collision, "yaw_matters")):
+                return f"plane, but its collision, {type(collision).__name__}, has no clear() and yaw_matters"
+    if "rigid" in provides and names != {"x", "y", "yaw"}:
+        return f"rigid, but it has the states {', '.join(model.space.names)}"
+    if "turn-move" in provides and not {"turn", "move"} <= set(model.laws):
+        return f"turn-move, but it has the laws {', '.join(model.laws)}"
+    return ""
+
+
+# What it does
+
+
+def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
+    """States (size,), anywhere in a world and within the model's own limits."""
+    x_min, y_min, x_max, y_max = world.bounds
+    spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
+    return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
+
+
+def drawn_motions(
+    model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
+) -> Motions | None:
+    """Motions (size,) of a law from anywhere, a share of what leads anywhere else; None of curves that are unknown."""
+    law, space = model.laws[kind], model.space
+    if is_curve(law):
+        return random_motions(rng, world, model, kind, size) if kind == "drive" else None
+    start, other = (drawn_states(model, world, rng, size) for _ in range(2))
+    changes, ones = space.differences(start, other), np.ones(size)
+    end = States(**{n: getattr(start, n) + share * changes[n] * (n in law.varies) for n in space.names})
+    # What a law changes together (a head that turns back as its base turns) leads from there to where it can end.
+    led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(end, n) for n in space.names}
+    return Motions(world, model, law, start, States(**led), t0=np.zeros(size))
+
+
+def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
+    """Laws by their ends and phases; fills in the motions that the other checks look at."""
+    for kind, law in model.laws.items():
+        if law.kind != kind:
+            return f"the law under {kind!r} calls itself {law.kind!r}"
+        motions = drawn_motions(model, kind, world, rng, PAIRS)
+        if motions is None:
+            continue
+        if strange := law.varies - set(motions.start.names):
+            return f"a {kind} varies {', '.join(sorted(strange))}, which is no state of it"
+        start, end, ones = motions.start, motions.end, np.ones(PAIRS)
+        for name in law.varies:
+            for share, states in ((0.0, start), (1.0, end)):
+                found = law.interpolate(name, start, end, share * ones)
+                if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
+                    return fault
+        done: Column = 0.0 * ones
+        for phase in motions.phases:
+            lasts = phase.duration + 0.0 * ones
+            if not (np.isfinite(lasts).all() and (lasts >= 0).all()):
+                return f"a phase of a {kind} lasts {lasts.min()} s"
+            if fault := differ(f"share of a {kind} done as a phase begins", done, phase.begin + 0.0 * ones, SAME, 1.0):
+                return fault
+            done = phase.end + 0.0 * ones
+        if fault := differ(f"share of a {kind} done at its end", ones, done, SAME, 1.0):
+            return fault
+        batches.append(motions)
+    return "" if batches else "none of which motions can be drawn"
+
+
+def _each(motions: Motions) -> Iterator[Trajectory]:
+    """Each of some motions as a trajectory of its own."""
+    names = motions.start.names
+    ends = {name: np.stack([getattr(motions.start, name), getattr(motions.end, name)], axis=1) for name in names}
+    for i in range(len(motions)):
+        yield Trajectory(motions.model, States(**{name: ends[name][i] for name in names}), (motions.kind,))
+
+
+def _columns(vector: Vector, size: int) -> FloatArray:
+    """Three columns, or numbers in their place, as an array (3, N)."""
+    return np.stack([np.broadcast_to(column, (size,)) for column in vector])
+
+
+def _axes(pose: Pose, size: int) -> FloatArray:
+    """Place and axes (4, 3, N) of a pose."""
+    return np.stack([_columns(v, size) for v in ((pose.x, pose.y, pose.z), pose.ahead, pose.left, pose.up)])
+
+
+def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Rotation vectors (3, N), of small angles, from some axes (3, 3, N) to others."""
+    turned: FloatArray = 0.5 * np.cross(before, after, axis=1).sum(axis=0)
+    return turned
+
+
+def _upright(bodies: list[str], batches: list[Motions]) -> str:
+    for motions in batches:
+        for body in bodies:
+            pose = motions.model.pose(body, motions.start)
+            _, ahead, left, up = _axes(pose, len(motions))
+            products = np.einsum("ikn,jkn->ijn", *(np.stack([ahead, left, up]),) * 2)
+            unit = np.broadcast_to(np.eye(3)[:, :, None], products.shape)
+            if fault := differ(f"products of the axes of the {body}", unit, products, SAME, 1.0):
+                return fault
+            if fault := differ(f"ahead x left of the {body}", up, np.cross(ahead, left, axis=0), SAME, 1.0):
+                return fault
+            yaw, pitch = (np.broadcast_to(angle, (len(motions),)) for angle in (pose.yaw, pose.pitch))
+            along = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+            if fault := differ(f"ahead of the {body} by its yaw and pitch", along, ahead, 1e-6, 1.0):
+                return fault
+    return ""
+
+
+def _twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
+    for motions in batches:
+        model = motions.model
+        for trajectory in _each(motions):
+            times = rng.uniform(2 * MOMENT, max(3 * MOMENT, trajectory.duration - 2 * MOMENT), MOMENTS)
+            states, (rates, changes) = trajectory.at(times), trajectory.rates(times)
+            around = [(trajectory.at(t), trajectory.rates(t)[0]) for t in (times - MOMENT, times + MOMENT)]
+            for body in bodies:
+                before, after = (_axes(model.pose(body, there), MOMENTS) for there, _ in around)
+                twist = model.twist(body, states, rates)
+                moved = (after[0] - before[0]) / (2 * MOMENT)
+                turned = _rotations(before[1:], after[1:]) / (2 * MOMENT)
+                rate = model.twist_rate(body, states, rates, changes)
+                begin, end = (model.twist(body, *there) for there in around)
+                gains = (
+                    (_columns(getattr(end, part), MOMENTS) - _columns(getattr(begin, part), MOMENTS)) / (2 * MOMENT)
+                    for part in ("velocity", "rotation")
+                )
+                for what, expected, found in zip(
+                    ("velocity", "rotation", "acceleration", "angular acceleration"),
+                    (moved, turned, *gains),
+                    (twist.velocity, twist.rotation, rate.velocity, rate.rotation),
+                    strict=True,
+                ):
+                    told = f"{what} of the {body} in a {motions.kind}"
+                    if fault := differ(told, expected, _columns(found, MOMENTS), TWIST_TOLERANCE, 10.0):
+                        return fault
+    return ""
+
+
+def _measured(bodies: list[str], batches: list[Motions]) -> str:
+    for motions in batches:
+        size = len(motions)
+        for name in bodies:
+            body: Body = motions.model.body(name, motions)
+            way, turned, rotation = (np.zeros(size) for _ in range(3))
+            for i, trajectory in enumerate(_each(motions)):
+                states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
+                axes = _axes(motions.model.pose(name, states), SAMPLES)
+                steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])
+                way[i] = np.linalg.norm(np.diff(axes[0]), axis=0).sum()
+                turned[i], rotation[i] = np.linalg.norm(steps, axis=0).sum(), steps[2].sum()
+            compared = {"length": way, "turned": turned, "rotation": rotation}
+            for what, expected in compared.items():
+                found = getattr(body, what) + np.zeros(size)
+                told = f"{what} of the {name} in a {motions.kind}"
+                if fault := differ(told, expected, found, BODY_TOLERANCE, float(np.abs(expected).max()) + SAME):
+                    return fault
+            added = sum(turn + np.zeros(size) for turn in body.turns)
+            if fault := differ(f"sum of the turns of the {name} in a {motions.kind}", body.rotation, added, 1e-6, 1.0):
+                return fault
+            if body.stays and way.max() > SAME:
+                return f"the {name} is said to stay in a {motions.kind}, but goes {way.max():.3g} m"
+            if body.steady and turned.max() > SAME:
+                return f"the {name} is said not to turn in a {motions.kind}, but turns {turned.max():.3g} rad"
+    return ""
+
+
+def _bounded(bodies: list[str], batches: list[Motions]) -> str:
+    for motions in batches:
+        farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
+        for name in bodies:
+            body: Body = motions.model.body(name, motions)
+            for what, bound, found in (("goes", farthest, body.length), ("turns", most_turned, body.turned)):
+                if (found > bound * (1 + 1e-6) + 1e-6).any():
+                    worst = int(np.argmax(found - bound))
+                    return f"the {name} {what} {found[worst]:.6g} in a {motions.kind}, the bound is {bound[worst]:.6g}"
+    return ""
+
+
+def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
+    """Free states and motions of planning are free to the judge, and it is not afraid of half of them."""
+    collision, judge = model.collision(world), model.judge(world)
+    states = drawn_states(model, world, rng, STATES)
+    answers = [("states", collision.states_free(states), judge.states_free(states))]
+    for kind in model.laws:
+        motions = drawn_motions(model, kind, world, rng, STATES, NEAR)
+        if motions is not None:
+            answers.append((f"motions, each a {kind},", collision.motions_free(motions), judge.motions_free(motions)))
+    for what, planned, judged in answers:
+        if (planned & ~judged).any():
+            return f"{(planned & ~judged).sum()} of {planned.size} {what} are free to plan by, and collide to the judge"
+        if 2 * planned.sum() < judged.sum():
+            return f"of {judged.sum()} {what} free to the judge, only {planned.sum()} are to plan by"
+    for i in range(PAIRS):
+        one = states.take(slice(i, i + 1))
+        for name, asked in (("collision", collision), ("judge", judge)):
+            if bool(asked.why_blocked(one)) == bool(asked.states_free(one)[0]):
+                return f"its {name} says {asked.why_blocked(one)!r} of a state, free or not: {asked.states_free(one)}"
+    return ""
+
+
+# What it plans and executes
+
+
+def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
+    space = model.space
+    a, b = (drawn_states(model, world, rng, STATES) for _ in range(2))
+    b = States(**{n: np.where(np.arange(STATES) % 5 > 0, getattr(b, n), getattr(a, n)) for n in space.names})  # or stay
+    here = a
+    for leg in model.connect(a, b):
+        if leg.kind not in model.laws:
+            return f"by a {leg.kind}, but its laws are {', '.join(model.laws)}"
+        changes = {n: np.abs(getattr(leg.end, n) - getattr(here, n)) for n in space.names}
+        for name, change in changes.items():
+            if change[~leg.present].max(initial=0.0) > SAME:
+                return f"by a {leg.kind} that is not there, but changes {name} by {change[~leg.present].max():.3g}"
+            if name not in model.laws[leg.kind].varies and change.max() > STILL:
+                return f"by a {leg.kind} that changes {name} by {change.max():.3g}, which its law does not"
+            if name in space.turning and change.max() > np.pi + SAME:
+                return f"by a {leg.kind} whose {name} goes {change.max():.3g} rad, more than half round: it jumps"
+        here = leg.end
+    missed = max(float(np.abs(miss).max()) for miss in space.differences(b, here).values())
+    return f"to {missed:.3g} m or rad beside where it should lead" if missed > STILL else ""
+
+
+def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
+    """A trajectory that leads through some states by what connects them."""
+    return Trajectory.through(model, drawn_states(model, world, rng, 5))
+
+
+def _executed(model: Model, world: World, rng: np.random.Generator) -> str:
+    space = model.space
+    for _ in range(PAIRS):
+        planned = _tour(model, world, rng)
+        done, passed = model.execution(planned)
+        for place, what in ((0, "begins"), (-1, "ends")):
+            there, wanted = done.states.take([place]), planned.states.take([place])
+            missed = max(float(np.abs(miss).max()) for miss in space.differences(wanted, there).values())
+            if missed > STILL:
+                return f"it {what} {missed:.3g} m or rad beside the plan"
+        if np.shape(passed) != planned.times.shape or not (np.diff(passed) >= 0).all():
+            return f"it passes {len(planned) + 1} states at {passed}, not one after the other"
+        if not np.isclose(passed[-1], done.duration, rtol=SAME, atol=SAME):
+            return f"it lasts {done.duration:.6g} s, but passes the last state at {passed[-1]:.6g} s"
+        missed = max(float(np.abs(miss).max()) for miss in space.differences(planned.states, done.at(passed)).values())
+        if missed > PASSED:
+            return f"it is {missed:.3g} m or rad away from a state as it is said to pass it"
+    return ""
+
+
+def _faultless(model: Model, world: World, rng: np.random.Generator) -> str:
+    for _ in range(PAIRS):
+        planned = _tour(model, world, rng)
+        for what, trajectory in (("planned", planned), ("executed", planned.execution())):
+            for fault in model.faults(trajectory):
+                return f"{what}, it {fault}"
+    return ""

@@ -1,0 +1,280 @@
+"""What problems and fronts rely on in a planner, shown on small worlds with the models that it accepts."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Never, cast
+
+import numpy as np
+import shapely
+
+from hpop.criteria.base import trajectory_costs
+from hpop.errors import HpopError, OptionError, UnsupportedCriterion, UnsupportedModel
+from hpop.front import Front
+from hpop.motions import Model
+from hpop.planners.base import Candidates, Planner, sweeps
+from hpop.planners.needs import needs_of
+from hpop.problem import Problem
+from hpop.registry import make_model, models
+from hpop.status import Progress, Status
+from hpop.testing.checks import Check, fault_of, raise_faults
+from hpop.testing.models import drawn_states
+from hpop.text import shown
+from hpop.verify import collision_free, verify
+from hpop.world import World
+
+ROOM = (5.0, 4.0)  # m
+LEFT, RIGHT = 1.2, 3.8  # m: a start has a smaller x, a goal a larger one
+WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between them
+TRIES = 1000  # states drawn, of which two free ones become start and goal
+REPORTS = (1, 2, 5)  # of its reports, at which it is interrupted
+SOON = 1e-3  # s: a time limit that is over before anything is found, or soon after
+ASKED = (("length", "rotation"), ("length", "duration"), ("length",))  # the first that a planner accepts
+DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mean, a worst moment, with memory, no slope
+WORDS = frozenset({"base", "camera", "heading", "wheels", "joints", "plane", "turn-move", "rigid"})
+
+
+def check_planner(planner: Planner, *, models: Sequence[Model] = (), seed: int = 0) -> None:
+    """Raise OptionError that lists every check a planner fails, with some models or all that it accepts."""
+    if isinstance(planner, type) or not callable(getattr(planner, "solve", None)):
+        made = f"{planner.__name__}()" if isinstance(planner, type) else "Lattice(step=0.5)"
+        raise OptionError(f"expected an instance of a planner, such as {made}, got {shown(planner)}")
+    checks = planner_checks(planner, models=models, seed=seed)
+    raise_faults(f"planner {getattr(planner, 'name', type(planner).__name__)!r}", checks, OptionError)
+
+
+def planner_checks(planner: Planner, *, models: Sequence[Model] = (), seed: int = 0) -> Iterator[Check]:
+    """Check what a planner promises, one check after the other; of one that finds nothing, no more than that.
+
+    models  to plan for; by default those that are registered, with their defaults, if it accepts them
+    """
+    yield Check("says what it needs of a model", fault_of(lambda: _needs(planner)))
+    accepted = [model for model in models or registered_models() if needs_of(planner) <= model.provides]
+    if not accepted:
+        yield Check("serves a model", f"none that is registered provides {', '.join(sorted(needs_of(planner)))}")
+        return
+    if needs_of(planner):
+        yield Check(
+            "refuses by name a model that lacks what it needs", fault_of(lambda: _refused(planner, accepted[0]))
+        )
+    for model in accepted:
+        of = f" for {getattr(model, 'name', type(model).__name__)}" * (len(accepted) > 1)
+        found: list[tuple[Problem, Candidates]] = []
+        plans = Check(f"finds trajectories{of}", fault_of(lambda: _plans(planner, model, seed, found)))  # noqa: B023
+        yield plans
+        if plans.fault:
+            continue
+        ((problem, first),) = found
+        yield Check(f"says what it found{of}", fault_of(lambda: _said(problem, first)))  # noqa: B023
+        yield Check(f"costs what it planned{of}", fault_of(lambda: _costs(problem, first)))  # noqa: B023
+        yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _verified(problem, first)))  # noqa: B023
+        yield Check(f"is saved and loaded{of}", fault_of(lambda: _saved(problem, first)))  # noqa: B023
+        yield Check(f"finds the same again{of}", fault_of(lambda: _again(planner, problem, first)))  # noqa: B023
+        yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
+        yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria(planner, problem)))  # noqa: B023
+        yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupted(planner, problem)))  # noqa: B023
+        if "time_limit" in {option.name for option in fields(cast(Any, planner))}:
+            yield Check(f"ends at its time limit{of}", fault_of(lambda: _late(planner, problem)))  # noqa: B023
+
+
+def registered_models() -> list[Model]:
+    """Models with their defaults; those without are left out."""
+    made = []
+    for name in models:
+        try:
+            made.append(cast(Model, make_model(name)))
+        except HpopError:
+            continue
+    return made
+
+
+def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Problem:
+    """A room with a box in it, from a free state left to one right of it; what turns may be as it likes at the goal."""
+    rng = np.random.default_rng(seed)
+    corner, size = rng.uniform((1.8, 0.5), (2.2, 2.5)), rng.uniform(0.4, 0.9, 2)
+    world = World.from_polygons([shapely.box(*corner, *(corner + size))], extent=shapely.box(0, 0, *ROOM))
+    states, space = drawn_states(model, world, rng, TRIES), model.space
+    free = model.collision(world).states_free(states) & model.judge(world).states_free(states)
+    x = model.pose("base" if "base" in model.provides else "camera", states).x
+    start, goal = (space.values(states.take(np.flatnonzero(free & at)[:1])) for at in (x < LEFT, x > RIGHT))
+    turning = tuple(None if name in space.turning else value for name, value in zip(space.names, goal, strict=True))
+    return Problem(world, model, cast(Any, start), turning, list(criteria))
+
+
+# What it says
+
+
+def _needs(planner: Planner) -> str:
+    if not hasattr(planner, "needs"):
+        return "it has no needs; give it needs = frozenset() if any model will do"
+    strange = needs_of(planner) - WORDS
+    return f"{', '.join(sorted(strange))}; models provide {', '.join(sorted(WORDS))}" if strange else ""
+
+
+class _Bare:
+    """A model that provides its bodies alone."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["model"], name)
+
+    @property
+    def provides(self) -> frozenset[str]:
+        return self.model.provides & {"base", "camera"}
+
+
+def _refused(planner: Planner, model: Model) -> str:
+    problem = small_problem(model, ["length"])
+    bare = Problem(problem.world, cast(Model, _Bare(model)), problem.start, problem.goal, ["length"])
+    try:
+        bare.solve(planner)
+    except UnsupportedModel as error:
+        return "" if planner.name in str(error) else f"it does not say its name: {error}"
+    return "it planned for it"
+
+
+def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
+    """Fill in the problem and what is found, with the first criteria of `ASKED` that the planner accepts."""
+    for criteria in ASKED:
+        problem = small_problem(model, criteria, seed)
+        try:
+            candidates = planner.solve(problem)
+        except UnsupportedCriterion:
+            continue
+        if not len(candidates.trajectories):
+            return f"none in a room with one box: {candidates.status}, {'; '.join(candidates.notes)}"
+        found.append((problem, candidates))
+        return ""
+    return f"it accepts none of {', '.join(' and '.join(criteria) for criteria in ASKED)}"
+
+
+def _said(problem: Problem, found: Candidates) -> str:
+    shape = (len(found.trajectories), len(found.objectives))
+    for what, array in (("planned", found.planned), ("tolerance", found.tolerance)):
+        if np.shape(array) != shape:
+            return f"{what} has the shape {np.shape(array)}, expected trajectories and objectives {shape}"
+    if not isinstance(found.status, Status):
+        return f"its status is {shown(found.status)}, expected a hpop.Status"
+    if not found.certificate.strip():
+        return "its certificate is empty: say what is claimed of the front"
+    if len(found.provenance) != shape[0] or any("planner" not in origin for origin in found.provenance):
+        return f"its provenance must name the planner of each of {shape[0]} trajectories"
+    json.dumps([list(found.provenance), dict(found.stats)], allow_nan=False)
+    strange = {trajectory.model for trajectory in found.trajectories} - {problem.model}
+    return f"it planned for another model: {strange}" if strange else ""
+
+
+def _costs(problem: Problem, found: Candidates) -> str:
+    again = trajectory_costs(found.objectives, list(found.trajectories), problem.world)
+    off = np.abs(again - found.planned) > found.tolerance + 1e-9 * np.abs(again)
+    for i, j in np.argwhere(off):
+        name = found.objectives[j].name
+        return f"{name} of trajectory {i} is planned as {found.planned[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
+    return ""
+
+
+def _verified(problem: Problem, found: Candidates) -> str:
+    colliding = np.flatnonzero(~collision_free(problem, found.trajectories))
+    if colliding.size:
+        return f"trajectory {colliding[0]} collides, by the model's judge"
+    return "; ".join(verify(problem, problem.front(found)))
+
+
+def _saved(problem: Problem, found: Candidates) -> str:
+    front = problem.front(found)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "front.json"
+        front.save(file)
+        again = Front.load(file)
+    if not np.array_equal(again.costs, front.costs) or again.certificate != front.certificate:
+        return "its costs or its certificate are other ones when loaded"
+    return "; ".join(verify(Problem.from_description(again.problem or {}), again))
+
+
+# What it does
+
+
+def _same(expected: Candidates, found: Candidates) -> str:
+    if not np.array_equal(expected.planned, found.planned):
+        return f"{len(expected.planned)} costs of before, and now {len(found.planned)}, or other ones"
+    for i, (one, other) in enumerate(zip(expected.trajectories, found.trajectories, strict=True)):
+        if one.describe() != other.describe():
+            return f"trajectory {i} is another"
+    return ""
+
+
+def _again(planner: Planner, problem: Problem, first: Candidates) -> str:
+    """The same by a copy, as processes get it, and on an executor where it sweeps."""
+    if fault := _same(first, pickle.loads(pickle.dumps(planner)).solve(problem)):
+        return fault
+    if not sweeps(planner):
+        return ""
+    with ThreadPoolExecutor(2) as threads:
+        fault = _same(first, planner.solve(problem, executor=threads))
+    return f"on an executor: {fault}" if fault else ""
+
+
+def _walled(planner: Planner, problem: Problem) -> str:
+    """A wall between start and goal: nothing is found, and a status or a reason says so."""
+    world = World.from_polygons([WALL], extent=problem.world.extent)
+    found = planner.solve(replace(problem, world=world))
+    if len(found.trajectories):
+        return f"it found {len(found.trajectories)} through a wall"
+    return "it calls nothing complete" if found.status is Status.COMPLETE and not found.notes else ""
+
+
+class _Begun(BaseException):
+    """A planner has begun: it has taken the criteria."""
+
+
+def _stop(progress: Progress) -> Never:
+    raise _Begun
+
+
+def _criteria(planner: Planner, problem: Problem) -> str:
+    for name in DEMANDING:
+        for criteria in ([name], ["length", name]):
+            try:
+                planner.solve(replace(problem, criteria=cast(Any, criteria)), _stop)
+            except _Begun:
+                continue
+            except UnsupportedCriterion as error:
+                if name not in str(error):
+                    return f"it refuses {name} without saying so: {error}"
+    return ""
+
+
+def _interrupted(planner: Planner, problem: Problem) -> str:
+    """By Ctrl-C at one report or another of how far it is."""
+    for number in REPORTS:
+        reports = count(1)
+
+        def interrupt(progress: Progress) -> None:
+            if next(reports) == number:  # noqa: B023
+                raise KeyboardInterrupt
+
+        try:
+            found = planner.solve(problem, interrupt)
+        except KeyboardInterrupt:
+            continue
+        if fault := _ended(problem, found):
+            return fault
+    return ""
+
+
+def _late(planner: Planner, problem: Problem) -> str:
+    return _ended(problem, replace(cast(Any, planner), time_limit=SOON).solve(problem))
+
+
+def _ended(problem: Problem, found: Candidates) -> str:
+    """What was found until then is worth as much as ever."""
+    return _said(problem, found) or _costs(problem, found) or _verified(problem, found)

@@ -1,0 +1,294 @@
+"""Conformance checks of models: those of hpop and its example pass, and each kind of mistake fails the right check."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.errors import ModelError
+from hpop.motions import Phase, States
+from hpop.registry import make_model, models
+from hpop.testing import check_model, conformance
+
+PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
+DESCRIBED = "is made again from its description"
+SPACE = "reads and writes its states"
+PROVIDES = "provides what it says"
+LED = "has laws that lead from start to end"
+AXES = "has poses with axes at right angles"
+TWISTS = "has twists that say how its poses change"
+BODIES = "moves its bodies as far as their poses go"
+EXTENT = "moves no body farther than its extent"
+JUDGED = "calls nothing free that its judge does not"
+CONNECTED = "connects states by motions that lead there"
+EXECUTED = "executes a plan between its ends"
+FAULTLESS = "finds no fault in what it connects"
+CLAIMS = [
+    *(DESCRIBED, SPACE, PROVIDES, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS),
+]
+
+
+def plugin() -> ModuleType:
+    sys.path.insert(0, str(PLUGIN))
+    try:
+        return importlib.import_module("hpop_example_plugin.holonomic")
+    finally:
+        sys.path.remove(str(PLUGIN))
+
+
+Holonomic, Slide = plugin().Holonomic, plugin().Slide
+GOOD = {
+    "holonomic": Holonomic(),
+    "differential drive": hpop.DifferentialDrive(),
+    "camera beside the axis, and a long base": hpop.DifferentialDrive(
+        camera_offset=(0.2, -0.1), footprint=((0.5, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.5, -0.2))
+    ),
+    "unwound": hpop.DifferentialDrive(view="unwound", view_yaw=0.7),
+}
+
+
+@pytest.mark.parametrize("model", GOOD.values(), ids=GOOD)
+def test_the_robots_of_the_house_and_of_its_example_pass_every_check(model: Any) -> None:
+    check_model(model)
+    assert [check.claim for check in conformance(model)] == CLAIMS
+
+
+def registered() -> list[str]:
+    return [name for name, cls in models.items() if cls.__module__.startswith("hpop.")]
+
+
+@pytest.mark.parametrize("name", registered())
+def test_every_registered_robot_passes_with_its_defaults(name: str) -> None:
+    check_model(make_model(name))
+
+
+# Mistakes, planted one at a time: a robot of which one thing is changed
+
+
+@dataclass(frozen=True)
+class Wrong(Holonomic):
+    """The plugin's base with other answers, by the name of what is asked."""
+
+    answers: dict[str, Callable[..., Any]] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        pass
+
+    def __getattribute__(self, name: str) -> Any:
+        answers = super().__getattribute__("__dict__").get("answers", {})
+        right = super().__getattribute__(name)
+        return answers[name](right) if name in answers else right
+
+    def describe(self) -> dict[str, Any]:
+        return {"holonomic": {}}
+
+
+def turned_about(right: Callable[..., Any]) -> Callable[..., Any]:
+    """A twist of the wrong sign."""
+
+    def twist(body: str, *given: States) -> Any:
+        found = right(body, *given)
+        return SimpleNamespace(velocity=found.velocity, rotation=tuple(-part for part in found.rotation))
+
+    return twist
+
+
+def forgetful(right: Callable[..., Any]) -> Callable[..., Any]:
+    """A body that says nothing of how far it turns."""
+    return lambda name, motions: replace(right(name, motions), turned=0.0 * motions.duration)
+
+
+def staying(right: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda name, motions: replace(right(name, motions), stays=True)
+
+
+def short(right: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda motions: tuple(0.5 * bound for bound in right(motions))
+
+
+def kind_to(what: str) -> Callable[..., Any]:
+    """A collision that is free where it should not be."""
+
+    def collision(right: Callable[..., Any]) -> Callable[..., Any]:
+        def of(world: Any) -> Any:
+            found = right(world)
+            always = {what: lambda asked: np.ones(getattr(asked, "size", 0) or len(asked), dtype=bool)}
+            answers = {name: getattr(found, name) for name in ("clear", "yaw_matters", "states_free", "motions_free")}
+            return SimpleNamespace(**answers | always, why_blocked=found.why_blocked)
+
+        return of
+
+    return collision
+
+
+def timid(right: Callable[..., Any]) -> Callable[..., Any]:
+    """A collision that sees obstacles everywhere."""
+
+    def of(world: Any) -> Any:
+        never = lambda asked: np.zeros(getattr(asked, "size", 0) or len(asked), dtype=bool)  # noqa: E731
+        return SimpleNamespace(
+            clear=None, yaw_matters=True, states_free=never, motions_free=never, why_blocked=lambda state: "it is dark"
+        )
+
+    return of
+
+
+def silent(right: Callable[..., Any]) -> Callable[..., Any]:
+    def of(world: Any) -> Any:
+        found = right(world)
+        return SimpleNamespace(
+            states_free=found.states_free, motions_free=found.motions_free, why_blocked=lambda state: ""
+        )
+
+    return of
+
+
+def astray(right: Callable[..., Any]) -> Callable[..., Any]:
+    """Legs that lead a centimetre too far."""
+
+    def connect(a: States, b: States) -> Any:
+        (leg,) = right(a, b)
+        return [leg._replace(end=States(x=leg.end.x + 0.01 * leg.present, y=leg.end.y, yaw=leg.end.yaw))]
+
+    return connect
+
+
+def jumping(right: Callable[..., Any]) -> Callable[..., Any]:
+    """Legs whose yaw is that of b, however far round."""
+
+    def connect(a: States, b: States) -> Any:
+        (leg,) = right(a, b)
+        return [leg._replace(end=States(x=leg.end.x, y=leg.end.y, yaw=np.where(leg.present, b.yaw, leg.end.yaw)))]
+
+    return connect
+
+
+def elsewhere(right: Callable[..., Any]) -> Callable[..., Any]:
+    """An execution that begins with the second motion."""
+
+    def execution(trajectory: Any) -> Any:
+        states = trajectory.states.take(slice(1, None))
+        done, passed = right(hpop.Trajectory(trajectory.model, states, trajectory.kinds[1:]))
+        return done, np.append(0.0, passed)
+
+    return execution
+
+
+def unpunctual(right: Callable[..., Any]) -> Callable[..., Any]:
+    def execution(trajectory: Any) -> Any:
+        done, passed = right(trajectory)
+        return done, np.where(np.arange(passed.size) == 1, passed * 0.5, passed)
+
+    return execution
+
+
+def grumbling(right: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda trajectory: iter(["has no battery"])
+
+
+@dataclass(frozen=True)
+class Lagging(Slide):
+    """A law that ends elsewhere."""
+
+    def interpolate(self, name: str, start: States, end: States, share: Any) -> Any:
+        return super().interpolate(name, start, end, 0.9 * share)
+
+
+@dataclass(frozen=True)
+class Halting(Slide):
+    """Phases that do not add up."""
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        (phase,) = super().phases(start, end)
+        return (phase._replace(end=0.5 * phase.end),)
+
+
+@dataclass(frozen=True)
+class Backwards(Slide):
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        (phase,) = super().phases(start, end)
+        return (phase._replace(duration=-phase.duration),)
+
+
+def law(cls: type) -> Callable[..., Any]:
+    return lambda laws: {**laws, "slide": cls(1.0, 1.5)}
+
+
+def lying(right: Callable[..., Any]) -> Callable[..., Any]:
+    """A pose that looks to the side."""
+
+    def pose(body: str, states: States) -> Any:
+        found = right(body, states)
+        kept = {name: getattr(found, name) for name in ("x", "y", "z", "yaw", "pitch", "roll", "up")}
+        return SimpleNamespace(**kept, ahead=found.left, left=found.ahead)
+
+    return pose
+
+
+def halved(right: Callable[..., Any]) -> Callable[..., Any]:
+    """A pose that comes back only after two turns."""
+    return lambda body, states: right(body, States(x=states.x, y=states.y, yaw=0.5 * states.yaw))
+
+
+MISTAKES = [
+    (TWISTS, "rotation of the base in a slide", {"twist": turned_about}),
+    (TWISTS, "angular acceleration of the base", {"twist_rate": turned_about}),
+    (BODIES, "turned of the base in a slide", {"body": forgetful}),
+    (BODIES, "the base is said to stay in a slide, but goes", {"body": staying}),
+    (EXTENT, "the base goes", {"extent": short}),
+    (JUDGED, "states are free to plan by, and collide", {"collision": kind_to("states_free")}),
+    (JUDGED, "motions, each a slide, are free to plan by, and collide", {"collision": kind_to("motions_free")}),
+    (JUDGED, "only 0 are to plan by", {"collision": timid}),
+    (JUDGED, "its judge says ''", {"judge": silent}),
+    (CONNECTED, "beside where it should lead", {"connect": astray}),
+    (CONNECTED, "more than half round: it jumps", {"connect": jumping}),
+    (EXECUTED, "it begins .* beside the plan", {"execution": elsewhere}),
+    (EXECUTED, "away from a state as it is said to pass it", {"execution": unpunctual}),
+    (FAULTLESS, "planned, it has no battery", {"faults": grumbling}),
+    (LED, "x of a slide at 100%|y of a slide at 100%|yaw of a slide at 100%", {"laws": law(Lagging)}),
+    (LED, "share of a slide done at its end", {"laws": law(Halting)}),
+    (LED, "a phase of a slide lasts -", {"laws": law(Backwards)}),
+    (LED, "the law under 'glide' calls itself 'slide'", {"laws": lambda laws: {"glide": laws["slide"]}}),
+    (AXES, "ahead x left of the base", {"pose": lying}),
+    (SPACE, "base after a whole turn of yaw", {"pose": halved}),
+    (PROVIDES, "neither of the bodies", {"provides": lambda has: has - {"base", "camera"}}),
+    (PROVIDES, "turn-move, but it has the laws slide, glide", {"provides": lambda has: has | {"turn-move"}}),
+    (DESCRIBED, "not equal to it|described as", {}),
+]
+
+
+@pytest.mark.parametrize(("claim", "text", "answers"), MISTAKES, ids=[text for _, text, _ in MISTAKES])
+def test_a_mistake_fails_the_check_that_names_it(claim: str, text: str, answers: dict[str, Any]) -> None:
+    with pytest.raises(ModelError, match=text) as raised:
+        check_model(Wrong(answers=answers))
+    first, *faults = str(raised.value).split("\n  ")
+    assert first == f"model Wrong fails {len(faults)} checks:"
+    failed = {fault.partition(": ")[0] for fault in faults}
+    assert {DESCRIBED, claim} <= failed  # what is made of its description is no robot of this test
+
+
+def test_what_raises_is_a_fault_and_no_crash() -> None:
+    def broken(right: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda motions: 1 / 0
+
+    with pytest.raises(ModelError, match=f"{EXTENT}: ZeroDivisionError: division by zero"):
+        check_model(Wrong(answers={"extent": broken}))
+
+
+def test_laws_that_lead_nowhere_end_the_checks() -> None:
+    assert [check.claim for check in conformance(Wrong(answers={"laws": law(Halting)}))] == CLAIMS[:4]
+
+
+@pytest.mark.parametrize(("given", "said"), [(Holonomic, r"Holonomic\(\)"), ("holonomic", r"DifferentialDrive\(\)")])
+def test_what_is_no_model_is_said(given: Any, said: str) -> None:
+    with pytest.raises(ModelError, match=f"expected an instance of a model, such as {said}"):
+        check_model(given)
