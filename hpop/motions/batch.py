@@ -97,8 +97,8 @@ class Motions:
             return constant * self.duration
         total: Column = 0.0
         for phase in self.phases:
-            mean = self._at_once(rate, phase, probe) if self._is_even(probe) else self._phase_mean(rate, phase)
-            total = total + phase.duration * mean
+            mean = self._at_once(rate, phase, probe)
+            total = total + phase.duration * (self._phase_mean(rate, phase) if mean is None else mean)
         return total
 
     def worst(self, rate: Rate) -> Column:
@@ -112,7 +112,8 @@ class Motions:
             return constant
         largest: Column = None
         for phase in self.phases:
-            value = self._at_once(rate, phase, probe) if self._is_even(probe) else self._phase_worst(rate, phase)
+            value = self._at_once(rate, phase, probe)
+            value = self._phase_worst(rate, phase) if value is None else value
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
@@ -149,16 +150,19 @@ class Motions:
             return None
         return np.repeat(values, np.diff(np.append(first, len(self))))
 
-    def _is_even(self, probe: _Probe) -> bool:
-        """Whether what a rate reads stays the same within each phase: second derivatives of what changes evenly."""
-        even = self.law.even if is_curve(self.law) else self.start.names
-        return probe.read <= self._kept_states | {second_derivative(name) for name in even}
+    def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column | None:
+        """The rate (M,) in a phase, if all that it reads stays the same there: second derivatives, of most laws.
 
-    def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column:
-        """The rate (M,) at one moment of a phase in which it stays the same; on symbols, each is written once."""
+        On symbols each is written once.
+        """
+        even = self.law.even if is_curve(self.law) else self.start.names
+        if not probe.read <= self._kept_states | {second_derivative(name) for name in even}:
+            return None
         if probe.value is not None and phase is self.phases[0]:
             return probe.value
-        return rate(self._instants(phase, 0.5, None))
+        instants = self._instants(phase, 0.5, None)
+        value = rate(instants)
+        return value if instants.read <= probe.read else None  # it reads more elsewhere: take no shortcut
 
     @property
     def _kept_states(self) -> frozenset[str]:

@@ -43,7 +43,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         done.append("save")
         save(front, out)
 
-    def drawn(*arguments: object, map_alone: bool = False) -> list[Path]:
+    def drawn(*arguments: object, map_alone: bool = False, **limits: object) -> list[Path]:
         done.append("map" if map_alone else "pictures")
         return []
 

@@ -110,7 +110,7 @@ def test_no_path_says_what_separates_and_still_writes_the_front_and_the_map(
         (("lattice:", "latice:"), 7, "Did you mean 'lattice'?"),
         (("step: 0.5", "step: 0"), 10, "line 9, planner.lattice"),
         (("step: 0.5", "step: 1.0e-6"), 10, "take a larger step"),
-        (("step: 0.5", "headings: 7"), 10, "[4, 8, 16]"),
+        (("step: 0.5", "headings: 7"), 10, "one of 4, 8, 16"),
         (("turns,", "turns, turns,"), 8, "turns more than once"),
         (("goal:", "gaol:"), 4, "did you mean 'goal'?"),
     ],
@@ -223,7 +223,7 @@ def test_a_disk_that_is_full_is_said_and_leaves_no_half_a_front(
     monkeypatch.setattr(os, "fsync", full)
     monkeypatch.setattr(tempfile, "tempdir", str(room))
     refused(plan(room), 12, "No space left on device")
-    assert list((room / "out").iterdir()) == []
+    assert not (room / "out").exists()
     assert not list(room.glob("hpop-*"))
 
 
@@ -235,6 +235,7 @@ def test_a_front_that_cannot_be_saved_where_it_should_is_saved_elsewhere(
     fronts = Problem.fronts
 
     def then_in_the_way(self: Problem, *arguments: Any, **options: Any) -> Iterator[Front]:
+        (room / "out").rmdir()
         (room / "out").touch()
         yield from fronts(self, *arguments, **options)
 

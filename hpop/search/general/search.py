@@ -351,4 +351,4 @@ class General(HeapSearch):
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Places of the arcs of solutions in the graph, from the source on."""
         ends, steps = clock.call(trace, self.origin, self.closed, labels)
-        return [part[::-1] for part in np.split(steps, ends[:-1])]
+        return [part[::-1] for part in np.split(steps, ends)[:-1]]
