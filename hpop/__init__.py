@@ -12,7 +12,7 @@ from hpop.lazy import on_first_use
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion, criterion
     from hpop.front import Front
-    from hpop.models import DifferentialDrive
+    from hpop.models import DifferentialDrive, PanTilt
     from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
@@ -29,6 +29,7 @@ _HOMES = {
     "Front": "hpop.front",
     "Lattice": "hpop.planners",
     "Motions": "hpop.motions",
+    "PanTilt": "hpop.models",
     "Problem": "hpop.problem",
     "Status": "hpop.status",
     "Trajectory": "hpop.trajectory",
@@ -43,6 +44,7 @@ __all__ = [
     "Front",
     "Lattice",
     "Motions",
+    "PanTilt",
     "Problem",
     "Status",
     "Trajectory",

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from math import nan
+from math import nan, radians
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from hpop.errors import HpopError, OptionError
 from hpop.text import shown
@@ -31,6 +31,31 @@ EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?e[-+]?\d+", re.IGNORECASE)
 """What looks like a number, and YAML 1.1 reads as text."""
 MOST_COUNTED = 2**60
 """Greatest count: no cost of a path is larger, and sums of a few fit 64 bits."""
+
+
+class Degrees:
+    """Marks the type of an angle in rad that scenario files may also give as text, such as "90 deg"."""
+
+    TEXT = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
+
+    @classmethod
+    def in_radians(cls, given: Any) -> Any:
+        """The angle that such text says, rad; anything else as it is.
+
+        >>> Degrees.in_radians("180 deg"), Degrees.in_radians("half a turn"), Degrees.in_radians(0.5)
+        (3.141592653589793, 'half a turn', 0.5)
+        """
+        match = cls.TEXT.fullmatch(given) if isinstance(given, str) else None
+        return radians(float(match.group(1))) if match else given
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(cls.in_radians, handler(source))
+
+
+Angle = Annotated[float, Degrees]
 
 
 def real(

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_type_hints
 
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, did_you_mean, unknown_name
 from hpop.text import shown
@@ -138,10 +138,34 @@ def made(registry: Registry[type], spec: Any) -> Any:
             f"{kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}; "
             f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(name, known) for name in strange)
         )
+    own = model_parameters(cls) if registry is models else ()
     try:
-        return cls(**(parameters or {}))
+        return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
     except TypeError as wrong:  # one that is missing, or of another type
         raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
+
+
+def hints_of(cls: Any) -> dict[str, Any]:
+    """Types of a dataclass's fields by name; none of a plugin that imports names for type checkers only."""
+    try:
+        return get_type_hints(cls, include_extras=True)
+    except NameError:
+        return {}
+
+
+def model_parameters(cls: Any) -> frozenset[str]:
+    """Names of the fields of a dataclass that are models: a base that carries another model's camera."""
+    own = {field.name for field in fields(cls) if field.init}
+    return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model(hint))
+
+
+def _is_model(hint: Any) -> bool:
+    return isinstance(hint, type) and all(hasattr(hint, name) for name in ("space", "laws", "pose", "twist"))
+
+
+def _of_model(given: Any) -> Any:
+    """The model that a name or a description says; a model as it is."""
+    return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:

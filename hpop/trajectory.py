@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
-from hpop.motions import Curve, Law, Model, Motions, States, is_curve, slopes
+from hpop.motions import Curve, Law, Model, Motions, States, is_coupled, is_curve, slopes
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -300,13 +300,15 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
         if jump.max() > STILL:
             i = int(np.argmax(jump))
             raise ModelError(f"a {law.kind} does not change {name}, but motion {numbers[i]} does, by {jump[i]:.3g}")
-    if not is_curve(law):
+    if not is_coupled(law):
         return
     strays = law.strays(start, end)
     if strays.max() > LED:
+        leads = "its speeds lead" if is_curve(law) else "it leads"
+        clock = ", and its clock may not run backwards" * is_curve(law)
         raise ModelError(
-            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, ends {strays.max():.3g} m or rad from where its "
-            "speeds lead; the states of a curve must agree with each other, and its clock may not run backwards"
+            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, ends {strays.max():.3g} m or rad from where {leads}; "
+            f"the states of a {'curve' if is_curve(law) else law.kind} must agree with each other{clock}"
         )
 
 

@@ -1,5 +1,6 @@
 """Robot models; importing this package registers those that come with hpop."""
 
 from hpop.models.differential_drive import DifferentialDrive
+from hpop.models.pan_tilt import PanTilt
 
-__all__ = ["DifferentialDrive"]
+__all__ = ["DifferentialDrive", "PanTilt"]

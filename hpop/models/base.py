@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod, update_abstractmethods
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -173,6 +173,6 @@ class PlanarModel(Model):
 
     def describe(self) -> dict[str, Any]:
         """JSON-able parameters, enough to build the same robot: the fields that are given, of models their own."""
-        names: Mapping[str, Any] = getattr(self, "__dataclass_fields__", {})
-        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        names: list[str] = [field.name for field in fields(self)] if is_dataclass(self) else []
+        given = {name: value for name in names if (value := getattr(self, name)) is not None}
         return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}

@@ -44,7 +44,17 @@ def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[P
     )
 
 
-def _linear(name: str, start: States, end: States, share: Column) -> Column:
+def standing(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
+    """The phases of a motion in place, and half of the time that stopping and starting lose, s, before and after it."""
+    nothing = 0.0 * motion[0].begin
+    wait = 0.5 * loss + nothing
+    stand = Phase(wait, nothing, nothing, "hold")
+    stand_again = Phase(wait, 1.0 + nothing, 1.0 + nothing, "hold")
+    return (stand, *motion, stand_again)
+
+
+def linear(name: str, start: States, end: States, share: Column) -> Column:
+    """State ``name`` where it changes evenly with the share of the motion done."""
     begin = getattr(start, name)
     return begin + (getattr(end, name) - begin) * share
 
@@ -55,7 +65,7 @@ class _Straight:
     varies = frozenset({"x", "y"})
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        return _linear(name, start, end, share)
+        return linear(name, start, end, share)
 
     def travel(self, start: States, end: States, lever: float) -> Column:
         return hypot(end.x - start.x, end.y - start.y)
@@ -70,7 +80,7 @@ class _InPlace:
     varies = frozenset({"yaw"})
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        return _linear(name, start, end, share)
+        return linear(name, start, end, share)
 
     def travel(self, start: States, end: States, lever: float) -> Column:
         return lever * smooth_abs(end.yaw - start.yaw)
@@ -102,11 +112,7 @@ class Turn(_InPlace):
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
-        nothing = 0.0 * spin[0].begin
-        wait = 0.5 * self.loss + nothing
-        stand = Phase(wait, nothing, nothing, "hold")
-        stand_again = Phase(wait, 1.0 + nothing, 1.0 + nothing, "hold")
-        return (stand, *spin, stand_again)
+        return standing(spin, self.loss)
 
 
 @dataclass(frozen=True)

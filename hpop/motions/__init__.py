@@ -11,13 +11,14 @@ from hpop.motions.batch import Motions, lacking
 from hpop.motions.bodies import Body, integrated
 from hpop.motions.collision import Collision, PlaneCollision
 from hpop.motions.instants import Instants, Rate
-from hpop.motions.laws import Curve, Law, Leg, Model, Phase, is_curve, slopes
+from hpop.motions.laws import Coupled, Curve, Law, Leg, Model, Phase, is_coupled, is_curve, onward, slopes
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States, Twist, Vector
 
 __all__ = [
     "Body",
     "Collision",
+    "Coupled",
     "Curve",
     "Instants",
     "Law",
@@ -33,7 +34,9 @@ __all__ = [
     "Twist",
     "Vector",
     "integrated",
+    "is_coupled",
     "is_curve",
     "lacking",
+    "onward",
     "slopes",
 ]

@@ -73,7 +73,18 @@ class Law(Protocol):
 
 
 @runtime_checkable
-class Curve(Law, Protocol):
+class Coupled(Law, Protocol):
+    """A law whose states depend on each other, so that its motions do not lead to any end that is given."""
+
+    def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+        """First and second derivative of state ``name`` by the share."""
+
+    def strays(self, start: States, end: States) -> Column:
+        """How far (M,), m or rad, the end is from where the law leads from the start."""
+
+
+@runtime_checkable
+class Curve(Coupled, Protocol):
     """A law of curves: what it varies is not in proportion to the share done, and its yaw rate may change its sign.
 
     All others are taken to change their states evenly with the share, and each of their motions for one whole turn.
@@ -87,32 +98,48 @@ class Curve(Law, Protocol):
     def even(self) -> frozenset[str]:
         """Names of the states whose second derivative by time stays the same within a motion."""
 
-    def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """First and second derivative of state ``name`` by the share."""
-
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
 
-    def strays(self, start: States, end: States) -> Column:
-        """How far (M,), m or rad, the end is from where the law leads from the start."""
-
 
 def is_curve(law: Law) -> TypeGuard[Curve]:
-    """Whether a law is one of curves; each class is looked at once, which takes as long as a short trajectory."""
-    found = _CURVES.get(type(law))
+    """Whether a law is one of curves."""
+    return _is(law, Curve)
+
+
+def is_coupled(law: Law) -> TypeGuard[Coupled]:
+    """Whether the states of a law depend on each other."""
+    return _is(law, Coupled)
+
+
+def _is(law: Law, protocol: type) -> bool:
+    """Whether a law follows a protocol; each class is looked at once, which takes as long as a short trajectory."""
+    found = _FOUND.get((type(law), protocol))
     if found is None:
-        found = _CURVES[type(law)] = isinstance(law, Curve)
+        found = _FOUND[type(law), protocol] = isinstance(law, protocol)
     return found
 
 
-_CURVES: dict[type, bool] = {}
+_FOUND: dict[tuple[type, type], bool] = {}
 
 
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
     """First and second derivative of a state by the share of the motion done."""
-    if is_curve(law):
+    if is_coupled(law):
         return law.slopes(name, start, end, share)
     return getattr(end, name) - getattr(start, name), 0.0
+
+
+def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
+    """States ``end`` (M,) as a law leads there: what comes round the shorter way, half a turn counter-clockwise.
+
+    What a coupled law makes of the other states follows them: a head turns back half a turn clockwise.
+    """
+    turning = law.varies & space.turning
+    end = space.onward(start, end) if turning else end
+    if not is_coupled(law):
+        return end
+    return States(**end.__dict__ | {name: law.interpolate(name, start, end, np.float64(1.0)) for name in turning})
 
 
 class Leg(NamedTuple):

@@ -59,8 +59,8 @@ class StateSpace:
             raise ModelError(f"a state space has a name, unit, low, high and weight for each column, got {self!r}")
         if not self.turning <= self.angles:
             raise ModelError(f"only columns in rad turn, got {', '.join(sorted(self.turning))} of {self}")
-        if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
-            raise ModelError(f"low must be less than high in each column of {self}, got {self.low} and {self.high}")
+        if not all(low <= high for low, high in zip(self.low, self.high, strict=True)):
+            raise ModelError(f"low must not be above high in each column of {self}, got {self.low} and {self.high}")
 
     def __str__(self) -> str:
         return f"({', '.join(f'{name} {unit}' for name, unit in zip(self.names, self.units, strict=True))})"

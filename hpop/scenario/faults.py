@@ -9,14 +9,15 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar
 
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from hpop.errors import MOST_LETTERS, OWN, HpopError, ScenarioError
 from hpop.motions import StateSpace
-from hpop.registry import Registry, readers
+from hpop.options import Degrees
+from hpop.registry import Registry, hints_of, model_parameters, models, readers
 from hpop.scenario.schema import STRICT, WorldSection
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.status import LIMITS, NO_LIMIT
@@ -42,7 +43,6 @@ MOST_FAULTS = 20
 """Faults that are told one by one."""
 MOST_COMPARED = 500
 """Faults of one part of a file that are looked at: each is compared with the others."""
-DEGREES = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
 T = TypeVar("T")
 
 
@@ -130,10 +130,12 @@ class Faults:
             return None
         inside = place if isinstance(spec, str) else (*place, name)
         with self.collected(inside):
-            cls = registry[name]
-            checked = self.validated(_parameters(cls), parameters or {}, inside)
-            if checked is not None:
-                return cls(**{key: getattr(checked, key) for key in checked.model_fields_set})
+            cls, given = registry[name], parameters or {}
+            parts = model_parameters(cls) & given.keys()
+            made = {key: self.built(models, given[key], (*inside, key)) for key in parts}
+            checked = self.validated(_parameters(cls), given, inside)
+            if checked is not None and None not in made.values():
+                return cls(**{key: getattr(checked, key) for key in checked.model_fields_set} | made)
         return None
 
     def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
@@ -180,11 +182,9 @@ class Faults:
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
         """An angle in rad from a number, or from text in degrees."""
-        if not isinstance(given, str):
-            return given
-        match = DEGREES.fullmatch(given)
-        if match:
-            return math.radians(float(match.group(1)))
+        angle = Degrees.in_radians(given)
+        if not isinstance(angle, str):
+            return angle
         self.add(
             place, f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {shown(given)}{_note(given)}"
         )
@@ -203,11 +203,8 @@ class Faults:
 
 
 def _parameters(cls: Any) -> type[BaseModel]:
-    """The schema of a dataclass's fields."""
-    try:
-        hints = get_type_hints(cls)
-    except NameError:  # a plugin that imports names for type checkers only
-        hints = {}
+    """The schema of a dataclass's fields; those that are models are given as choices."""
+    hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
     schema: dict[str, Any] = {}
     for field in dataclasses.fields(cls):
         if field.init:

@@ -106,7 +106,7 @@ def test_a_state_that_the_model_does_not_have_is_refused(values: object, said: s
 @pytest.mark.parametrize(
     "changes",
     [{"units": ("m",)}, {"names": ("x", "x", "yaw", "pan")}, {"turning": {"x"}}, {"turning": {"z"}},
-     {"low": (0, 5, 0, 0)}],
+     {"low": (0, 6, 0, 0)}],
 )  # fmt: skip
 def test_a_space_that_contradicts_itself_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ModelError):

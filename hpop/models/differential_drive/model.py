@@ -19,7 +19,7 @@ from hpop.models.differential_drive.faults import doubtful, faults
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace
-from hpop.options import LEAST, MOST, real, set_reals
+from hpop.options import LEAST, MOST, Angle, real, set_reals
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
@@ -75,7 +75,7 @@ class DifferentialDrive(PlanarModel):
     turn_acceleration: float = 3.0
     wheel_base: float = 0.4
     view: str = FIXED
-    view_yaw: float = 0.0
+    view_yaw: Angle = 0.0
 
     def __post_init__(self) -> None:
         lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")

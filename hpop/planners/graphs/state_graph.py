@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.motions import Motions, PlaneCollision, States
+from hpop.motions import Motions, PlaneCollision, States, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
@@ -78,9 +78,8 @@ class StateGraph(TrajectoryGraph):
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
         """Edges (M,) as motions; what comes round goes the shorter way, half a turn counter-clockwise."""
-        law, start, end = self.model.laws[kind], self.states(tails), self.states(heads)
-        if law.varies & self.model.space.turning:
-            end = self.model.space.onward(start, end)
+        law, start = self.model.laws[kind], self.states(tails)
+        end = onward(law, self.model.space, start, self.states(heads))
         kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
         return Motions(self.world, self.model, law, start, States(**{**end.__dict__, **kept}))
 
@@ -165,7 +164,8 @@ class StateGraph(TrajectoryGraph):
         """Trajectories through states (N,), so many (n,) of them for each, not yet checked: one motion an edge."""
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
-        return Stretches.through(self.model.space, self.states(ids), kinds, sizes)
+        laws = [self.model.laws[kind] for kind in self.kinds]
+        return Stretches.through(self.model.space, laws, self.states(ids), kinds, sizes)
 
 
 def _name(criterion: Criterion) -> Hashable:

@@ -13,7 +13,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.math import wrap
-from hpop.motions import States, StateSpace
+from hpop.motions import Law, States, StateSpace, is_coupled, onward
 from hpop.trajectory import Trajectory, refuse_impossible
 
 if TYPE_CHECKING:
@@ -36,15 +36,26 @@ class Stretches(NamedTuple):
     sizes: IntArray
 
     @classmethod
-    def through(cls, space: StateSpace, states: States, kinds: IntArray, sizes: IntArray) -> Stretches:
-        """Motions of some kinds through states (N,), so many (n,) of them for each; angles turn the shorter way."""
+    def through(
+        cls, space: StateSpace, laws: Sequence[Law], states: States, kinds: IntArray, sizes: IntArray
+    ) -> Stretches:
+        """Motions of some kinds through states (N,), so many (n,) of them for each; angles turn the shorter way.
+
+        laws  of the kinds
+        """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
-        for name in space.turning:
-            angle, turned = columns[name], np.zeros(kinds.size)
-            turned[1:] = wrap(np.diff(angle))
-            turned[begins] = 0.0
-            columns[name] = np.repeat(angle[begins], sizes[sizes > 0]) + _running(turned, sizes)
+        turned = {name: np.append(np.zeros(1), wrap(np.diff(columns[name])))[: kinds.size] for name in space.turning}
+        for number, law in enumerate(laws):
+            if is_coupled(law):
+                rows = np.flatnonzero(kinds == number)
+                start = states.take(rows - 1)
+                end = onward(law, space, start, states.take(rows))
+                for name in law.varies & space.turning:
+                    turned[name][rows] = getattr(end, name) - getattr(start, name)
+        for name, steps in turned.items():
+            steps[begins] = 0.0
+            columns[name] = np.repeat(columns[name][begins], sizes[sizes > 0]) + _running(steps, sizes)
         return cls(States(**columns), kinds, sizes)
 
     @classmethod

@@ -1,0 +1,248 @@
+"""A robot whose camera pans and tilts on its base."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.errors import ModelError
+from hpop.math import hypot, smooth_abs
+from hpop.models.base import PlanarModel, Stations, model
+from hpop.models.collision.parts import Part
+from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, WheelTrack
+from hpop.models.legs import ALIGNED
+from hpop.models.pan_tilt.head import HeadPose, HeadTwist, HeadTwistRate
+from hpop.models.pan_tilt.laws import AxisTurn, Unwind
+from hpop.models.pan_tilt.stations import stations
+from hpop.models.rigid import Mount
+from hpop.motions import Body, Law, Leg, Motions, Pose, States, StateSpace, Twist
+from hpop.options import LEAST, MOST, Angle, real, set_reals
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
+FARTHEST_TURNED = 4.0 * math.pi  # rad: no cable is wound further
+BEYOND = 1e-6  # rad: so far beyond a stop is still at it
+
+
+@model("pan_tilt")
+@dataclass(frozen=True)
+class PanTilt(PlanarModel):
+    """A base with two driven wheels whose camera is on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
+
+    base               carries it: the head is at the base's ``camera_offset`` and ``camera_height``, within its mast
+    pan                rad     (low, high), the end stops that a cable sets, or "all round"; relative to the base, 0
+                               ahead, counter-clockwise, continuous: a pan of -pi is not one of pi
+    tilt               rad     (low, high), up positive; equal where the head does not tilt
+    pan_rate           rad/s
+    pan_acceleration   rad/s²
+    tilt_rate          rad/s
+    tilt_acceleration  rad/s²
+    field_of_view      rad     (horizontal, vertical) angles of what the camera sees, or None for any
+
+    The head moves while the base stands (laws "pan" and "tilt"); and while the base turns in place, the head turns with
+    it ("turn") or turns back by the same angle, so that the view stays as it is ("unwind"). A turn of the head lasts
+    its rest-to-rest time plus v/a, as a turn of the base does; turning back keeps the limits of both.
+    """
+
+    executed: ClassVar[Mapping[str, str]] = {
+        **PlanarModel.executed,
+        "pan": "swivel",
+        "tilt": "nod",
+        "unwind": "counterspin",
+    }
+
+    base: DifferentialDrive
+    pan: tuple[Angle, Angle] | Literal["all round"] = (-math.radians(170), math.radians(170))
+    tilt: tuple[Angle, Angle] = (-math.radians(30), math.radians(30))
+    pan_rate: float = 1.5
+    pan_acceleration: float = 3.0
+    tilt_rate: float = 1.0
+    tilt_acceleration: float = 2.0
+    field_of_view: tuple[Angle, Angle] | None = None
+
+    def __post_init__(self) -> None:
+        _check_base(self.base)
+        if self.pan != ALL_ROUND:
+            object.__setattr__(self, "pan", _stops("pan", self.pan, FARTHEST_TURNED, f", or {ALL_ROUND!r}"))
+        object.__setattr__(self, "tilt", _stops("tilt", self.tilt, 0.5 * math.pi))
+        rates = ("pan_rate", "pan_acceleration", "tilt_rate", "tilt_acceleration")
+        set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
+        if self.field_of_view is not None:
+            object.__setattr__(self, "field_of_view", _checked_view(self.field_of_view))
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """What criteria and planners can ask for: all that the base has, but for its being rigid."""
+        return super().provides | {"heading", "wheels"}
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """The base's states and those of the head, apart by how far the base moves in the time in which they change."""
+        plane, turns = self.base.space, self.pan == ALL_ROUND
+        pan = (-math.pi, math.pi) if self.pan == ALL_ROUND else self.pan
+        return StateSpace(
+            (*plane.names, "pan", "tilt"),
+            (*plane.units, "rad", "rad"),
+            (*plane.low, pan[0], self.tilt[0]),
+            (*plane.high, pan[1], self.tilt[1]),
+            (*plane.weights, self.base.speed / self.pan_rate, self.base.speed / self.tilt_rate),
+            plane.turning | {"pan"} if turns else plane.turning,
+        )
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """Those of the base but for curves, which know no head; and those of the head."""
+        loss = self.base.speed / self.base.acceleration
+        pan, tilt = (self.pan_rate, self.pan_acceleration), (self.tilt_rate, self.tilt_acceleration)
+        both = min(self.base.turn_rate, self.pan_rate), min(self.base.turn_acceleration, self.pan_acceleration)
+        return {
+            **{kind: self.base.laws[kind] for kind in ("move", "turn", "run", "spin")},
+            "pan": AxisTurn("pan", "pan", *pan, loss),
+            "tilt": AxisTurn("tilt", "tilt", *tilt, loss),
+            "unwind": Unwind(*both, loss),
+            "swivel": AxisTurn("swivel", "pan", *pan),
+            "nod": AxisTurn("nod", "tilt", *tilt),
+            "counterspin": Unwind(*both, kind="counterspin"),
+        }
+
+    @property
+    def wheel_base(self) -> float:
+        """Distance between the wheels of the base, m."""
+        return self.base.wheel_base
+
+    def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
+        """Speeds and accelerations of the base's wheels."""
+        return self.base.wheels(trajectory, times)
+
+    @property
+    def mounts(self) -> Mapping[str, Mount]:
+        """The base, and where the axes of the head meet."""
+        return self.base.mounts
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Collision geometry of the base: the head is within its mast."""
+        return self.base.parts
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of the base, or of the camera."""
+        return HeadPose(self._mount(body), states) if body == "camera" else super().pose(body, states)
+
+    def twist(self, body: str, states: States, rates: States) -> Twist:
+        """How fast it moves and turns."""
+        if body != "camera":
+            return super().twist(body, states, rates)
+        return HeadTwist(self._mount(body), states, rates)
+
+    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
+        """How fast that changes."""
+        if body != "camera":
+            return super().twist_rate(body, states, rates, changes)
+        return HeadTwistRate(self._mount(body), states, rates, changes)
+
+    def body(self, name: str, motions: Motions) -> Body:
+        """What the base or the camera does in each of the motions, in closed form; a tilt is no turn."""
+        body, law = super().body(name, motions), motions.law
+        if name != "camera" or not isinstance(law, AxisTurn | Unwind):
+            return body
+        pan, tilt = _view_change(motions)
+        return replace(
+            body,
+            turned=smooth_abs(pan) + smooth_abs(tilt),  # one of them is zero
+            rotation=pan,
+            turns=(pan,),
+            steady=isinstance(law, Unwind),
+        )
+
+    def extent(self, motions: Motions) -> tuple[Column, Column]:
+        """How far (M,), m and rad, neither the base nor the camera moves or turns farther."""
+        farthest, turned = super().extent(motions)
+        return farthest, np.maximum(turned, hypot(*_view_change(motions)))
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """What the base does, the head as it is; then the head pans, then it tilts."""
+        legs = super().connect(a, b)
+        end = legs[-1].end
+        for axis in ("pan", "tilt"):
+            asked = getattr(b, axis)
+            goal = States(**end.__dict__ | {axis: np.where(np.isnan(asked), getattr(end, axis), asked)})
+            change = self.space.differences(end, goal)[axis]
+            there = np.abs(change) > ALIGNED
+            end = States(**end.__dict__ | {axis: np.where(there, getattr(end, axis) + change, getattr(end, axis))})
+            legs.append(Leg(axis, end, there))
+        return legs
+
+    def stations(self, yaw: FloatArray) -> Stations:
+        """Pans at the multiples of 45 degrees within the stops and three tilts at each heading (H,), rad."""
+        return stations(self.space, yaw)
+
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """What the base cannot do, and a head beyond its end stops."""
+        yield from self.base.faults(trajectory)
+        states, space = trajectory.states, self.space
+        for axis in ("pan", "tilt"):
+            if axis in space.turning:
+                continue
+            column, value = space.names.index(axis), getattr(states, axis)
+            for stop, beyond in ((space.low[column], -1.0), (space.high[column], 1.0)):
+                over = beyond * (value - stop)
+                if over.max() > BEYOND:
+                    i = int(np.argmax(over))
+                    yield f"has a {axis} of {value[i]:.6g} rad in state {i}, beyond its stop at {stop:.6g}"
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """Motions (M,) of the base that are doubtful, and those that begin or end with the head beyond a stop."""
+        found, space = self.base.doubtful(law, start, end), self.space
+        for axis in {"pan", "tilt"} - space.turning:
+            column = space.names.index(axis)
+            for value in (getattr(start, axis), getattr(end, axis)):
+                found = found | (value < space.low[column] - BEYOND) | (value > space.high[column] + BEYOND)
+        return found
+
+
+def _view_change(motions: Motions) -> tuple[Column, Column]:
+    """Signed angles (M,), rad, by which the camera turns about the vertical, and up."""
+    law, start, end = motions.law, motions.start, motions.end
+    still = 0.0 * start.yaw
+    if isinstance(law, AxisTurn):
+        change = law.change(start, end)
+        return (change, still) if law.axis == "pan" else (still, change)
+    return (still if isinstance(law, Unwind) else end.yaw - start.yaw), still
+
+
+def _check_base(base: Any) -> None:
+    if not isinstance(base, DifferentialDrive):
+        raise ModelError(f"a head is carried by a differential drive, base=DifferentialDrive(...); got {shown(base)}")
+    if base.view != FIXED:
+        raise ModelError(f"a head turns a camera that is fixed to its base; its view must be {FIXED!r}: leave it out")
+
+
+def _stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
+    """End stops, checked."""
+    try:
+        low, high = given
+    except (TypeError, ValueError):
+        raise ModelError(f"{name} is (low, high) in rad{otherwise}; got {shown(given)}") from None
+    kind = f"(low, high) in rad{otherwise}, each"
+    low, high = (float(real(name, stop, -most, most, kind, error=ModelError)) for stop in (low, high))
+    if low > high:
+        raise ModelError(f"the {name}'s low stop must not be above its high one, got ({low:.6g}, {high:.6g})")
+    return low, high
+
+
+def _checked_view(given: Any) -> tuple[float, float]:
+    try:
+        across, down = given
+    except (TypeError, ValueError):
+        raise ModelError(f"field_of_view is (horizontal, vertical) in rad, or None; got {shown(given)}") from None
+    kind = "(horizontal, vertical) in rad, each an angle"
+    limits = zip((across, down), (2.0 * math.pi, math.pi), strict=True)
+    across, down = (real("field_of_view", angle, LEAST, most, kind, error=ModelError) for angle, most in limits)
+    return float(across), float(down)
