@@ -4,7 +4,8 @@
     python benchmarks/fronts.py --against FOLDER [NAME ...]    plan, and compare with the files
 
 Ends with 1 where a front differs. Costs, reported values, states, kinds of motions, status and certificate are compared
-for equality, to the last bit; of the front "values" also the cost of every criterion on each of its trajectories.
+for equality, to the last bit; of the front "values" also the cost of every criterion on each of its trajectories
+(of those that there were when it was kept).
 Instances whose maps are absent are skipped. For changes of structure: keep with the old checkout's hpop (PYTHONPATH),
 compare with the new one's.
 """
@@ -107,15 +108,18 @@ def values() -> hpop.Front:
 
 def differences(now: hpop.Front, kept: hpop.Front) -> Iterator[str]:
     """What is not as it was."""
-    for name in ("names", "reported_names", "status", "certificate"):
+    for name in ("names", "status", "certificate"):
         was, is_ = getattr(kept, name), getattr(now, name)
         if was != is_:
             yield f"{name} was {was!r}, is {is_!r}"
     if now.costs.shape != kept.costs.shape:
         yield f"{len(kept)} trajectories were {len(now)}"
         return
-    for name in ("costs", "reported"):
-        was, is_ = (np.asarray(getattr(front, name)) for front in (kept, now))
+    if lacking := set(kept.reported_names) - set(now.reported_names):
+        yield f"{', '.join(sorted(lacking))} are no longer reported"
+        return
+    reported = now.reported[:, [now.reported_names.index(name) for name in kept.reported_names]]
+    for name, was, is_ in (("costs", kept.costs, now.costs), ("reported", kept.reported, reported)):
         if was.shape != is_.shape or not (was == is_).all():
             off = np.abs(was - is_).max() if was.shape == is_.shape else np.inf
             yield f"{name} differ by up to {off:.3g}"

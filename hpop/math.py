@@ -15,6 +15,7 @@ from hpop.arrays import Column
 
 instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
 SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
+ALIGNED = 1e-4  # rad: the same of angles between vectors, which pass through zero in the middle of a motion
 
 
 def is_symbolic(column: object) -> bool:
@@ -34,6 +35,11 @@ def hypot(x: Column, y: Column) -> Column:
     return np.where(square > 0, np.sqrt(square), 0.0)
 
 
+def is_zero(column: Column) -> bool:
+    """Whether a column is the number 0.0, which stands for what is known to be zero."""
+    return isinstance(column, float) and column == 0.0
+
+
 def norm(vector: tuple[Column, Column, Column]) -> Column:
     """Length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
 
@@ -42,7 +48,7 @@ def norm(vector: tuple[Column, Column, Column]) -> Column:
     >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
     (7.0, 1.5)
     """
-    columns = [column for column in vector if not (isinstance(column, float) and column == 0.0)]
+    columns = [column for column in vector if not is_zero(column)]
     if not columns:
         return 0.0
     if len(columns) == 1:
@@ -50,8 +56,35 @@ def norm(vector: tuple[Column, Column, Column]) -> Column:
     return hypot(hypot(*columns[:2]), columns[2]) if len(columns) == 3 else hypot(*columns)
 
 
-def smooth_abs(x: Column) -> Column:
-    """|x|; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact at zero and outside.
+def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
+    """Angle, rad in [0, pi], between unit vectors and others, 0 where these are zero.
+
+    On symbols its kink at 0 is rounded within ALIGNED where both lie in one plane of the axes, so that who is aligned
+    up to rounding has the gradient 0.
+
+    >>> round(float(angle_between((0.0, 1.0, 0.0), (2.0, 0.0, 0.0))), 9)
+    1.570796327
+    """
+    length = norm(vector)
+    some = length > 0
+    scale = 1.0 / np.where(some, length, 1.0)
+
+    def product(i: int, j: int) -> Column:
+        return 0.0 if is_zero(unit[i]) or is_zero(vector[j]) else unit[i] * vector[j]
+
+    def across(i: int, j: int) -> Column:
+        one, other = product(i, j), product(j, i)
+        return 0.0 if is_zero(one) and is_zero(other) else (one - other) * scale
+
+    normal = across(1, 2), across(2, 0), across(0, 1)
+    alone = [column for column in normal if not is_zero(column)]
+    sine = smooth_abs(alone[0], ALIGNED) if len(alone) == 1 else norm(normal)
+    cosine = (product(0, 0) + product(1, 1) + product(2, 2)) * scale
+    return np.arctan2(np.where(some, sine, 0.0), np.where(some, cosine, 1.0))
+
+
+def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
+    """|x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
 
     With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w
     with equal value, slope and curvature.
@@ -61,8 +94,8 @@ def smooth_abs(x: Column) -> Column:
     """
     if not is_symbolic(x):
         return np.abs(x)
-    square = (x / SMOOTHING) ** 2
-    inside = SMOOTHING * square * (15.0 - 10.0 * square + 3.0 * square * square) / 8.0
+    square = (x / width) ** 2
+    inside = width * square * (15.0 - 10.0 * square + 3.0 * square * square) / 8.0
     return np.where(square < 1.0, inside, np.abs(x))
 
 

@@ -9,6 +9,7 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
+    from hpop.criteria.comfort.heading_mismatch import HeadingMismatch, MeanHeadingMismatch
     from hpop.criteria.comfort.jerk import Jerk
     from hpop.criteria.comfort.length import Length
     from hpop.criteria.comfort.msdv import MSDV
@@ -53,11 +54,13 @@ _HOMES = {
     "Energy": "hpop.criteria.robot.energy",
     "Exposure": "hpop.criteria.performance.obstruction",
     "HallZones": "hpop.criteria.others.hall_zones",
+    "HeadingMismatch": "hpop.criteria.comfort.heading_mismatch",
     "Jerk": "hpop.criteria.comfort.jerk",
     "LandmarkBlindness": "hpop.criteria.performance.landmark_visibility",
     "LandmarkVisibility": "hpop.criteria.performance.landmark_visibility",
     "Length": "hpop.criteria.comfort.length",
     "MSDV": "hpop.criteria.comfort.msdv",
+    "MeanHeadingMismatch": "hpop.criteria.comfort.heading_mismatch",
     "NetMisalignment": "hpop.criteria.performance.orientation_retention",
     "NetWinding": "hpop.criteria.comfort.net_winding",
     "OSpace": "hpop.criteria.others.o_space",
@@ -96,10 +99,12 @@ __all__ = [
     "Energy",
     "Exposure",
     "HallZones",
+    "HeadingMismatch",
     "Jerk",
     "LandmarkBlindness",
     "LandmarkVisibility",
     "Length",
+    "MeanHeadingMismatch",
     "NetMisalignment",
     "NetWinding",
     "OSpace",

@@ -10,6 +10,8 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.errors import HpopError
 
+LEAST_SCALE = 1e-5  # of columns: where all is smaller, this is what a share is taken of
+
 
 class Check(NamedTuple):
     """One conformance check: what it claims, and what contradicts it ("" where it holds)."""
@@ -37,7 +39,7 @@ def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float,
     """Where two columns differ by more than a share of each value and of a scale, by default that of the largest."""
     gap = np.abs(expected - found)
     largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
-    allowed = tolerance * np.maximum(np.abs(expected), largest)
+    allowed = tolerance * np.maximum(np.abs(expected), max(largest, LEAST_SCALE))
     if np.all(gap <= allowed):  # not a number is a fault
         return ""
     worst = int(np.argmax(np.where(np.isnan(gap), np.inf, gap - allowed)))

@@ -247,7 +247,8 @@ def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
         symbols = SymbolicMotions.of(motions)
         function = symbols.function(criterion.cost(symbols.motions))
         value, jacobian = (np.array(part) for part in function(symbols.point))
-        scale = max(float(np.abs(part).max()) for part in (value, jacobian))  # differences are as exact as the values
+        least = GRADIENT_STEP / GRADIENT_TOLERANCE  # beside a kink differences are no more exact than their step
+        scale = max(least, *(float(np.abs(part).max()) for part in (value, jacobian)))  # nor than the values
         for column, step in enumerate(GRADIENT_STEP * np.eye(symbols.point.size)):
             below, above = (np.array(function(symbols.point + ahead)[0]).ravel() for ahead in (-step, step))
             slope = (above - below) / (2 * GRADIENT_STEP)

@@ -249,13 +249,14 @@ def _measured(bodies: list[str], batches: list[Motions]) -> str:
         size = len(motions)
         for name in bodies:
             body: Body = motions.model.body(name, motions)
-            way, turned, rotation = (np.zeros(size) for _ in range(3))
+            way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
             for i, trajectory in enumerate(_each(motions)):
                 states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
                 axes = _axes(motions.model.pose(name, states), SAMPLES)
                 steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])
                 way[i] = np.linalg.norm(np.diff(axes[0]), axis=0).sum()
                 turned[i], rotation[i] = np.linalg.norm(steps, axis=0).sum(), steps[2].sum()
+                tilted[i] = np.linalg.norm(steps[:2], axis=0).sum()
             compared = {"length": way, "turned": turned, "rotation": rotation}
             for what, expected in compared.items():
                 found = getattr(body, what) + np.zeros(size)
@@ -269,6 +270,8 @@ def _measured(bodies: list[str], batches: list[Motions]) -> str:
                 return f"the {name} is said to stay in a {motions.kind}, but goes {way.max():.3g} m"
             if body.steady and turned.max() > SAME:
                 return f"the {name} is said not to turn in a {motions.kind}, but turns {turned.max():.3g} rad"
+            if body.upright and tilted.max() > SAME:
+                return f"the {name} is said to stay upright in a {motions.kind}, but tilts {tilted.max():.3g} rad"
     return ""
 
 
