@@ -185,4 +185,5 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
         turns=turns,
         stays=not law.varies & {"x", "y"} and not (mount.lever and "yaw" in law.varies),
         steady="yaw" not in law.varies or mount.view is not None,
+        upright=True,
     )

@@ -26,6 +26,7 @@ class Body:
                       or maximal stretches of a curve in which the heading changes with one sign
     stays       whether no motion of the batch moves the body from its place
     steady      whether no motion of the batch turns it
+    upright     whether no motion of the batch turns it about any axis but the vertical
     """
 
     start: Pose
@@ -36,6 +37,7 @@ class Body:
     turns: tuple[Column, ...]
     stays: bool = False
     steady: bool = False
+    upright: bool = False
 
 
 def integrated(name: str, motions: Motions) -> Body:

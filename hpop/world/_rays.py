@@ -91,6 +91,9 @@ def flow(
     velocity_x: FloatArray,
     velocity_y: FloatArray,
     turn_rate: FloatArray,
+    tilt: FloatArray,
+    yaw: FloatArray,
+    width: float,
     nearest: float,
     largest: bool,
     out: FloatArray,
@@ -98,10 +101,12 @@ def flow(
     """Write to out (M,) the mean, or the largest, angular speed over the bearings; see `Bearings`.
 
     layers (H, W, 3 B): `Bearings.layers`, or the distances (H, W, B) alone; (u, v): positions in grid steps, clamped as
-    in `Field`.
+    in `Field`. tilt (3, M): the velocity upwards and the rotation about x and y, or (3, 0) where all are zero. yaw (M,)
+    is the middle of the bearings seen, and width their angle; or (0,) where all are seen.
     """
     rows, columns, splines = layers.shape
     count = directions.shape[0]
+    sector = 2.0 * math.pi / count
     value = np.empty(splines)
     wu, wv = np.empty(4), np.empty(4)
     for n in range(u.size):
@@ -119,16 +124,27 @@ def flow(
                 weight = wv[p] * wu[q]
                 for k in range(splines):
                     value[k] += weight * layers[i - 1 + p, j - 1 + q, k]
-        total = worst = 0.0
+        total = worst = seen = 0.0
         for k in range(count):
+            share = 1.0
+            if yaw.size > 0:
+                off = abs((k * sector - yaw[n] + math.pi) % (2.0 * math.pi) - math.pi)
+                share = min(1.0, width / sector, (0.5 * width - off) / sector + 0.5)
+                if share <= 0.0:
+                    continue
             across = velocity_x[n] * directions[k, 1] - velocity_y[n] * directions[k, 0]
             inverse = 1.0 / max(value[k], nearest)
             if splines > count:
                 inverse += value[2 * count + k] * (value[count + k] - inverse)
             speed = abs(across * inverse - turn_rate[n])
-            total += speed
+            if tilt.shape[1] > 0:
+                speed = math.hypot(
+                    speed, tilt[0, n] * inverse + tilt[1, n] * directions[k, 1] - tilt[2, n] * directions[k, 0]
+                )
+            total += share * speed
+            seen += share
             worst = max(worst, speed)
-        out[n] = worst if largest else total / count
+        out[n] = worst if largest else total / seen
 
 
 @kernel

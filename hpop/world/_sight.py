@@ -153,12 +153,14 @@ def unseen(
     shape: tuple[int, int],
     marks: FloatArray,
     cos_half: float,
+    half_height: float,
     corner_x: float,
     corner_y: float,
     spacing: float,
     x: FloatArray,
     y: FloatArray,
     yaw: FloatArray,
+    pitch: FloatArray,
     out: FloatArray,
 ) -> None:
     """Write to out (M,) 1 - the sum, in [0, 1], of those fields whose landmark is within the angle of view.
@@ -166,7 +168,9 @@ def unseen(
     values (N,): of all windows one after the other, row by row; a field is 0 beyond its window
     windows (L, 5): where the values of a field begin, first row, rows, first column, columns on a grid of this shape,
     of which corner, m, is the first node, spacing, m, apart; the border's values hold beyond the grid
-    marks (L, 2) m; x, y, yaw (M,) m, rad: camera; cos_half: cosine of half the angle of view
+    marks (L, 3) m: x, y, and by how much they are above the camera; x, y, yaw (M,) m, rad: camera
+    cos_half: cosine of half the angle of view; half_height: half the vertical one, rad, about the camera's pitch (M,),
+    or (0,) where all elevations are in view
     """
     rows, columns = shape[0] + 2 * PAD, shape[1] + 2 * PAD
     count = len(windows)
@@ -193,7 +197,10 @@ def unseen(
         total = 0.0
         for m in range(count):
             dx, dy = marks[m, 0] - px, marks[m, 1] - py
-            if ahead * dx + left * dy < cos_half * math.sqrt(dx * dx + dy * dy):
+            flat = math.sqrt(dx * dx + dy * dy)
+            if ahead * dx + left * dy < cos_half * flat:
+                continue
+            if pitch.size > 0 and abs(math.atan2(marks[m, 2], flat) - pitch[k]) > half_height:
                 continue
             if math.isnan(value[m]):
                 one = 0.0

@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon
 
 from hpop.arrays import BoolArray, Column, FloatArray
-from hpop.math import is_symbolic
+from hpop.math import SMOOTHING, hypot, is_symbolic, is_zero
 from hpop.options import MOST, real, whole
 from hpop.world import limits
 from hpop.world.content import Content
@@ -24,6 +25,9 @@ from hpop.world.field import PAD, Field, grid_points
 from hpop.world.ground import Ground, Heights
 from hpop.world.planar import FreeSpace, without
 from hpop.world.world import World
+
+if TYPE_CHECKING:
+    from hpop.motions.states import Vector
 
 REACH = 20.0
 """Metres beyond which surfaces do not count: flow past them is below 0.05 rad/s at 1 m/s."""
@@ -40,6 +44,13 @@ SAMPLE = 8
 DISTANCES = "the distances along bearings were sampled"
 LINEAR = 1e-6
 """Metres of second difference up to which distances are linear."""
+
+
+class Seen(NamedTuple):
+    """Bearings that a camera has in view: ``width`` rad about its yaw (M,), rad."""
+
+    yaw: Column
+    width: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,53 +126,90 @@ class Bearings:
         return self._fields[key]
 
     def mean_flow(
-        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
     ) -> Column:
-        """Mean (M,), rad/s, over the bearings of the speed at which what is seen there changes its bearing.
+        """Mean (M,), rad/s, over the bearings of the speed at which what is seen there moves on a sphere.
 
-        A camera that moves with ``velocity`` (x, y) m/s and turns at ``turn_rate`` rad/s sees a surface at distance d,
-        at angle beta from its direction of motion, shift by v sin(beta) / d - turn_rate. Distances below ``nearest`` m
-        count as that.
+        A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
+        distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by
+        v_z / d + w_x sin b - w_y cos b down. Distances below ``nearest`` m count as that. Where not all bearings are
+        ``seen``, each counts by the share of the 2 pi / B about it that is.
         """
-        if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
-            return self._kernel(x, y, velocity, turn_rate, nearest, largest=False)
+        if not self._on_symbols(x, y, velocity, rotation, seen):
+            return self._kernel(x, y, velocity, rotation, nearest, seen, largest=False)
         read = self._reader(x, y)
         inverses = (self._inverse(b, read, nearest) for b in range(len(self.directions)))
-        return sum(self._shifts(velocity, turn_rate, inverses)) / len(self.directions)
+        shifts = self._shifts(velocity, rotation, inverses)
+        if seen is None:
+            return sum(shifts) / len(self.directions)
+        shares = [self._share(b, seen) for b in range(len(self.directions))]
+        return sum(share * shift for share, shift in zip(shares, shifts, strict=True)) / sum(shares)
 
     def peak_flow(
-        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
     ) -> Column:
         """Largest (M,), rad/s, where `mean_flow` gives the mean.
 
-        Of the splines of the distances: what a jump blurs lasts too short for either to show its peak.
+        Of the splines of the distances: what a jump blurs lasts too short for either to show its peak. Of bearings any
+        part of which is seen; on symbols a bearing at the edge of the view comes in within SMOOTHING.
         """
-        if not any(map(is_symbolic, (x, y, *velocity, turn_rate))):
-            return self._kernel(x, y, velocity, turn_rate, nearest, largest=True)
+        if not self._on_symbols(x, y, velocity, rotation, seen):
+            return self._kernel(x, y, velocity, rotation, nearest, seen, largest=True)
         read = self._reader(x, y)
         inverses = (1.0 / np.maximum(read(self._distances(b)), nearest) for b in range(len(self.directions)))
-        first, *others = self._shifts(velocity, turn_rate, inverses)
+        shifts = self._shifts(velocity, rotation, inverses)
+        if seen is not None:
+            edge = min(SMOOTHING, seen.width, self.sector) / self.sector
+            shifts = (s * np.minimum(self._share(b, seen) / edge, 1.0) for b, s in enumerate(shifts))
+        first, *others = shifts
         for other in others:
             first = np.maximum(first, other)
         return first
 
-    def _shifts(
-        self, velocity: tuple[Column, Column], turn_rate: Column, inverses: Iterator[Column]
-    ) -> Iterator[Column]:
+    @property
+    def sector(self) -> float:
+        """Angle between two bearings, rad."""
+        return 2.0 * math.pi / len(self.directions)
+
+    def _share(self, bearing: int, seen: Seen) -> Column:
+        """Share (M,) of the sector about a bearing that is seen."""
+        angle = bearing * self.sector - seen.yaw
+        off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
+        inside = (0.5 * seen.width - off) / self.sector + 0.5
+        return np.maximum(np.minimum(inside, min(1.0, seen.width / self.sector)), 0.0)
+
+    def _on_symbols(self, x: Column, y: Column, velocity: Vector, rotation: Vector, seen: Seen | None) -> bool:
+        return any(map(is_symbolic, (x, y, *velocity, *rotation, None if seen is None else seen.yaw)))
+
+    def _shifts(self, velocity: Vector, rotation: Vector, inverses: Iterator[Column]) -> Iterator[Column]:
+        (*_, rise), (roll, pitch, turn) = velocity, rotation
+        level = all(map(is_zero, (rise, roll, pitch)))
         for (cos, sin), inverse in zip(self.directions.tolist(), inverses, strict=True):
-            yield np.abs((velocity[0] * sin - velocity[1] * cos) * inverse - turn_rate)
+            shift = np.abs((velocity[0] * sin - velocity[1] * cos) * inverse - turn)
+            yield shift if level else hypot(shift, rise * inverse + roll * sin - pitch * cos)
 
     def _kernel(
-        self, x: Column, y: Column, velocity: tuple[Column, Column], turn_rate: Column, nearest: float, *, largest: bool
+        self,
+        x: Column,
+        y: Column,
+        velocity: Vector,
+        rotation: Vector,
+        nearest: float,
+        seen: Seen | None,
+        *,
+        largest: bool,
     ) -> FloatArray:
         from hpop.world._rays import flow
 
         u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
-        shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, turn_rate)))
-        u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity, turn_rate))
+        shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, *rotation)))
+        u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity[:2], rotation[2]))
+        tilting = (velocity[2], *rotation[:2])
+        tilt = np.empty((3, 0)) if all(map(is_zero, tilting)) else np.stack([_column(c, shape) for c in tilting])
+        yaw, width = (np.empty(0), 0.0) if seen is None else (_column(seen.yaw, shape), seen.width)
         out = np.empty(u.shape)
         layers = self.distances if largest else self.layers(nearest)
-        flow(layers, self.directions, u, v, vx, vy, rate, nearest, largest, out)
+        flow(layers, self.directions, u, v, vx, vy, rate, tilt, yaw, width, nearest, largest, out)
         return out
 
 

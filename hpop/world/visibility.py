@@ -24,7 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import Column, FloatArray, IntArray, distinct
 from hpop.errors import OptionError
-from hpop.math import is_symbolic, smooth_abs, smooth_step
+from hpop.math import hypot, is_symbolic, smooth_abs, smooth_step
 from hpop.options import LEAST, MOST, real
 from hpop.world import limits
 from hpop.world.content import Landmark
@@ -58,6 +58,10 @@ SIGHT = "the visibility of landmarks was sampled"
 OPENNESS = "the openness was sampled"
 ALL_ROUND = 2 * math.pi - 1e-3
 """Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
+BEHIND = -2.0
+"""Cosine of half an angle of view that is all round: none is less, whatever the rounding."""
+UP_AND_DOWN = math.pi - 1e-3
+"""Vertical angles of view from here on, rad, hold all from straight down to straight up."""
 
 
 class Window(NamedTuple):
@@ -116,17 +120,20 @@ def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far:
     return sight._replace(values=value)
 
 
-def landmarks_unseen(world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi) -> Column:
+def landmarks_unseen(
+    world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi, vertical: float = math.pi
+) -> Column:
     """1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
 
-    A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw, rad; on symbols that edge is
-    smoothed.
+    A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw and its elevation at most
+    ``vertical`` / 2 off the camera's pitch, rad; on symbols these edges are smoothed. Roll is not applied.
     """
-    if fov >= ALL_ROUND:
+    if fov >= ALL_ROUND and vertical >= UP_AND_DOWN:
         return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
-    if is_symbolic(pose.x) or is_symbolic(pose.y) or is_symbolic(pose.yaw):
-        return _by_height(pose, lambda z: _unseen_on_symbols(world, pose, z, near, far, fov))
-    return _by_height(pose, lambda z: _unseen_in_view(world, pose, z, near, far, fov))
+    angles = [pose.yaw, *([pose.pitch] if vertical < UP_AND_DOWN else [])]
+    if any(map(is_symbolic, (pose.x, pose.y, *angles))):
+        return _by_height(pose, lambda z: _unseen_on_symbols(world, pose, z, near, far, fov, vertical))
+    return _by_height(pose, lambda z: _unseen_in_view(world, pose, z, near, far, fov, vertical))
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
@@ -145,6 +152,27 @@ def bearing(pose: Pose, x: float, y: float) -> Column:
     apart = dx * dx + dy * dy > 0
     along, aside = ahead * dx + left * dy, ahead * dy - left * dx
     return np.arctan2(np.where(apart, aside, 0.0), np.where(apart, along, 1.0))
+
+
+def elevation(pose: Pose, x: float, y: float, z: float) -> Column:
+    """Angle (M,), rad in [-pi/2, pi/2], by which a point is above the camera's height; 0 where the camera is."""
+    dx, dy, rise = x - pose.x, y - pose.y, z - pose.z
+    flat = hypot(dx, dy)
+    return np.arctan2(rise, np.where(flat + np.abs(rise) > 0, flat, 1.0))
+
+
+def in_view(pose: Pose, landmark: Landmark, fov: float, vertical: float) -> Column:
+    """1 (M,) where a landmark is within the angles of view, rad, about the camera's yaw and pitch, else 0.
+
+    On symbols these edges are smoothed.
+    """
+    inside: Column = 1.0
+    if fov < ALL_ROUND:
+        inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, landmark.x, landmark.y)))
+    if vertical < UP_AND_DOWN:
+        above = elevation(pose, landmark.x, landmark.y, landmark.z) - pose.pitch
+        inside = smooth_step(0.5 * vertical - smooth_abs(above)) * inside
+    return inside
 
 
 def openness(world: World, pose: Pose, radius: float) -> Column:
@@ -209,15 +237,18 @@ def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
     return ground.derived(("landmarks", landmarks, z, float(near), float(far)), make)
 
 
-def _unseen_on_symbols(world: World, pose: Pose, z: float, near: float, far: float, fov: float) -> Column:
+def _unseen_on_symbols(
+    world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
+) -> Column:
     seen = 0.0
     for share, field, mark in zip(_shares(world), _fields(world, z, near, far), world.content.landmarks, strict=True):
-        inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, mark.x, mark.y)))
-        seen = seen + share * field(pose.x, pose.y) * inside
+        seen = seen + share * field(pose.x, pose.y) * in_view(pose, mark, fov, vertical)
     return np.maximum(1.0 - seen, 0.0)
 
 
-def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float, fov: float) -> FloatArray:
+def _unseen_in_view(
+    world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
+) -> FloatArray:
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
     from hpop.world._sight import unseen
 
@@ -234,9 +265,11 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
         return np.concatenate(parts), np.column_stack([begin[:-1], boxes])
 
     values, windows = ground.derived(("landmarks in view", landmarks, z, float(near), float(far)), make)
-    marks = np.array([(mark.x, mark.y) for mark in landmarks])
+    marks = np.array([(mark.x, mark.y, mark.z - z) for mark in landmarks])
     xs, ys, spacing = _grid(ground)
     x, y, yaw = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (pose.x, pose.y, pose.yaw)))
+    limited = vertical < UP_AND_DOWN
+    pitch = np.array(np.broadcast_to(pose.pitch, x.shape), np.float64).ravel() if limited else np.empty(0)
     corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
     out = np.empty(x.size)
     unseen(
@@ -244,12 +277,14 @@ def _unseen_in_view(world: World, pose: Pose, z: float, near: float, far: float,
         windows,
         (ys.size, xs.size),
         marks,
-        math.cos(0.5 * fov),
+        math.cos(0.5 * fov) if fov < ALL_ROUND else BEHIND,
+        0.5 * vertical,
         *corner,
         spacing,
         x.ravel(),
         y.ravel(),
         yaw.ravel(),
+        pitch,
         out,
     )
     return out.reshape(x.shape)

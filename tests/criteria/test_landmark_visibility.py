@@ -75,6 +75,36 @@ def test_a_viewer_looks_ahead_within_the_angle_of_view(fov):
     assert cost == pytest.approx(1 - seen.mean(), abs=0.015)  # the nodes of a panel are up to 5 degrees apart
 
 
+def test_without_an_angle_of_its_own_the_viewer_has_the_cameras():
+    """Bearings and elevations: a landmark counts while both are within half the angles that the model sees at once."""
+    marks = Landmark(8, 8, z=EYE), Landmark(4, 3, z=EYE + 1.5, weight=2.0), Landmark(10, 4, z=EYE - 1.0)
+    world, h, v = hall(*marks), 2.0, 0.8
+    narrow = DifferentialDrive(field_of_view=(h, v))
+    poses = [(8, 4, -3), (8, 4, -0.4), (8, 4, 2.4), (5, 6, 2.4)]
+    turns = Trajectory.from_poses(narrow, poses)
+    t = np.linspace(0, turns.duration, 100_001)
+    s = turns.at((t[1:] + t[:-1]) / 2)
+    seen = np.zeros(t.size - 1)
+    for mark in marks:
+        dx, dy = mark.x - s.x, mark.y - s.y
+        off = np.angle(np.exp(1j * (np.arctan2(dy, dx) - s.yaw)))
+        above = np.arctan((mark.z - EYE) / np.hypot(dx, dy))
+        seen += mark.weight / 4 * (np.abs(off) <= h / 2) * (np.abs(above) <= v / 2)
+    by_model = trajectory_cost(LandmarkVisibility(near=20, far=30), turns, world)
+    assert by_model == pytest.approx(1 - seen.mean(), abs=0.015)
+    asked = LandmarkVisibility(near=20, far=30, fov=h)
+    everywhere = Trajectory.from_poses(MODEL, poses)
+    assert trajectory_cost(asked, turns, world) == trajectory_cost(asked, everywhere, world) < by_model
+
+
+def test_a_camera_that_sees_all_round_sees_no_higher_than_its_angle():
+    world = hall(Landmark(8, 5, z=EYE + 1.0))
+    around = DifferentialDrive(field_of_view=(2 * np.pi, 2 * np.arctan(1.0 / 3.0)))  # from 3 m on
+    away = Trajectory.from_poses(around, [(8, 5, 0), (14, 5, 0)])
+    cost = trajectory_cost(LandmarkVisibility(near=20, far=30), away, world)
+    assert cost == pytest.approx(0.5, abs=0.02)
+
+
 @pytest.mark.parametrize("fov", [6.283, 2 * np.pi, 6.2832])
 def test_an_angle_of_view_with_a_few_decimals_is_all_round(fov):
     world = hall(Landmark(8, 8, z=EYE))

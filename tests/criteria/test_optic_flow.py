@@ -82,6 +82,23 @@ def test_between_two_bearings_the_peak_beside_a_wall_is_missed_by_less_than_four
     assert 0.96 < found[0] < found[1] <= 1.0 + 1e-9
 
 
+def test_a_narrow_camera_sees_the_walls_of_a_corridor_flow_where_it_looks():
+    """Along the corridor |sin b|² / w streams at the bearing b: little ahead, most to the side."""
+    for view, within in ((0.0, 0.4), (np.pi / 2, np.pi / 2)):
+        model = DifferentialDrive(view="unwound", view_yaw=view, field_of_view=(0.8, 0.6))
+        path = Trajectory.from_poses(model, [(-3, 0, 0), (4, 0, 0)])
+        angles = view + np.linspace(-0.4, 0.4, 1001)
+        criterion = OpticFlow(bearings=180)
+        assert trajectory_cost(criterion, path, CORRIDOR) == pytest.approx(7 * np.mean(np.sin(angles) ** 2), rel=5e-3)
+        peak = trajectory_cost(PeakOpticFlow(bearings=180), path, CORRIDOR)
+        assert peak == pytest.approx(math.sin(within) ** 2, rel=0.1)  # by a step
+
+
+def test_a_turn_flows_alike_in_every_view():
+    path = Trajectory.from_poses(DifferentialDrive(field_of_view=(1.0, 1.0)), [(0, 0, 0), (0, 0, -2.0)])
+    assert trajectory_cost(OpticFlow(), path, CORRIDOR) == pytest.approx(2.0)
+
+
 def test_a_camera_that_goes_up_and_down_is_refused():
     class Lift(DifferentialDrive):
         def pose(self, body, states):

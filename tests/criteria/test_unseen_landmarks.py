@@ -73,6 +73,18 @@ def test_a_viewer_sees_within_reach_ahead_and_from_the_front():
     assert trajectory_cost(UnseenLandmarks(), route, hall(turned_away, turned_to, obstacles=())) == 0.5
 
 
+def test_what_the_camera_cannot_see_at_once_is_missed():
+    """1.5 m up and 3 m ahead, at closest: 27 degrees, and 90 to the left when it is passed."""
+    world = hall(Landmark(9, 5, z=2.7), obstacles=())
+    for h, v, missed in ((1.0, 1.0, 0.0), (1.0, 0.4, 1.0), (2 * np.pi, 0.4, 1.0)):
+        model = DifferentialDrive(field_of_view=(h, v), camera_height=1.2)
+        ahead = Trajectory.from_poses(model, [(5.9, 5, 0), (6, 5, 0)])
+        assert trajectory_cost(UnseenLandmarks(), ahead, world) == missed
+        aside = Trajectory.from_poses(model, [(9, 2, 0), (9.1, 2, 0)])
+        assert trajectory_cost(UnseenLandmarks(), aside, world) == (0.0 if h > np.pi and v > 0.95 else 1.0)
+        assert trajectory_cost(UnseenLandmarks(fov=4.0), aside, world) == 0.0
+
+
 @pytest.mark.parametrize(
     ("bad", "text"),
     [

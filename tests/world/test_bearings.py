@@ -1,6 +1,7 @@
 """Distances to what a camera sees: closed forms beside walls, shapely rays among random obstacles, cells, heights."""
 
 import math
+from functools import partial
 
 import casadi
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import World
-from hpop.world.bearings import MARGIN, REACH, as_seen, bearings
+from hpop.world.bearings import MARGIN, REACH, Seen, as_seen, bearings
 
 ANGLES = 2 * np.pi * np.arange(16) / 16
 
@@ -46,10 +48,10 @@ def test_in_a_corridor_the_mean_flow_is_a_quarter_of_both_inverse_distances():
     x, y, still = np.array([0.0, 3.3]), np.array([0.0, 0.37]), np.zeros(2)
     for count in (8, 16, 24):
         around = bearings(world, 1.2, count)
-        mean = around.mean_flow(x, y, (1.3 + still, still), still, 0.1)
+        mean = around.mean_flow(x, y, (1.3 + still, still, 0.0), (0.0, 0.0, still), 0.1)
         # d = w / |sin| on either side, so the flow is v sin² / w, and the mean of sin² over evenly spaced angles 1/2.
         assert mean == pytest.approx(1.3 * 0.25 * (1 / (1 - y) + 1 / (1 + y)), rel=1e-9)
-        peak = around.peak_flow(x, y, (1.3 + still, still), still, 0.1)
+        peak = around.peak_flow(x, y, (1.3 + still, still, 0.0), (0.0, 0.0, still), 0.1)
         assert peak == pytest.approx(1.3 / (1 - np.abs(y)), rel=1e-9)
 
 
@@ -109,16 +111,16 @@ def test_inside_an_obstacle_the_distance_is_zero_and_the_flow_that_of_the_neares
     x = y = np.array([4.0])
     assert as_seen(world, (0, 1)).clearance(x, y, z=(0, 1)) == [0.0]
     around = bearings(world, 1.0)
-    assert around.peak_flow(x, y, (np.array([1.0]), np.array([0.0])), np.zeros(1), 0.25) == pytest.approx([4.0])
+    assert around.peak_flow(x, y, (np.array([1.0]), 0.0, 0.0), (0.0, 0.0, 0.0), 0.25) == pytest.approx([4.0])
 
 
 def test_rotation_flows_alike_at_any_depth_and_adds_to_translation():
     world = World.from_polygons([shapely.box(-50, 1, 50, 2)], extent=shapely.box(-5, -2, 5, 2))
     x, y, zero, one = np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1)
     around = bearings(world, 1.0)
-    assert around.mean_flow(x, y, (zero, zero), -0.8 * one, 0.1) == pytest.approx([0.8])
+    assert around.mean_flow(x, y, (zero, zero, 0.0), (0.0, 0.0, -0.8 * one), 0.1) == pytest.approx([0.8])
     # The wall on the left streams to the rear (its bearing grows by v/d); a turn to the left makes all bearings shrink.
-    assert around.peak_flow(x, y, (one, zero), -0.5 * one, 0.1) == pytest.approx([1.5])
+    assert around.peak_flow(x, y, (one, zero, 0.0), (0.0, 0.0, -0.5 * one), 0.1) == pytest.approx([1.5])
 
 
 def among_boxes(seed):
@@ -169,29 +171,80 @@ def test_among_obstacles_the_flow_along_a_move_is_that_of_exact_rays(seed):
         x, y = (begin + np.linspace(0, length, 160)[:, None] * ahead).T
         across = np.abs(ahead[0] * around.directions[:, 1] - ahead[1] * around.directions[:, 0])
         exact = (across / np.maximum(by_lines(world.solid(), x, y), 0.3)).mean()
-        flow = around.mean_flow(x, y, (ahead[0] + still, ahead[1] + still), still, 0.3).mean()
+        flow = around.mean_flow(x, y, (ahead[0] + still, ahead[1] + still, 0.0), (0.0, 0.0, still), 0.3).mean()
         errors.append(flow / exact - 1)
     assert abs(np.mean(errors)) < 0.012
     assert np.max(np.abs(errors)) < 0.03
 
 
+@pytest.mark.parametrize("view", [None, 0.1, 1.9, 6.0])
 @pytest.mark.parametrize("flow", ["mean_flow", "peak_flow"])
-def test_symbols_get_the_same_flow_as_numbers(flow):
+def test_symbols_get_the_same_flow_as_numbers(flow, view):
     boxes = [shapely.box(1, 1, 2, 3), shapely.box(5, 2, 6, 5)]
     world = World.from_polygons(boxes, extent=shapely.box(0, 0, 8, 6))
     rng = np.random.default_rng(5)
     columns = {"x": rng.uniform(-1, 9, 50), "y": rng.uniform(-1, 7, 50)}
-    columns |= {name: rng.normal(size=50) for name in ("vx", "vy", "w")}
-    evaluate = getattr(bearings(world, 1.0), flow)
-    x, y, vx, vy, w = columns.values()
-    symbolic = numbers(lambda x, y, vx, vy, w: evaluate(x, y, (vx, vy), w, 0.3), **columns)
-    assert symbolic == pytest.approx(evaluate(x, y, (vx, vy), w, 0.3), rel=1e-9)
+    columns |= {name: rng.normal(size=50) for name in ("vx", "vy", "vz", "wx", "wy", "wz")}
+    columns["yaw"] = rng.integers(0, 16, 50) * np.pi / 8 + 0.17  # no edge of the view within 0.02 rad of a sector's
+    around = bearings(world, 1.0)
+
+    def evaluate(tilts, x, y, vx, vy, vz, wx, wy, wz, yaw):
+        seen = None if view is None else Seen(yaw, view)
+        velocity, rotation = (vx, vy, vz if tilts else 0.0), ((wx, wy, wz) if tilts else (0.0, 0.0, wz))
+        return getattr(around, flow)(x, y, velocity, rotation, 0.3, seen)
+
+    for tilts in (False, True):
+        symbolic = numbers(partial(evaluate, tilts), **columns)
+        assert symbolic == pytest.approx(evaluate(tilts, **columns), rel=1e-9)
+
+
+def by_differences(point, velocity, rotation, moment=1e-6):
+    """Angular speed at which the direction of a point changes in the frame of a camera at the origin."""
+    angle = np.linalg.norm(rotation) * moment
+    back = Rotation.from_rotvec(-np.asarray(rotation) * moment).as_matrix() if angle else np.eye(3)
+    before, after = point, back @ (np.asarray(point) - np.asarray(velocity) * moment)
+    cross = np.cross(before, after) / (np.linalg.norm(before) * np.linalg.norm(after))
+    return np.linalg.norm(cross) / moment
+
+
+def test_the_flow_is_how_fast_directions_change_on_a_sphere_however_the_camera_moves_and_turns():
+    walls = [shapely.box(-50, 1, 50, 2), shapely.box(-50, -2, 50, -1)]
+    around = bearings(World.from_polygons(walls, extent=shapely.box(-10, -2, 10, 2)), 1.2)
+    x, y = np.zeros(1), np.full(1, 0.4)
+    rng = np.random.default_rng(2)
+    for twist in rng.normal(size=(20, 6)):
+        velocity, rotation = (tuple(part.reshape(3, 1)) for part in (twist[:3], twist[3:]))
+        expected = []
+        for b, angle in enumerate(ANGLES):
+            direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+            expected.append(by_differences(float(around.distance(b, x, y)[0]) * direction, twist[:3], twist[3:]))
+        assert around.mean_flow(x, y, velocity, rotation, 0.1) == pytest.approx([np.mean(expected)], rel=1e-5)
+        assert around.peak_flow(x, y, velocity, rotation, 0.1) == pytest.approx([np.max(expected)], rel=1e-5)
+
+
+def test_bearings_in_view_count_by_the_share_of_their_sectors():
+    world = World.from_polygons([shapely.box(-50, 1, 50, 2)], extent=shapely.box(-5, -2, 5, 2))
+    around, sector = bearings(world, 1.0), 2 * np.pi / 16
+    place, tilt = (np.zeros(1), np.zeros(1)), ((0.0, 0.0, 0.0), (np.ones(1), 0.0, 0.0))
+    flow = np.abs(np.sin(ANGLES))  # of a tilt by 1 rad/s about the x axis
+    for yaw, width, shares in (
+        (0.0, sector, {0: 1}),
+        (0.0, 3 * sector, {15: 1, 0: 1, 1: 1}),
+        (0.25 * sector, 3 * sector, {15: 0.75, 0: 1, 1: 1, 2: 0.25}),
+        (4.5 * sector, 0.1, {4: 1, 5: 1}),
+        (2 * np.pi + 4 * sector, 0.1, {4: 1}),
+        (-np.pi, 2 * sector, {7: 0.5, 8: 1, 9: 0.5}),
+    ):
+        seen = Seen(np.array([yaw]), width)
+        expected = sum(share * flow[b] for b, share in shares.items()) / sum(shares.values())
+        assert around.mean_flow(*place, *tilt, 0.1, seen) == pytest.approx([expected])
+        assert around.peak_flow(*place, *tilt, 0.1, seen) == pytest.approx([max(flow[b] for b in shares)])
 
 
 def test_not_a_number_stays_not_a_number():
     world = World.from_polygons([shapely.box(2, 2, 6, 4)], extent=shapely.box(0, 0, 8, 6))
     nothing, one = np.array([math.nan]), np.ones(1)
-    assert np.isnan(bearings(world, 1.0).mean_flow(nothing, one, (one, one), one, 0.1)).all()
+    assert np.isnan(bearings(world, 1.0).mean_flow(nothing, one, (one, one, 0.0), (0.0, 0.0, one), 0.1)).all()
 
 
 def test_distances_are_computed_once_a_world():

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
+from hpop.models.field_of_view import check_fov, field_of_view
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
+from hpop.options import MOST, set_reals
 from hpop.world.visibility import landmarks_unseen
 
 
@@ -19,12 +18,12 @@ class _Unseen:
     """A viewer who looks for the world's landmarks.
 
     near, far  m    a landmark counts fully up to ``near`` from the camera, falling linearly to nothing at ``far``
-    fov        rad  angle of view, centred on the camera's yaw; 2 pi is all round
+    fov        rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
     """
 
     near: float = 3.0
     far: float = 10.0
-    fov: float = 2 * np.pi
+    fov: float | None = None
 
     def __post_init__(self) -> None:
         set_reals(self, "near", "far", least=0, most=MOST, kind="a distance in m", error=CriterionError)
@@ -32,11 +31,13 @@ class _Unseen:
             raise CriterionError(
                 f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
             )
-        set_reals(self, "fov", least=LEAST, most=2 * np.pi + 1e-3, kind="an angle of view in rad", error=CriterionError)
+        check_fov(self.fov)
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the unseen share, s."""
-        return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, near=self.near, far=self.far, fov=self.fov))
+        horizontal, vertical = field_of_view(m.model, self.fov)
+        limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
+        return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits))
 
 
 @criterion("landmark_blindness", group="P", unit="s", aggregate="sum", requires=("camera", "landmarks"))
@@ -51,16 +52,17 @@ class LandmarkBlindness(_Unseen):
 @criterion("landmark_visibility", group="P", unit="1", aggregate="time-mean", requires=("camera", "landmarks"))
 @dataclass(frozen=True)
 class LandmarkVisibility(_Unseen):
-    """1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= fov/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i.
+    """1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i.
 
-    s_i is the line of sight in three dimensions (`hpop.world.visibility`), β_i the bearing off the camera's yaw, ν_i
-    the angle in the plane between the landmark's front and the direction to the camera (cos 1 if it has no front), d_i
-    the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0 at ``far``.
+    s_i is the line of sight in three dimensions (`hpop.world.visibility`), β_i the bearing off the camera's yaw, ε_i
+    the elevation off its pitch, ν_i the angle in the plane between the landmark's front and the direction to the camera
+    (cos 1 if it has no front), d_i the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0 at
+    ``far``. (h, v) is the model's ``field_of_view``, all round if it has none; or ``fov`` at all elevations: a viewer
+    of a 360-degree camera looks somewhere.
 
-    The camera is a 360-degree one, but its viewer looks somewhere: by default anywhere (fov 2 pi), else about the
-    camera's yaw. All factors but the bearing are one smooth field of the plane: the border of a shadow is about two
-    cells wide. The bearing's edge is sharp, and smoothed on symbols only, so a landmark that comes into view within a
-    motion is timed to half a quadrature node (2.5 degrees, a quarter of a cell). Weights are the landmarks'.
+    All factors but the view's are one smooth field of the plane: the border of a shadow is about two cells wide. The
+    edges of the view are sharp, and smoothed on symbols only, so a landmark that comes into view within a motion is
+    timed to half a quadrature node (2.5 degrees, a quarter of a cell). Weights are the landmarks'.
     """
 
     @property

@@ -10,9 +10,10 @@ from hpop.arrays import BoolArray, Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History, Track
+from hpop.models.field_of_view import check_fov, field_of_view
 from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Landmark
-from hpop.world.visibility import ALL_ROUND, bearing, sees
+from hpop.world.visibility import in_view, sees
 
 STEP = 0.05  # s between the moments at which the viewer looks
 
@@ -25,12 +26,12 @@ class UnseenLandmarks:
     """Σ_i w_i [landmark i was never seen] / Σ_i w_i, over the landmarks of the world.
 
     A landmark is seen while the line of sight to it is free, the camera is in front of it and at most ``far`` m away,
-    and its bearing is at most ``fov`` / 2 off the camera's yaw; it was seen when that has lasted ``least`` seconds in
-    all. With least 0 a moment is enough.
+    and it is in view: its bearing within half the angle of view of the camera's yaw, its elevation of the camera's
+    pitch. It was seen when that has lasted ``least`` seconds in all. With least 0 a moment is enough.
 
     least  s    in all, not in one piece
     far    m    in three dimensions
-    fov    rad  angle of view, centred on the camera's yaw; 2 pi is all round
+    fov    rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
 
     Two paths to one place with equal shares may have seen different landmarks, so the share does not add up: a search
     would need the set of those seen in its labels. It is judged on the execution, looked at every 0.05 s: what is in
@@ -39,12 +40,12 @@ class UnseenLandmarks:
 
     least: float = 0.0
     far: float = 10.0
-    fov: float = 2 * np.pi
+    fov: float | None = None
 
     def __post_init__(self) -> None:
         set_reals(self, "least", least=0, most=MOST, kind="a time in s", error=CriterionError)
         set_reals(self, "far", least=LEAST, most=MOST, kind="a distance in m", error=CriterionError)
-        set_reals(self, "fov", least=LEAST, most=2 * np.pi + 1e-3, kind="an angle of view in rad", error=CriterionError)
+        check_fov(self.fov)
 
     def cost(self, m: History) -> Column:
         """Weighted share (M,) of the landmarks not seen by the end of each motion."""
@@ -59,8 +60,8 @@ class UnseenLandmarks:
 
     def _sees(self, m: History, track: Track, landmark: Landmark) -> BoolArray:
         seen = sees(m.world, track.camera, landmark, far=self.far)
-        off = np.abs(bearing(track.camera, landmark.x, landmark.y))
-        return np.asarray(seen & ((off <= 0.5 * self.fov) | (self.fov >= ALL_ROUND)), dtype=bool)
+        viewed = in_view(track.camera, landmark, *field_of_view(m.model, self.fov))
+        return np.asarray(seen & (viewed > 0.0), dtype=bool)
 
     def _seen_at(self, track: Track, seen: BoolArray) -> float:
         """Time, s, by which a landmark has been in view for long enough; inf if it never is."""

@@ -16,6 +16,7 @@ from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive.driven import Drive
 from hpop.models.differential_drive.faults import doubtful, faults
+from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace
@@ -43,7 +44,7 @@ class WheelTrack(NamedTuple):
 @model("differential_drive")
 @dataclass(frozen=True)
 class DifferentialDrive(PlanarModel):
-    """A base with two driven wheels and a 360-degree camera on a mast; states x, y (m) and yaw (rad).
+    """A base with two driven wheels and a camera on a mast, a 360-degree one by default; states x, y (m) and yaw (rad).
 
     radius             m       of a round footprint
     footprint          m       or corners ((x, y), ...) of a polygon round the axis, x ahead; ``radius`` is then ignored
@@ -58,6 +59,8 @@ class DifferentialDrive(PlanarModel):
     wheel_base         m       distance between the wheels
     view               "fixed" to the base, or "unwound": the picture is turned back in software as the base turns
     view_yaw           rad     yaw in the world at which the middle of an unwound picture stays, all the way
+    field_of_view      rad     what is seen at once, (h, v): bearings within h/2 of the camera's yaw, elevations within
+                               v/2 of its pitch; None for all round
 
     Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour; turns are fast on
     purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al. 2019).
@@ -76,6 +79,7 @@ class DifferentialDrive(PlanarModel):
     wheel_base: float = 0.4
     view: str = FIXED
     view_yaw: Angle = 0.0
+    field_of_view: FieldOfView | None = None
 
     def __post_init__(self) -> None:
         lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")
@@ -87,6 +91,7 @@ class DifferentialDrive(PlanarModel):
         if self.view not in (FIXED, UNWOUND):
             raise ModelError(f"view is {FIXED!r} or {UNWOUND!r}, got {shown(self.view)}")
         set_reals(self, "view_yaw", least=-MOST, most=MOST, kind="an angle in rad", error=ModelError)
+        object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))

@@ -16,6 +16,7 @@ from hpop.math import hypot, smooth_abs
 from hpop.models.base import PlanarModel, Stations, model
 from hpop.models.collision.parts import Part
 from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, WheelTrack
+from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.legs import ALIGNED
 from hpop.models.pan_tilt.head import HeadPose, HeadTwist, HeadTwistRate
 from hpop.models.pan_tilt.laws import AxisTurn, Unwind
@@ -44,7 +45,7 @@ class PanTilt(PlanarModel):
     pan_acceleration   rad/s²
     tilt_rate          rad/s
     tilt_acceleration  rad/s²
-    field_of_view      rad     (horizontal, vertical) angles of what the camera sees, or None for any
+    field_of_view      rad     (horizontal, vertical) angles of what the camera sees, or None for all round
 
     The head moves while the base stands (laws "pan" and "tilt"); and while the base turns in place, the head turns with
     it ("turn") or turns back by the same angle, so that the view stays as it is ("unwind"). A turn of the head lasts
@@ -65,7 +66,7 @@ class PanTilt(PlanarModel):
     pan_acceleration: float = 3.0
     tilt_rate: float = 1.0
     tilt_acceleration: float = 2.0
-    field_of_view: tuple[Angle, Angle] | None = None
+    field_of_view: FieldOfView | None = None
 
     def __post_init__(self) -> None:
         _check_base(self.base)
@@ -74,8 +75,7 @@ class PanTilt(PlanarModel):
         object.__setattr__(self, "tilt", _stops("tilt", self.tilt, 0.5 * math.pi))
         rates = ("pan_rate", "pan_acceleration", "tilt_rate", "tilt_acceleration")
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
-        if self.field_of_view is not None:
-            object.__setattr__(self, "field_of_view", _checked_view(self.field_of_view))
+        object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
 
     @property
     def provides(self) -> frozenset[str]:
@@ -159,6 +159,7 @@ class PanTilt(PlanarModel):
             rotation=pan,
             turns=(pan,),
             steady=isinstance(law, Unwind),
+            upright=isinstance(law, Unwind) or law.axis == "pan",
         )
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
@@ -222,6 +223,8 @@ def _check_base(base: Any) -> None:
         raise ModelError(f"a head is carried by a differential drive, base=DifferentialDrive(...); got {shown(base)}")
     if base.view != FIXED:
         raise ModelError(f"a head turns a camera that is fixed to its base; its view must be {FIXED!r}: leave it out")
+    if base.field_of_view is not None:
+        raise ModelError("the camera is the head's: give field_of_view to the pan_tilt, not to its base")
 
 
 def _stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
@@ -235,14 +238,3 @@ def _stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[flo
     if low > high:
         raise ModelError(f"the {name}'s low stop must not be above its high one, got ({low:.6g}, {high:.6g})")
     return low, high
-
-
-def _checked_view(given: Any) -> tuple[float, float]:
-    try:
-        across, down = given
-    except (TypeError, ValueError):
-        raise ModelError(f"field_of_view is (horizontal, vertical) in rad, or None; got {shown(given)}") from None
-    kind = "(horizontal, vertical) in rad, each an angle"
-    limits = zip((across, down), (2.0 * math.pi, math.pi), strict=True)
-    across, down = (real("field_of_view", angle, LEAST, most, kind, error=ModelError) for angle, most in limits)
-    return float(across), float(down)

@@ -1,0 +1,47 @@
+"""What a camera sees at once: bearings within h/2 of its yaw, and elevations within v/2 of its pitch."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hpop.errors import CriterionError, ModelError
+from hpop.motions import Model
+from hpop.options import LEAST, Angle, real
+from hpop.text import shown
+
+FieldOfView = tuple[Angle, Angle]
+
+ROUND_OFF = 1e-3  # rad by which decimals of pi may exceed it
+ALL = (2 * math.pi, math.pi)
+
+
+def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
+    """Angles (h, v), rad, that the model's camera sees at once: all round for a model that does not say.
+
+    fov : the horizontal angle that a criterion asks for in its place, at all elevations
+    """
+    if fov is not None:
+        return fov, ALL[1]
+    return getattr(model, "field_of_view", None) or ALL
+
+
+def check_fov(fov: float | None) -> None:
+    """Raise CriterionError unless a criterion's own angle of view is None, for the model's, or an angle."""
+    if fov is not None:
+        kind = "None for the model's, or an angle of view in rad"
+        real("fov", fov, LEAST, ALL[0] + ROUND_OFF, kind, error=CriterionError)
+
+
+def checked_field_of_view(angles: Any) -> FieldOfView | None:
+    """A model's parameter as two angles (h, v), rad, or None for all round; ModelError for anything else."""
+    if angles is None:
+        return None
+    try:
+        h, v = angles
+    except (TypeError, ValueError):
+        raise ModelError(f"field_of_view is (h, v) in rad, or None for all round, got {shown(angles)}") from None
+    kind = "(h, v) in rad, {} angle"
+    h = real("field_of_view", h, LEAST, ALL[0] + ROUND_OFF, kind.format("the horizontal"), error=ModelError)
+    v = real("field_of_view", v, LEAST, ALL[1] + ROUND_OFF, kind.format("the vertical"), error=ModelError)
+    return float(h), float(v)
