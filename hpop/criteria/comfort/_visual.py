@@ -12,20 +12,18 @@ from hpop.motions import Pose
 
 
 class VisualMotion(NamedTuple):
-    """Executed motion of the camera at regular times, seen along its heading; pitch is not applied.
+    """Executed motion of the camera at regular times, in its own frame: ahead, left, up.
 
     times         (N,)    s, from 0 to the end
     step          s, between them
-    acceleration  (N, 3)  m/s², ahead, left, up
-    turn_rate     (N,)    rad/s, about the vertical, counter-clockwise
-    tilt_rate     (N,)    rad/s, upwards
+    acceleration  (N, 3)  m/s²
+    rotation      (N, 3)  rad/s
     """
 
     times: FloatArray
     step: float
     acceleration: FloatArray
-    turn_rate: FloatArray
-    tilt_rate: FloatArray
+    rotation: FloatArray
 
 
 def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
@@ -35,10 +33,10 @@ def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
 
 
 def visual_motion(m: History, longest: float) -> VisualMotion:
-    """Sample every ``longest`` seconds at most, by central differences of the camera's positions and yaw.
+    """Sample every ``longest`` seconds at most, by central differences of the camera's positions and angles.
 
     Executed ramps are parabolas, of which these are exact; where a ramp begins or ends the sample is the mean over a
-    step.
+    step. Yaw turns about the vertical, pitch about the camera's left, roll about its view.
     """
     duration = m.executed.duration
     count = max(2, int(np.ceil(duration / longest - 1e-9)) + 1)
@@ -46,8 +44,15 @@ def visual_motion(m: History, longest: float) -> VisualMotion:
     times = np.arange(-1, count + 1, dtype=np.float64) * step
     pose, position = camera_at(m, times)
     acceleration = np.diff(position, n=2, axis=0) / step**2  # world frame
-    cos, sin = np.cos(pose.yaw[1:-1]), np.sin(pose.yaw[1:-1])
-    ahead = cos * acceleration[:, 0] + sin * acceleration[:, 1]
-    left = cos * acceleration[:, 1] - sin * acceleration[:, 0]
-    turn_rate, tilt_rate = ((angle[2:] - angle[:-2]) / (2 * step) for angle in (pose.yaw, pose.pitch))
-    return VisualMotion(times[1:-1], step, np.stack([ahead, left, acceleration[:, 2]], axis=1), turn_rate, tilt_rate)
+    axes = [
+        np.stack([np.broadcast_to(column, times.shape)[1:-1] for column in axis], axis=1)
+        for axis in (pose.ahead, pose.left, pose.up)
+    ]  # (N, 3) each
+    yaw, pitch, roll = (np.unwrap(angle) for angle in (pose.yaw, pose.pitch, pose.roll))
+    turn_rate, tilt_rate, roll_rate = ((angle[2:] - angle[:-2]) / (2 * step) for angle in (yaw, pitch, roll))
+    rotation = np.stack([turn_rate * axis[:, 2] for axis in axes], axis=1)
+    rotation[:, 0] += roll_rate
+    rotation[:, 1] -= tilt_rate * np.cos(roll[1:-1])
+    rotation[:, 2] += tilt_rate * np.sin(roll[1:-1])
+    seen = np.stack([np.sum(acceleration * axis, axis=1) for axis in axes], axis=1)
+    return VisualMotion(times[1:-1], step, seen, rotation)

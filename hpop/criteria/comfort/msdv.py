@@ -62,13 +62,13 @@ class MSDV:
 
     a_w is the acceleration of the executed camera motion, weighted by Wf, which passes about 0.1 to 0.3 Hz. The
     standard is about vertical motion that is felt (some MSDV/3 % vomit). Here a seated user feels nothing and sees
-    the robot's motion, so both horizontal components in the camera's frame, ahead and left, are weighted and their
-    squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives.
+    the robot's motion, most of it horizontal, so all components in the camera's frame, ahead, left and up, are weighted
+    and their squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives.
     """
 
     def cost(self, m: History) -> FloatArray:
         """Dose (M,), m/s^1.5, up to the end of each motion."""
         visual = visual_motion(m, STEP)
-        squares = np.sum(weighted(visual.acceleration[:, :2], visual.step) ** 2, axis=1)
+        squares = np.sum(weighted(visual.acceleration, visual.step) ** 2, axis=1)
         dose = np.sqrt(np.cumsum(squares) * visual.step)
         return m.at_motion_ends(visual.times, dose)

@@ -10,6 +10,8 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.motions import Motions
 
+STILL = 1e-9  # rad: a head that turns back as its base turns leaves this much, up to rounding
+
 
 @criterion("rotation_time", group="C", unit="s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
@@ -24,4 +26,4 @@ class RotationTime:
     def cost(self, m: Motions) -> Column:
         """Time (M,), s, in phases that turn the camera."""
         busy = sum(phase.duration for phase in m.phases if phase.shape != "hold")
-        return np.where(m.camera.turned > 0.0, busy, 0.0)
+        return np.where(m.camera.turned > STILL, busy, 0.0)

@@ -37,6 +37,5 @@ class Sickness:
     def cost(self, m: History) -> FloatArray:
         """Incidence (M,), %, at the end of each motion."""
         visual = visual_motion(m, STEP)
-        turning = np.stack([0.0 * visual.turn_rate, -visual.tilt_rate, visual.turn_rate], axis=1)
-        sick = sicken(seen=visual.acceleration, seen_rotation=turning, vection=self.vection, step=visual.step)
+        sick = sicken(seen=visual.acceleration, seen_rotation=visual.rotation, vection=self.vection, step=visual.step)
         return m.at_motion_ends(visual.times, np.concatenate([[0.0], sick.incidence[:-1]]))

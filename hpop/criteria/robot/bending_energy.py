@@ -13,7 +13,7 @@ from hpop.motions import Curve, Motions
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("bending_energy", group="R", unit="1/m", aggregate="sum", requires=("base",))
+@criterion("bending_energy", group="R", unit="1/m", aggregate="sum", requires=("base", "heading"))
 @dataclass(frozen=True)
 class BendingEnergy:
     """∫ κ² ds of the base's path, with corners rounded to arcs of radius ``rounding`` metres.
@@ -25,8 +25,9 @@ class BendingEnergy:
     rounding |Δθ|). Among piecewise-linear trajectories it ranks as the total rotation does: count ``turns`` beside
     it.
 
-    Along curves it is the integral of ω²/max(|v|, rounding |ω|) over time. Within other motions the curvature is
-    constant: straight moves, turns in place and arcs.
+    The base looks where it goes, so the curvature is its rotation a metre. Along curves the cost is the integral of
+    ω²/max(|v|, rounding |ω|) over time. Within other motions the curvature is constant: straight moves, turns in place
+    and arcs.
     """
 
     rounding: float = 0.5  # m
