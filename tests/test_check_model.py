@@ -66,9 +66,12 @@ def registered() -> list[str]:
     return [name for name, cls in models.items() if cls.__module__.startswith("hpop.")]
 
 
+NEEDED = {"pan_tilt": {"base": {"differential_drive": {}}}}
+
+
 @pytest.mark.parametrize("name", registered())
 def test_every_registered_robot_passes_with_its_defaults(name: str) -> None:
-    check_model(make_model(name))
+    check_model(make_model({name: NEEDED.get(name, {})}))
 
 
 # Mistakes, planted one at a time: a robot of which one thing is changed
@@ -264,6 +267,19 @@ MISTAKES = [
     (PROVIDES, "turn-move, but it has the laws slide, glide", {"provides": lambda has: has | {"turn-move"}}),
     (DESCRIBED, "not equal to it|described as", {}),
 ]
+
+
+@dataclass(frozen=True)
+class Upright(hpop.PanTilt):
+    """A head that says of its tilts that they turn it about the vertical alone."""
+
+    def body(self, name: str, motions: hpop.Motions) -> Any:
+        return replace(super().body(name, motions), upright=True)
+
+
+def test_a_tilt_that_is_said_to_be_none_is_a_mistake() -> None:
+    with pytest.raises(ModelError, match="the camera is said to stay upright in a tilt, but tilts"):
+        check_model(Upright(hpop.DifferentialDrive()))
 
 
 @pytest.mark.parametrize(("claim", "text", "answers"), MISTAKES, ids=[text for _, text, _ in MISTAKES])

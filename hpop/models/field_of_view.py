@@ -40,8 +40,8 @@ def checked_field_of_view(angles: Any) -> FieldOfView | None:
     try:
         h, v = angles
     except (TypeError, ValueError):
-        raise ModelError(f"field_of_view is (h, v) in rad, or None for all round, got {shown(angles)}") from None
-    kind = "(h, v) in rad, {} angle"
-    h = real("field_of_view", h, LEAST, ALL[0] + ROUND_OFF, kind.format("the horizontal"), error=ModelError)
-    v = real("field_of_view", v, LEAST, ALL[1] + ROUND_OFF, kind.format("the vertical"), error=ModelError)
-    return float(h), float(v)
+        raise ModelError(f"field_of_view is (horizontal, vertical) in rad, or None; got {shown(angles)}") from None
+    kind = "(horizontal, vertical) in rad, each an angle"
+    limits = zip((h, v), ALL, strict=True)
+    h, v = (float(real("field_of_view", a, LEAST, most + ROUND_OFF, kind, error=ModelError)) for a, most in limits)
+    return h, v

@@ -327,7 +327,7 @@ def test_it_has_what_its_base_has_but_is_not_rigid():
         ({"pan_rate": 0.0}, "pan_rate must be a positive number"),
         (
             {"field_of_view": (110, 70)},
-            "field_of_view must be (horizontal, vertical) in rad, each an angle from 1e-06 to 6.28319",
+            "field_of_view must be (horizontal, vertical) in rad, each an angle from 1e-06 to 6.28419",
         ),
         ({"field_of_view": 1.9}, "field_of_view is (horizontal, vertical) in rad, or None; got 1.9"),
     ],

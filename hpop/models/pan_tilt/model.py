@@ -23,7 +23,7 @@ from hpop.models.pan_tilt.laws import AxisTurn, Unwind
 from hpop.models.pan_tilt.stations import stations
 from hpop.models.rigid import Mount
 from hpop.motions import Body, Law, Leg, Motions, Pose, States, StateSpace, Twist
-from hpop.options import LEAST, MOST, Angle, real, set_reals
+from hpop.options import MOST, Angle, real, set_reals
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
