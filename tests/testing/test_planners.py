@@ -1,0 +1,215 @@
+"""Conformance checks of planners: a good one passes them all, and each kind of mistake fails the right one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.planners import Candidates, Lattice
+from hpop.problem import Problem
+from hpop.status import ProgressCallback, Status
+from hpop.testing import check_planner
+from hpop.testing.planners import planner_checks
+from hpop.trajectory import Trajectory
+
+ROBOT = hpop.DifferentialDrive(radius=0.2)
+NEEDS = "says what it needs of a model"
+REFUSES = "refuses by name a model that lacks what it needs"
+FINDS = "finds trajectories"
+SAYS = "says what it found"
+COSTS = "costs what it planned"
+KEEPS = "keeps ends and stays free"
+SAVED = "is saved and loaded"
+AGAIN = "finds the same again"
+NO_PATH = "says so where no path leads"
+CRITERIA = "takes criteria or refuses them by name"
+INTERRUPTED = "ends when it is interrupted"
+LATE = "ends at its time limit"
+CLAIMS = [NEEDS, REFUSES, FINDS, SAYS, COSTS, KEEPS, SAVED, AGAIN, NO_PATH, CRITERIA, INTERRUPTED, LATE]
+
+Change = Callable[[Candidates, Problem], Candidates]
+
+
+def unchanged(found: Candidates, problem: Problem) -> Candidates:
+    return found
+
+
+@dataclass(frozen=True)
+class Changed:
+    """What the lattice finds, with one thing changed."""
+
+    change: Change = unchanged
+
+    name = "changed"
+    needs = Lattice.needs
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        return self.change(Lattice(step=0.5).solve(problem, progress), problem)
+
+
+def short(found: Candidates, problem: Problem) -> Candidates:
+    """Costs that are too small."""
+    return replace(found, planned=0.9 * found.planned)
+
+
+def silent(found: Candidates, problem: Problem) -> Candidates:
+    return replace(found, certificate=" ")
+
+
+def nameless(found: Candidates, problem: Problem) -> Candidates:
+    return replace(found, provenance=({},) * len(found.trajectories))
+
+
+def lost(found: Candidates, problem: Problem) -> Candidates:
+    return replace(found, planned=found.planned[:, :1])
+
+
+def made(found: Candidates, problem: Problem, rows: list[tuple[float, ...]]) -> Candidates:
+    """One trajectory through poses in the place of all, its costs as they are."""
+    trajectory = Trajectory.from_poses(problem.model, rows)
+    planned = np.array([list(problem.evaluate(trajectory).values())])
+    one = found.some([0])
+    return replace(one, trajectories=(trajectory,), planned=planned, tolerance=0.0 * planned)
+
+
+def through(found: Candidates, problem: Problem) -> Candidates:
+    """Straight on, through whatever is there."""
+    x, y, _ = problem.goals[0]
+    return made(found, problem, [problem.start, (2.3, 1.5, 0.0), (x, y, 0.0)])
+
+
+def elsewhere(found: Candidates, problem: Problem) -> Candidates:
+    """To a place beside the goal."""
+    states = found.trajectories[0].states
+    rows = [(float(states.x[i]), float(states.y[i]), 0.0) for i in range(states.size - 1)]
+    return made(found, problem, [problem.start, *rows])
+
+
+CALLS = count()
+
+
+def moody(found: Candidates, problem: Problem) -> Candidates:
+    return found.some(range(1 + next(CALLS) % len(found.trajectories))) if len(found.trajectories) else found
+
+
+def dumb(found: Candidates, problem: Problem) -> Candidates:
+    """Nothing, and that is called complete."""
+    nothing = found.some([])
+    return replace(nothing, status=Status.COMPLETE, notes=()) if not len(found.trajectories) else found
+
+
+@dataclass(frozen=True)
+class Undeclared:
+    """Says nothing of its needs."""
+
+    name = "undeclared"
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        return Lattice(step=0.5).solve(problem, progress)
+
+
+class Strange(Changed):
+    needs = Lattice.needs | {"wings"}
+
+
+class Needless(Changed):
+    """Needs of which another planner knows nothing."""
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        raise UnsupportedCriterion("no")
+
+
+class Mumbling(Changed):
+    """Refuses criteria without a name."""
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        if any(not criterion.smooth for criterion in problem.criteria):
+            raise UnsupportedCriterion("not this one")
+        return super().solve(problem, progress)
+
+
+class Crashing(Changed):
+    """Cannot stop."""
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        try:
+            return super().solve(problem, progress)
+        except KeyboardInterrupt:
+            raise ValueError("half a front") from None
+
+
+class Sweeping(Changed):
+    """Finds less on an executor."""
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        found = super().solve(problem, progress)
+        return found if executor is None else found.some([0])
+
+
+@dataclass(frozen=True)
+class Hurried(Changed):
+    """What it has when time is over costs something else."""
+
+    time_limit: float | None = None
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        found = super().solve(problem, progress)
+        return found if self.time_limit is None else short(found, problem)
+
+
+class Copied(Changed):
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("cannot be pickled")
+
+
+MISTAKES = [
+    (NEEDS, "it has no needs; give it", Undeclared()),
+    (NEEDS, "wings; models provide base", Strange()),
+    (FINDS, "it accepts none of length and exposure", Needless()),
+    (COSTS, "length of trajectory 0 is planned as", Changed(short)),
+    (SAYS, "its certificate is empty", Changed(silent)),
+    (SAYS, "its provenance must name the planner", Changed(nameless)),
+    (SAYS, "planned has the shape", Changed(lost)),
+    (KEEPS, "trajectory 0 collides", Changed(through)),
+    (KEEPS, "m from the goal", Changed(elsewhere)),
+    (AGAIN, "costs of before, and now", Changed(moody)),
+    (AGAIN, "on an executor: ", Sweeping()),
+    (AGAIN, "cannot be pickled", Copied()),
+    (NO_PATH, "it calls nothing complete", Changed(dumb)),
+    (CRITERIA, "it refuses .* without saying so", Mumbling()),
+    (INTERRUPTED, "ValueError: half a front", Crashing()),
+    (LATE, "length of trajectory 0 is planned as", Hurried()),
+]
+
+
+@pytest.mark.parametrize(("claim", "text", "planner"), MISTAKES, ids=[text for _, text, _ in MISTAKES])
+def test_a_mistake_fails_the_check_that_names_it(claim: str, text: str, planner: Any) -> None:
+    with pytest.raises(OptionError, match=f"{claim}: .*{text}"):
+        check_planner(planner, models=[ROBOT])
+
+
+def test_a_good_planner_passes_every_check_in_this_order() -> None:
+    checks = list(planner_checks(Lattice(step=0.5), models=[ROBOT]))
+    assert [check.claim for check in checks] == CLAIMS
+    assert not [check for check in checks if check.fault]
+
+
+def test_a_planner_that_no_model_serves_is_told_so() -> None:
+    with pytest.raises(OptionError, match=r"serves a model: none that is registered provides .*wings"):
+        check_planner(Strange())
+
+
+@pytest.mark.parametrize(("given", "said"), [(Lattice, r"Lattice\(\)"), ("lattice", r"Lattice\(step=0.5\)")])
+def test_what_is_no_planner_is_said(given: Any, said: str) -> None:
+    with pytest.raises(OptionError, match=f"expected an instance of a planner, such as {said}"):
+        check_planner(given)
