@@ -377,7 +377,6 @@ criteria: [length]
             "radios: 1",
             r"model\.pan_tilt\.base\.differential_drive\.radios: no such key; did you mean 'radius'",
         ),
-        ("    base: {differential_drive: {radius: 0.25}}\n", "", r"model\.pan_tilt\.base: this key is missing"),
         (
             "{differential_drive: {radius: 0.25}}",
             "7",

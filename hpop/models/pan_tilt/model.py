@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -59,7 +59,7 @@ class PanTilt(PlanarModel):
         "unwind": "counterspin",
     }
 
-    base: DifferentialDrive
+    base: DifferentialDrive = field(default_factory=DifferentialDrive)
     pan: tuple[Angle, Angle] | Literal["all round"] = (-math.radians(170), math.radians(170))
     tilt: tuple[Angle, Angle] = (-math.radians(30), math.radians(30))
     pan_rate: float = 1.5

@@ -1,0 +1,80 @@
+"""Every planner with every model that it accepts keeps what planners promise, and refuses the others by name.
+
+The checks are those of `hpop check`: planned costs are re-evaluated, ends kept, collisions judged by python-fcl, fronts
+saved and loaded, the same found by a copy and on an executor, limits and interrupts obeyed. Instances are small.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hpop.errors import UnsupportedModel
+from hpop.planners.base import make_planner
+from hpop.planners.needs import needs_of
+from hpop.registry import make_model, models, planners
+from hpop.testing.planners import planner_checks, small_problem
+
+PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
+COARSE: dict[str, Any] = {"lattice": {"step": 0.5}}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "any-angle": {"step": 0.5, "max_positions": 30},
+    "epsilon-constraint": {"step": 0.5, "max_points": 2, "rounds": 1},
+    "lattice": {"step": 0.5},
+    "roadmap": {"samples": 60},
+    "rrt": {"runs": 2, "max_extensions": 1000},
+    "smoothing": {"step": 1.0, "intervals": 8},
+    "weighted-sum": {"step": 0.5},
+    "weighted-sum-corridor": {"step": 0.5},
+}
+"""What makes each planner quick."""
+
+
+def models_here() -> dict[str, Any]:
+    """The models of the house with their defaults, and the example plugin's, which the house does not know."""
+    sys.path.insert(0, str(PLUGIN))
+    try:
+        importlib.import_module("hpop_example_plugin.holonomic")
+    finally:
+        sys.path.remove(str(PLUGIN))
+    return {name: make_model(name) for name in models if models[name].__module__.startswith("hpop")}
+
+
+MODELS = models_here()
+AT_HOME = [name for name, cls in planners.items() if cls.__module__.startswith("hpop.")]
+ACCEPTED = [(name, model) for name in AT_HOME for model in MODELS if needs_of(planners[name]) <= MODELS[model].provides]
+REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model) not in ACCEPTED]
+
+
+def test_every_planner_is_looked_at_with_some_model():
+    assert set(OPTIONS) == set(AT_HOME) == {name for name, _ in ACCEPTED}
+    assert {"differential_drive", "pan_tilt", "holonomic"} <= set(MODELS)
+
+
+@pytest.mark.parametrize(("name", "model"), ACCEPTED)
+def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
+    checks = list(planner_checks(make_planner({name: OPTIONS[name]}), models=[MODELS[model]]))
+    assert [check for check in checks if check.fault] == []
+    assert len(checks) >= 11
+
+
+@pytest.mark.parametrize(("name", "model"), REFUSED)
+def test_a_planner_refuses_the_other_models_by_name_and_says_who_can(name, model):
+    lacking = needs_of(planners[name]) - MODELS[model].provides
+    with pytest.raises(UnsupportedModel) as refused:
+        small_problem(MODELS[model], ["length"]).solve(name)
+    said = str(refused.value)
+    assert said.startswith(f"{name} needs a model with {', '.join(sorted(lacking))}, which {model} does not provide")
+    able = [other for other, accepted in ACCEPTED if accepted == model]
+    assert said.endswith(f"Planners that can: {', '.join(able)}." if able else "No registered planner can.")
+
+
+def test_the_instances_have_trade_offs():
+    """Else nothing of what is compared would differ."""
+    for model in ("differential_drive", "pan_tilt"):
+        problem = small_problem(MODELS[model], ["length", "exposure"])
+        assert len(problem.solve(COARSE)) > 3
