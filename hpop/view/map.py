@@ -33,6 +33,7 @@ from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, EndPose, draw_ends, end_poses
 from hpop.view.ground import View, ball_of, draw_bare_floor, draw_field, draw_obstacles, draw_scale_bar, view_of
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE, Sheet
+from hpop.view.sight import draw_sight, looks_aside, sight_entry
 from hpop.view.style import (
     DASHES,
     LARGE,
@@ -131,6 +132,11 @@ def draw_map(
         draw_bare_floor(axes, problem.world)
         symbols.append(Patch(color="none", label="obstructed fraction left out:\nit takes more than max_memory"))
     symbols += _planners(front)
+    if looks_aside(problem.model, [front.trajectories[mark.row] for mark in named]):
+        for layer, mark in enumerate(named):
+            at, gid = 3.5 + 0.1 * layer, f"views of {mark.label}"
+            draw_sight(axes, front.trajectories[mark.row], mark.colour, view, zorder=at, gid=gid)
+        symbols.append(sight_entry(problem.model))
     lines, claim = _draw_named(axes, front, named), _claim(front)
     turns = np.concatenate([np.zeros((0, 2)), *(_turn_places(front.trajectories[mark.row]) for mark in named)])
     if len(turns):
