@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from hpop.testing import check_model, check_planner
 from hpop.view import save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -80,12 +81,22 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
     criteria = ["obstruction", "turns", "length", "clearance", "msdv"]
     problem = hpop.Problem(world, hpop.DifferentialDrive(), (1, 3.5, 0), (9, 3.5, None), criteria)
     assert len(problem.solve(planner=straight())) == 0  # the block is in the way
-    round_it = problem.solve(planner=straight(via=((5, 6),)))
+    round_it = problem.solve(planner=straight(via=((5, 6, None),)))
     assert "NOT VALID" not in round_it.certificate
     assert round_it.runs[0]["planner"] == "docs_straight"
     assert round_it.best("length").costs["turns"] == 2
     with pytest.raises(hpop.errors.OptionError, match="via"):
         straight(via=(1,))
+    check_planner(straight(), models=[hpop.DifferentialDrive(), hpop.PanTilt()])
+
+
+def test_the_robot_in_the_docs_is_one(tmp_path, monkeypatch):
+    (block,) = (block for block in blocks("docs/model.md") if "class Slider" in block)
+    (tmp_path / "docs_slider.py").write_text(block.replace('model("slider")', 'model("docs_slider")'))
+    monkeypatch.syspath_prepend(tmp_path)
+    slider = importlib.import_module("docs_slider").Slider
+    check_model(slider(speed=0.7))
+    assert slider().provides == {"base", "camera", "plane", "rigid"}
 
 
 def test_a_planner_in_the_docs_is_one_of_those_that_there_are():

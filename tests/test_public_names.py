@@ -39,6 +39,7 @@ hpop.models.laws.rest_to_rest
 hpop.motions.Curve
 hpop.motions.Law
 hpop.motions.Leg
+hpop.motions.Model
 hpop.motions.Motions
 hpop.motions.Phase
 hpop.motions.StateSpace
