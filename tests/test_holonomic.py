@@ -105,6 +105,12 @@ def test_turning_on_its_way_costs_the_turn_and_no_time_where_the_way_takes_longe
         assert costs == pytest.approx({"length": 3.0, "rotation": turn, "duration": lasts})
 
 
+def test_each_slide_that_turns_its_camera_is_a_turn(robot):
+    problem = hpop.Problem(HALL, robot(), (1, 3, 0), (4, 3, None), ["turns"])
+    rows = [(1, 3, 0), (2, 3, 0.5), (3, 3, 0.5), (4, 3, -0.5), (4, 3, 1.0)]
+    assert problem.evaluate(slides(problem.model, rows)) == {"turns": 3.0}
+
+
 def test_its_fronts_are_verified_saved_loaded_and_drawn(problem, tmp_path):
     front = found(problem, over_the_wall(problem.model))
     assert len(front) >= 1

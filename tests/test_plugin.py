@@ -1,4 +1,4 @@
-"""The example plugin, installed as a package of its own: its criterion and its reader are found and work."""
+"""The example plugin, installed as a package of its own: its criterion, robot and reader are found and work."""
 
 from __future__ import annotations
 
@@ -83,6 +83,20 @@ def test_its_criterion_passes_the_conformance_checks(hpop, fresh, tmp_path):
     assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
 
 
+@pytest.mark.skipif(INSTALLED, reason="the example plugin is installed here for good")
+def test_its_robot_is_listed_where_it_is_installed_only(hpop, fresh, tmp_path):
+    listed = " ".join(hpop("models", fresh=fresh, cwd=tmp_path).stdout.split())
+    assert "holonomic length=0.7, width=0.5" in listed
+    assert "States (x m, y m, yaw rad). Provides base, camera, plane, rigid." in listed
+    assert "holonomic" not in hpop("models", cwd=tmp_path).stdout
+
+
+def test_its_robot_passes_the_conformance_checks(hpop, fresh, tmp_path):
+    done = hpop("check", "holonomic", fresh=fresh, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
+
+
 def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(hpop, fresh, plan):
     out = plan.parent / "out"
     done = hpop("plan", plan, "--out", out, fresh=fresh, cwd=plan.parent)
@@ -106,6 +120,22 @@ def test_without_the_plugin_its_names_are_unknown(hpop, plan):
     assert "text_plan" in done.stderr
     assert "no such key" in done.stderr
     assert "unknown criterion 'oblique'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("robot", "code", "message"),
+    [
+        ({"holonomic": {"speed": -1.0}}, 9, "line 2, model.holonomic: speed must be a positive number, got -1.0"),
+        ({"holonomic": {"sped": 1.0}}, 4, "model.holonomic.sped: no such key; did you mean 'speed'?"),
+        ({"holonomic": {}}, 9, "lattice needs a model with turn-move, which holonomic does not provide"),
+    ],
+)
+def test_what_makes_no_robot_or_none_that_the_planner_knows_is_said(hpop, fresh, plan, robot, code, message):
+    content = yaml.safe_load(plan.read_text())
+    plan.write_text(yaml.safe_dump({"model": robot, **content}, sort_keys=False))
+    done = hpop("plan", plan, "--out", plan.parent / "out", fresh=fresh, cwd=plan.parent)
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.parametrize(
