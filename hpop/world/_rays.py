@@ -107,6 +107,7 @@ def flow(
     rows, columns, splines = layers.shape
     count = directions.shape[0]
     sector = 2.0 * math.pi / count
+    partial, tilts = yaw.size > 0, tilt.shape[1] > 0
     value = np.empty(splines)
     wu, wv = np.empty(4), np.empty(4)
     for n in range(u.size):
@@ -124,25 +125,27 @@ def flow(
                 weight = wv[p] * wu[q]
                 for k in range(splines):
                     value[k] += weight * layers[i - 1 + p, j - 1 + q, k]
-        total = worst = seen = 0.0
+        total = worst = 0.0
+        seen = 0.0 if partial else float(count)
         for k in range(count):
-            share = 1.0
-            if yaw.size > 0:
-                off = abs((k * sector - yaw[n] + math.pi) % (2.0 * math.pi) - math.pi)
-                share = min(1.0, width / sector, (0.5 * width - off) / sector + 0.5)
-                if share <= 0.0:
-                    continue
             across = velocity_x[n] * directions[k, 1] - velocity_y[n] * directions[k, 0]
             inverse = 1.0 / max(value[k], nearest)
             if splines > count:
                 inverse += value[2 * count + k] * (value[count + k] - inverse)
             speed = abs(across * inverse - turn_rate[n])
-            if tilt.shape[1] > 0:
+            if tilts:
                 speed = math.hypot(
                     speed, tilt[0, n] * inverse + tilt[1, n] * directions[k, 1] - tilt[2, n] * directions[k, 0]
                 )
-            total += share * speed
-            seen += share
+            if partial:
+                off = abs((k * sector - yaw[n] + math.pi) % (2.0 * math.pi) - math.pi)
+                share = min(1.0, width / sector, (0.5 * width - off) / sector + 0.5)
+                if share <= 0.0:
+                    continue
+                seen += share
+                total += share * speed
+            else:
+                total += speed
             worst = max(worst, speed)
         out[n] = worst if largest else total / seen
 

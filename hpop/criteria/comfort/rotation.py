@@ -12,7 +12,10 @@ from hpop.motions import Motions
 @criterion("rotation", group="C", unit="rad", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Rotation:
-    """Σ |Δθ|, the total rotation of the camera. Kemeny et al. 2017: rotation is what most evokes sickness."""
+    """∫ |ω| dt, the total rotation of the camera about whatever axis: Σ |Δθ| of turns, pans and tilts.
+
+    Kemeny et al. 2017: rotation is what most evokes sickness.
+    """
 
     def cost(self, m: Motions) -> Column:
         """Absolute rotation (M,), rad."""

@@ -27,6 +27,8 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 class Turns:
     """N, the number of turns of more than one degree, whatever their angle; those at start and goal count.
 
+    Turns are the camera's, about the vertical, whatever makes them: its base, or a head that pans. A tilt is none.
+
     Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A turn in place is one
     motion and one turn: the paper's N where turns are made in one go, as planners here make them; two turns in place in
     succession count twice. Along curves a turn is a maximal stretch in which the heading changes with one sign, however

@@ -11,6 +11,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.others.robot import check_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
+from hpop.history import Track
 from hpop.options import LEAST, MOST, real
 from hpop.world.proxemics import HALL, offset
 
@@ -62,12 +63,12 @@ def social_metrics(
     radius = reach(trajectory.model, robot_radius)
     middles = _middles(trajectory, step)
     times = np.union1d(middles, trajectory.times)
-    base = trajectory.model.pose("base", trajectory.at(times))
-    velocity, _ = trajectory.rates(times)
+    moments = Track(trajectory, times)
+    base, velocity = moments.base, moments.twist("base").velocity
     least = np.inf
     for person in world.content.people:
         px, py = offset(person, base.x, base.y, times)
-        vx, vy = velocity.x - person.velocity[0], velocity.y - person.velocity[1]
+        vx, vy = velocity[0] - person.velocity[0], velocity[1] - person.velocity[1]
         least = min(least, float(time_to_collision(px, py, vx, vy, radius + person.radius).min()))
     length = sum(float(motions.base.length.sum()) for _, motions in trajectory.batches(world))
     return SocialMetrics(
