@@ -137,6 +137,11 @@ class PlanarModel(Model):
 
     def connect(self, a: States, b: States) -> list[Leg]:
         """A turn towards b, a straight move, a turn to its heading: of a robot that turns and moves."""
+        if not {"turn", "move"} <= self.laws.keys():
+            raise ModelError(
+                f"{self.name} has no laws turn and move, its laws are {', '.join(self.laws)}; give it connect(a, b), "
+                "the legs by which it gets from states to others"
+            )
         return turn_move_turn(self.space, a, b)
 
     def stations(self, yaw: FloatArray) -> Stations:

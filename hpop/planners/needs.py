@@ -30,8 +30,8 @@ def refuse_unsupported(planner: Any, model: Model) -> None:
     )
     raise UnsupportedModel(
         f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {_called(model)} does not provide (it "
-        f"has {', '.join(sorted(model.provides))}).{undeclared} "
-        + (f"Planners that can: {', '.join(able)}." if able else "No registered planner can.")
+        f"has {', '.join(sorted(model.provides))}).{undeclared} Planners that can: "
+        f"{', '.join(able)}."
     )
 
 

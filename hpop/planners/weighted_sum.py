@@ -1,17 +1,20 @@
-"""The weighted-sum planner: the supported trade-offs of an SE(2) lattice, one shortest path a weight."""
+"""The weighted-sum planner: the supported trade-offs of a lattice, or a roadmap, one shortest path a weight."""
 
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-from hpop.errors import UnsupportedCriterion
-from hpop.planners.base import Candidates, planner
+from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.planners.base import Candidates, PlannerSpec, planner
+from hpop.planners.goals import takes_sets
+from hpop.planners.graphs.graph_planner import GraphPlanner, graph_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
+from hpop.planners.needs import needs_of
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.spending import Exhausted, stopped
+from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.search import supported_paths
 from hpop.status import Budget, ProgressCallback
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
 @planner("weighted-sum")
 @dataclass(frozen=True)
 class WeightedSum:
-    """Supported paths of an SE(2) lattice: the optima of weighted sums of the costs, exactly.
+    """Supported paths of an SE(2) lattice, or of another graph: the optima of weighted sums of the costs, exactly.
 
     step            m      between neighbouring positions
     headings        4, 8 or 16
@@ -31,8 +34,9 @@ class WeightedSum:
     divisions       weights are all multiples of 1 / divisions that sum to 1
     weights         or these: lists of one number a cost, in the order of the criteria without those with memory; with
                     neither they are adaptive
-    time_limit      s      to read the map, build the lattice and sweep, not to compile; what is found until then is
+    time_limit      s      to read the map, build the graph and sweep, not to compile; what is found until then is
                            returned and called incomplete
+    on              a planner whose graph is searched in place of the lattice: ``{"roadmap": {"samples": 300}}``
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
     normalised from ideal to nadir, which are in the stats; each trajectory carries the weights that gave it. Zero
@@ -40,9 +44,10 @@ class WeightedSum:
 
     Accepts criteria that add up along edges (sum), at most six; a time-mean is represented by its integral, and
     criteria with memory only filter what was found. Guarantees that the adaptive sweep, ended by itself, has every
-    extreme supported cost vector of the lattice that the planner "lattice" searches with the same options, and that no
-    returned one is unsupported; costs rounded as there. What lies in a dent of the front is missed. Costs one A* search
-    a weight: see :func:`hpop.search.supported_paths`.
+    extreme supported cost vector of the graph that the planner "lattice", or the one that is given, searches with the
+    same options, and that no returned one is unsupported; costs rounded as there. What lies in a dent of the front is
+    missed. Serves the models that that planner serves. Costs one A* search a weight: see
+    :func:`hpop.search.supported_paths`.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -54,9 +59,12 @@ class WeightedSum:
     divisions: int | None = None
     weights: Weights | None = None
     time_limit: float | None = None
+    on: PlannerSpec | None = None
 
     def __post_init__(self) -> None:
-        self._lattice()
+        planner = self._planner()
+        object.__setattr__(self, "needs", needs_of(planner))
+        object.__setattr__(self, "goal_sets", takes_sets(planner))
         self.budget()
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 
@@ -64,29 +72,34 @@ class WeightedSum:
         """The planner's limits, which reading the map, building and searching share."""
         return Budget(self.time_limit)
 
-    def _lattice(self) -> Lattice:
-        return Lattice(self.step, self.headings, self.corner_cutting)
+    def _planner(self) -> GraphPlanner:
+        """The planner whose graph is searched."""
+        lattice = Lattice(self.step, self.headings, self.corner_cutting)
+        if self.on is None:
+            return cast(GraphPlanner, lattice)
+        if lattice != Lattice():
+            raise OptionError("give on, or step, headings and corner_cutting, which are those of the lattice, not both")
+        return graph_planner(self.on, "on")
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan on the lattice; one job of the executor is some weights.
+        """Plan on the graph; one job of the executor is some weights.
 
-        Raises as :meth:`Lattice.solve` does, UnsupportedCriterion also for a worst edge (max), OptionError for weights
-        that are not one a cost.
+        Raises as :meth:`Lattice.solve` does, or that of the planner given, UnsupportedCriterion also for a worst edge
+        (max), OptionError for weights that are not one a cost.
         """
-        objectives = edge_objectives(problem.criteria, "weighted-sum")
+        objectives, planner = edge_objectives(problem.criteria, "weighted-sum"), self._planner()
         worst = [criterion.name for criterion in objectives.optimised if criterion.aggregate == "max"]
         if worst:
             raise UnsupportedCriterion(
                 f"weighted-sum needs criteria that add up along edges; {', '.join(worst)} takes the worst edge "
-                "(aggregate 'max'). Leave it out, or use planner 'lattice'."
+                f"(aggregate 'max'). Leave it out, or use planner {planner.name!r}."
             )
         check_count(self.weights, objectives.optimised)
-        planner = replace(self._lattice(), time_limit=self.time_limit)
-        spending = planner.spending(problem)
+        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         try:
-            query = planner.query(problem, objectives, progress, planner.lattice(problem, spending))
+            query = planner.graph_query(problem, objectives, spending, progress)
             budget = spending.left()
         except Exhausted as stop:
             return stopped("weighted-sum", objectives, stop, spending)

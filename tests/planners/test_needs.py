@@ -59,10 +59,10 @@ def test_the_message_says_what_the_model_lacks_and_which_planners_can() -> None:
     assert no.value.exit_code == ModelError.exit_code
 
 
-def test_what_none_can_plan_for_is_said() -> None:
+def test_the_roadmap_can_plan_for_any_model() -> None:
     with pytest.raises(UnsupportedModel, match="needs a model with plane, turn-move, which") as no:
         problem(Cart(has=("base",))).solve("lattice")
-    assert str(no.value).endswith("No registered planner can.")
+    assert str(no.value).endswith("Planners that can: roadmap.")
 
 
 def test_a_planner_late_in_the_list_is_refused_before_the_first_runs() -> None:

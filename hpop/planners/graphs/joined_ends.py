@@ -1,13 +1,12 @@
 """Exact ends on any graph of states: a start or goal that is none of its states is joined to the states near by.
 
-A join is one arc of up to three motions: a turn, a straight move, a turn. Criteria cost each of them, collisions are
-looked for in each, as for all motions; a turn that is not needed is no motion. So a start or goal adds one node and no
-chain of turns at one place: nothing leads back from the goal, nor to the start.
+A join is one arc, a chain of up to three motions: a turn, a straight move, a turn (:mod:`.chains`). So a start or goal
+adds one node and no turns from heading to heading: nothing leads back from the goal, nor to the start.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
-from hpop.motions import Motions, States, StateSpace
+from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import MOVE
+from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.stretches import Stretches
-from hpop.planners.objectives import quantised
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.search import Graph
 
 if TYPE_CHECKING:
@@ -31,14 +31,13 @@ if TYPE_CHECKING:
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 BY = "at most a turn, a move and a turn"
-NODES = 2**31  # more than a graph has
 START, GOAL = "start", "goal"
 
 
 class Ends(NamedTuple):
     """A graph of states, and which of them are the start and the goals."""
 
-    space: StateGraph
+    space: TrajectoryGraph
     start: int
     goals: list[int]
 
@@ -76,7 +75,7 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
 
     beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
     if not beside:
-        joined: StateGraph = graph
+        joined: TrajectoryGraph = graph
     else:
         joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, spending=graph.spending)
         states |= joined.checked(list(ends)[1:])
@@ -100,107 +99,7 @@ def alike(space: StateSpace, states: States, end: States) -> BoolArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Joins:
-    """Joins (J,) of one state to another: a turn towards it, a straight move, a turn to its heading.
-
-    graph         tells what is free
-    tails, heads  (J,)  nodes
-    kinds         of the motions, as the model connects states
-    corners       the states (J,) before the first motion and after each
-    present       whether (J,) each of them is a motion
-    """
-
-    graph: StateGraph
-    tails: IntArray
-    heads: IntArray
-    kinds: tuple[str, ...]
-    corners: tuple[States, ...]
-    present: tuple[BoolArray, ...]
-
-    @classmethod
-    def between(cls, graph: StateGraph, tails: IntArray, heads: IntArray, states: States, ends: States) -> Joins:
-        """Those joins of states (J,) to others that are free; what is NaN at the end is left as it comes."""
-        legs = graph.model.connect(states, ends)
-        kinds, corners, present = zip(*legs, strict=True)
-        joins = cls(graph, tails, heads, kinds, (states, *corners), present)
-        free = graph.collision.states_free(states)
-        for rows, motions in joins.motions():
-            free[rows] &= graph.collision.motions_free(motions)
-        return joins.take(np.flatnonzero(free))
-
-    @classmethod
-    def all_of(cls, parts: Sequence[Joins]) -> Joins:
-        """The joins of several parts, in order."""
-        corners = [
-            States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
-            for states in zip(*(part.corners for part in parts), strict=True)
-        ]
-        return cls(
-            parts[0].graph,
-            np.concatenate([part.tails for part in parts]),
-            np.concatenate([part.heads for part in parts]),
-            parts[0].kinds,
-            tuple(corners),
-            tuple(np.concatenate(columns) for columns in zip(*(part.present for part in parts), strict=True)),
-        )
-
-    @property
-    def turned(self) -> IntArray:
-        """Motions in place (J,) in each join."""
-        number = np.zeros(self.tails.size, np.int64)
-        for kind, there in zip(self.kinds, self.present, strict=True):
-            number += there & (kind != self.graph.kinds[MOVE])
-        return number
-
-    def take(self, rows: IntArray) -> Joins:
-        """Some of the joins."""
-        return Joins(
-            self.graph,
-            self.tails[rows],
-            self.heads[rows],
-            self.kinds,
-            tuple(states.take(rows) for states in self.corners),
-            tuple(present[rows] for present in self.present),
-        )
-
-    def motions(self) -> Iterator[tuple[IntArray, Motions]]:
-        """The first motions, the second ones and so on, each with the joins that it is of."""
-        graph = self.graph
-        for i, kind in enumerate(self.kinds):
-            rows = np.flatnonzero(self.present[i])
-            start, end = (self.corners[j].take(rows) for j in (i, i + 1))
-            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
-
-    def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Costs (J, k) in quanta, rounded once a join."""
-        costs = np.zeros((self.tails.size, len(criteria)))
-        for rows, motions in self.motions():
-            for j, criterion in enumerate(criteria):
-                paid = motion_costs(criterion, motions)
-                worst = criterion.aggregate == "max"
-                costs[rows, j] = np.maximum(costs[rows, j], paid) if worst else costs[rows, j] + paid
-        return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
-
-    def stretches(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
-        """The joins between nodes (n,), where there are any, to be checked as parts of whole trajectories."""
-        known, asked = self.tails * NODES + self.heads, tails * NODES + heads
-        ranked = np.argsort(known, kind="stable")
-        rows = ranked[np.searchsorted(known[ranked], asked[there])]
-        kept = np.zeros((there.size, len(self.corners)), dtype=np.bool_)
-        kept[there] = np.stack(
-            [np.ones(rows.size, dtype=np.bool_), *(present[rows] for present in self.present)], axis=1
-        )
-        columns = {
-            name: np.stack([getattr(corner, name)[rows] for corner in self.corners], axis=1)[kept[there]]
-            for name in self.graph.model.space.names
-        }
-        numbers = [self.graph.kinds.index(kind) for kind in self.kinds]
-        kinds = np.broadcast_to([MOVE, *numbers], kept.shape)[kept]
-        return Stretches(States(**columns), kinds, kept.sum(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class JoinedEnds(StateGraph):
+class JoinedEnds(TrajectoryGraph):
     """A graph of states and beside it a start, goals or both: one node each, after those of the graph.
 
     inner  the graph
@@ -234,29 +133,29 @@ class JoinedEnds(StateGraph):
         return {**self.inner.options, "joined": counts}
 
     @cached_property
-    def joins(self) -> Joins:
+    def joins(self) -> Chains:
         """The arcs beside those of the inner graph, by their tails."""
         found = [self._joins(what) for what in self.ends]
         found += [self._straight(what) for what in self.ends if START in self.ends and what != START]
-        joins = Joins.all_of(found)
+        joins = Chains.all_of(found)
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
-    def _straight(self, goal: str) -> Joins:
+    def _straight(self, goal: str) -> Chains:
         """The join of the start to a goal, if they are near each other and it is free."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
-        return Joins.between(self.inner, tails, heads, *(end.take(near) for end in ends))
+        return Chains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
-    def _joins(self, what: str) -> Joins:
+    def _joins(self, what: str) -> Chains:
         """Free joins between an end and the states within reach."""
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
         states, end = self.inner.states(ids), end.take(np.zeros(ids.size, np.int64))
         if what == START:
-            return Joins.between(self.inner, nodes, ids, end, states)
-        return Joins.between(self.inner, ids, nodes, states, end)
+            return Chains.between(self.inner, nodes, ids, end, states)
+        return Chains.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
         """States of the inner graph to which an end is joined, the nearest first."""
@@ -319,10 +218,6 @@ class JoinedEnds(StateGraph):
         """Those of the inner graph."""
         return self.inner.kinds
 
-    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Those of the inner graph."""
-        return self.inner.edges(kind)
-
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The inner graph's arcs, and after those of each node its joins."""
         inner, joins = self.inner.graph(criteria), self.joins
@@ -339,7 +234,8 @@ class JoinedEnds(StateGraph):
     @property
     def turned(self) -> NDArray[np.int8]:
         """Turns (m,) in each arc of `graph`, those of joins among them."""
-        return np.insert(self.inner.turned, self._rows[self.joins.tails + 1], self.joins.turned.astype(np.int8))
+        turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
+        return np.insert(self.inner.turned, self._rows[self.joins.tails + 1], turns)
 
     @property
     def _rows(self) -> IntArray:
@@ -359,11 +255,16 @@ class JoinedEnds(StateGraph):
         return Stretches.joined(
             self.model.space,
             [
-                self.joins.stretches(ids[begins], ids[after], from_start),
+                self._joined(ids[begins], ids[after], from_start),
                 self.inner.stretches(ids[inside], inner),
-                self.joins.stretches(ids[before], ids[ends - 1], to_goal),
+                self._joined(ids[before], ids[ends - 1], to_goal),
             ],
         )
+
+    def _joined(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
+        """The joins between nodes (n,), where there are any."""
+        rows = self.joins.rows(tails[there], heads[there])
+        return self.joins.take(rows).stretches(there.astype(np.int64))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """What the inner graph says of the states to which the ends are joined, in words."""

@@ -18,8 +18,8 @@ from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import at_memory_limit, how_far, within
-from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointSpec
@@ -77,7 +77,7 @@ class GraphQuery:
     max_turns      paths with more turns do not count
     """
 
-    space: StateGraph
+    space: TrajectoryGraph
     objectives: Objectives
     graph: Graph
     start: int

@@ -6,9 +6,9 @@ place, and that an edge is a motion, so criteria cost it as they cost trajectori
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -20,14 +20,12 @@ from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import Motions, PlaneCollision, States, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.stretches import Stretches
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
 from hpop.planners.objectives import quantised
-from hpop.planners.spending import Spending
 from hpop.search import Graph
-from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
-    from hpop.world import World
 
 A = TypeVar("A")
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
@@ -35,39 +33,14 @@ ARC = 16  # bytes of an arc beside its costs
 
 
 @dataclass(frozen=True, eq=False)
-class StateGraph(ABC):
-    """Free states of a model in a world, numbered from 0, and the motions that join them.
-
-    model, world
-    spending  what building it may spend
-    """
+class StateGraph(TrajectoryGraph):
+    """Free states of a model in the plane, numbered from 0, and the motions that join them, each an arc."""
 
     model: PlanarModel
-    world: World
-    spending: Spending = field(default_factory=Spending, kw_only=True)
-
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Number of states."""
-
-    @property
-    @abstractmethod
-    def words(self) -> str:
-        """What tells this graph from others, in words: "the lattice of step 0.25 m, ..."."""
-
-    @property
-    @abstractmethod
-    def options(self) -> dict[str, Any]:
-        """The same, JSON-able."""
 
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
         """Number (N,) of the place at which each state is; turns join the states of one place, moves places."""
-
-    @abstractmethod
-    def states(self, ids: IntArray) -> States:
-        """Positions and yaws of states (N,)."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -82,10 +55,6 @@ class StateGraph(ABC):
         """Kind (N,) of the edges between states, as its place among `kinds`: a turn in place, or a move."""
         stays: BoolArray = self.places(tails) == self.places(heads)
         return stays.astype(np.int64)
-
-    @abstractmethod
-    def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say in words why no path leads from a state to any of the goals."""
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
         """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
@@ -158,18 +127,14 @@ class StateGraph(ABC):
             self.world.cache.keep((self.key, name), value)
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The graph with one integer cost a criterion: edge costs in quanta, rounded once.
-
-        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
-        Exhausted where a limit of the spending is passed.
-        """
+        """The graph with one integer cost a criterion: edge costs in quanta, rounded once."""
         arcs = self.arcs
         self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
         return Graph.from_csr(
             arcs.start,
             arcs.heads,
             table(self._columns(criteria), arcs.heads.size),
-            aggregates=tuple("max" if c.aggregate == "max" else "sum" for c in criteria),
+            aggregates=aggregates(criteria),
         )
 
     def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
@@ -195,18 +160,8 @@ class StateGraph(ABC):
             self._keep(_name(criteria[j]), column.counts)
         return columns
 
-    def trajectory(self, ids: IntArray) -> Trajectory:
-        """The trajectory through states (n+1,)."""
-        return self.trajectories([ids])[0]
-
-    def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
-        """The trajectories through the states (n+1,) of each path: one motion an edge, yaw continuous."""
-        sizes = np.array([path.size for path in paths], dtype=np.int64)
-        ids = np.concatenate([np.zeros(0, np.int64), *paths])
-        return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
-
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """The same through states (N,), so many (n,) of them for each, not yet checked."""
+        """Trajectories through states (N,), so many (n,) of them for each, not yet checked: one motion an edge."""
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         laws = [self.model.laws[kind] for kind in self.kinds]

@@ -74,6 +74,7 @@ class Lattice:
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
     goal_sets: ClassVar[bool] = True
+    graph_options: ClassVar[tuple[str, ...]] = ("step", "headings", "corner_cutting")
 
     step: float = 0.25
     headings: int = 8
@@ -182,6 +183,12 @@ class Lattice:
             build_seconds=time.perf_counter() - began,
             max_turns=self.max_turns,
         )
+
+    def graph_query(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> GraphQuery:
+        """The problem on the lattice's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
+        return self.query(problem, objectives, progress, self.lattice(problem, spending))
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
         """The lattice anchored at the problem's start; building it may spend what is in the spending."""

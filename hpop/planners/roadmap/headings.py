@@ -62,6 +62,11 @@ class StateRoadmap(StateGraph):
         """The same in words."""
         return self.name
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """How large it is."""
+        return {"positions": len(self.positions), "moves": self.moves[0].size, "turns": self.turns[0].size}
+
     @cached_property
     def arrows(self) -> tuple[IntArray, IntArray, FloatArray]:
         """Tails and heads (positions) of all free moves, and their headings, rad."""

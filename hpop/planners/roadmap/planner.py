@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
@@ -28,9 +29,9 @@ if TYPE_CHECKING:
 
 SAME = 1e-9  # m: two positions no further apart are one
 DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
-
-
 MOST_SAMPLES = 1_000_000
+HEADED = frozenset({"plane", "turn-move", "rigid"})
+AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 
 
 @planner("roadmap")
@@ -38,9 +39,9 @@ MOST_SAMPLES = 1_000_000
 class Roadmap:
     """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
 
-    samples     count  free positions, drawn uniformly
-    neighbours  count  nearest positions to which each is linked; None takes ceil(2e log n) of n, as PRM* does
-    seed               of the random positions
+    samples     count  free positions, or configurations, drawn uniformly
+    neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does
+    seed               of the random samples
     time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
                        returned and called incomplete
     max_labels  count  partial paths kept by the search
@@ -48,21 +49,25 @@ class Roadmap:
     checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
                 front is safe
 
-    Links are straight moves, free on the exact geometry; the robot turns in place between any two of them, where it has
-    the room and they differ by a degree, the least that counts as a turn. Start and goal are exact, whatever their
-    headings, and linked to each other as well.
+    Of a robot that turns and moves and has no states but x, y and yaw, samples are positions, and links straight moves,
+    free on the exact geometry; the robot turns in place between any two of them, where it has the room and they differ
+    by a degree, the least that counts as a turn (:mod:`.headings`). Of any other model, samples are configurations, and
+    links the chains of motions by which the model connects them (:meth:`hpop.motions.Model.connect`); near is what its
+    space calls so (:mod:`.configurations`). Start and goal are exact, whatever their headings, and linked to each other
+    as well.
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
     roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
     criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
     samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); how far it still is, this planner does not
-    say. Costs a state for each heading of each link, and a turn for each two headings of a position; where a robot that
-    is not round has little room, each of these turns is checked by itself, which takes most of the time.
+    say. Positions cost a state for each heading of each link, and a turn for each two headings of a position; where a
+    robot that is not round has little room, each of these turns is checked by itself, which takes most of the time.
     """
 
-    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    needs: ClassVar[frozenset[str]] = frozenset()
     goal_sets: ClassVar[bool] = True
+    graph_options: ClassVar[tuple[str, ...]] = ("samples", "neighbours", "seed")
 
     samples: int = 500
     neighbours: int | None = None
@@ -97,20 +102,39 @@ class Roadmap:
             Checkpoint.of(self.checkpoint).place()
         spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         try:
-            roadmap = self.roadmap(problem, spending)
+            roadmap, notes = self._noted(problem, spending)
         except Exhausted as stop:
             return stopped("roadmap", objectives, stop, spending)
-        drawn = roadmap.options["samples"]
-        few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
-        notes = (few,) if drawn < self.samples else ()
         return on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
 
-    def roadmap(self, problem: Problem, spending: Spending | None = None) -> StateRoadmap:
+    def graph_query(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> GraphQuery:
+        """The problem on the roadmap's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
+        refuse_unanswerable(problem, objectives, "roadmap")
+        roadmap, notes = self._noted(problem, spending)
+        return roadmap_query(objectives, roadmap, progress, notes)
+
+    def _noted(self, problem: Problem, spending: Spending) -> tuple[AnyRoadmap, tuple[str, ...]]:
+        """The roadmap, and a note if it has fewer samples than were asked for."""
+        roadmap = self.roadmap(problem, spending)
+        drawn = roadmap.options["samples"]
+        few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
+        return roadmap, (few,) if drawn < self.samples else ()
+
+    def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
         """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked.
 
-        Building it may spend what is in the spending.
+        Building it may spend what the limits leave.
         """
-        ends, spending = checked_ends(problem), spending or Spending()
+        make = self._of_positions if problem.model.provides >= HEADED else self._of_configurations
+        return make(problem, spending or Spending())
+
+    def _of_configurations(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
+        return configuration_roadmap(problem, self.samples, self.neighbours, self.seed, spending)
+
+    def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
+        ends = checked_ends(problem)
         positions = np.concatenate([ends.positions, self._drawn(problem, spending)])
         drawn = len(positions) - len(ends.positions)
         count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
@@ -200,18 +224,15 @@ def on_roadmap(
     name: str,
     problem: Problem,
     objectives: Objectives,
-    roadmap: StateRoadmap,
+    roadmap: AnyRoadmap,
     progress: ProgressCallback | None,
     notes: tuple[str, ...],
     checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
-    if progress:
-        progress(Progress("graph"))
     spending = roadmap.spending
     try:
-        graph = roadmap.graph(objectives.optimised)
-        query = GraphQuery(roadmap, objectives, graph, roadmap.start, roadmap.goals, spending.seconds(), notes)
+        query = roadmap_query(objectives, roadmap, progress, notes)
         query.break_ties()
         found = query.exact(name, spending.left(), progress, checkpoint=checkpoint)
     except Exhausted as stop:
@@ -221,10 +242,17 @@ def on_roadmap(
     return replace(
         kept,
         certificate=found.certificate + f"; without {dropped} that were dropped as not to be trusted" * bool(dropped),
-        stats={
-            **kept.stats,
-            "positions": len(roadmap.positions),
-            "moves": int(roadmap.moves[0].size),
-            "turns": int(roadmap.turns[0].size),
-        },
+        stats={**kept.stats, **roadmap.counts},
+    )
+
+
+def roadmap_query(
+    objectives: Objectives, roadmap: AnyRoadmap, progress: ProgressCallback | None, notes: tuple[str, ...]
+) -> GraphQuery:
+    """What is asked of a roadmap's graph; raises Exhausted where a limit is passed."""
+    if progress:
+        progress(Progress("graph"))
+    graph = roadmap.graph(objectives.optimised)
+    return GraphQuery(
+        roadmap, objectives, graph, roadmap.start, roadmap.goals, build_seconds=roadmap.spending.seconds(), notes=notes
     )

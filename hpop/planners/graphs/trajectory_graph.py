@@ -1,0 +1,101 @@
+"""Graphs whose paths are trajectories: what a search on one needs to know of it, whatever its arcs are."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.criteria.base import Criterion
+from hpop.motions import Collision, Model, States
+from hpop.planners.graphs.stretches import Stretches
+from hpop.planners.spending import Spending
+from hpop.search import Graph
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryGraph(ABC):
+    """States of a model in a world, numbered from 0, and arcs between them, each of one motion or a chain of some.
+
+    model, world
+    spending  what building it may spend
+    """
+
+    model: Model
+    world: World
+    spending: Spending = field(default_factory=Spending, kw_only=True)
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of states."""
+
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """What tells this graph from others, in words: "the lattice of step 0.25 m, ..."."""
+
+    @property
+    @abstractmethod
+    def options(self) -> dict[str, Any]:
+        """The same, JSON-able."""
+
+    @abstractmethod
+    def states(self, ids: IntArray) -> States:
+        """States (N,) by their numbers."""
+
+    @property
+    @abstractmethod
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of its motions."""
+
+    @abstractmethod
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """The graph with one integer cost a criterion: costs of arcs in quanta, rounded once.
+
+        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
+        Exhausted where a limit of the spending is passed.
+        """
+
+    @property
+    @abstractmethod
+    def turned(self) -> NDArray[np.int8]:
+        """Motions (m,) in each arc of `graph` of which a path shall have few where its costs do not tell."""
+
+    @abstractmethod
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Trajectories through states (N,), so many (n,) of them for each, not yet checked."""
+
+    @abstractmethod
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Say in words why no path leads from a state to any of the goals."""
+
+    @cached_property
+    def collision(self) -> Collision:
+        """What tells free states and motions."""
+        return self.model.collision(self.world)
+
+    def trajectory(self, ids: IntArray) -> Trajectory:
+        """The trajectory through states (n+1,)."""
+        return self.trajectories([ids])[0]
+
+    def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
+        """The trajectories through the states (n+1,) of each path: what comes round is continuous."""
+        sizes = np.array([path.size for path in paths], dtype=np.int64)
+        ids = np.concatenate([np.zeros(0, np.int64), *paths])
+        return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
+
+
+def aggregates(criteria: Sequence[Criterion]) -> tuple[str, ...]:
+    """How a search adds up the cost of each criterion."""
+    return tuple("max" if criterion.aggregate == "max" else "sum" for criterion in criteria)
