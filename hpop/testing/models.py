@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError
+from hpop.models.base import PlanarModel
 from hpop.motions import Body, Model, Motions, Pose, States, is_curve
 from hpop.motions.states import Vector
 from hpop.registry import make_model
@@ -66,6 +67,8 @@ def model_checks(model: Model, *, seed: int = 0) -> Iterator[Check]:
     yield connected
     if connected.fault:  # the others look at trajectories, which are made of these
         return
+    if isinstance(model, PlanarModel) and "turn-move" in model.provides:
+        yield Check("has stations that motions in place join", fault_of(lambda: _stationed(model)))
     yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, rng)))
     yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, rng)))
 
@@ -336,6 +339,25 @@ def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
     """A trajectory that leads through some states by what connects them."""
     return Trajectory.through(model, drawn_states(model, world, rng, 5))
+
+
+def _stationed(model: PlanarModel) -> str:
+    """The stations of a lattice with four headings: where they are, and that laws lead from tails to heads."""
+    yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
+    space = model.space
+    states, headings, motions = model.stations(yaw)
+    if fault := differ("yaws of stations", yaw[headings], states.yaw, SAME, 1.0):
+        return fault
+    for kind, (tails, heads) in motions.items():
+        law, start, wanted = model.laws[kind], states.take(tails), states.take(heads)
+        if moved := law.varies & {"x", "y"}:
+            return f"a {kind} joins stations at one place, but its law varies {', '.join(sorted(moved))}"
+        end, ones = space.onward(start, wanted), np.ones(tails.size)
+        for name in space.names:
+            found = law.interpolate(name, start, end, ones) if name in law.varies else getattr(start, name)
+            if fault := differ(f"{name} after a {kind} in place", getattr(end, name), found, STILL, 1.0):
+                return fault
+    return ""
 
 
 def _executed(model: Model, world: World, rng: np.random.Generator) -> str:

@@ -31,11 +31,10 @@ BODIES = "moves its bodies as far as their poses go"
 EXTENT = "moves no body farther than its extent"
 JUDGED = "calls nothing free that its judge does not"
 CONNECTED = "connects states by motions that lead there"
+STATIONS = "has stations that motions in place join"
 EXECUTED = "executes a plan between its ends"
 FAULTLESS = "finds no fault in what it connects"
-CLAIMS = [
-    *(DESCRIBED, SPACE, PROVIDES, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS),
-]
+CLAIMS = DESCRIBED, SPACE, PROVIDES, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS
 
 
 def plugin() -> ModuleType:
@@ -59,8 +58,10 @@ GOOD = {
 
 @pytest.mark.parametrize("model", GOOD.values(), ids=GOOD)
 def test_the_robots_of_the_house_and_of_its_example_pass_every_check(model: Any) -> None:
-    check_model(model)
-    assert [check.claim for check in conformance(model)] == CLAIMS
+    checks = list(conformance(model))
+    assert [check for check in checks if check.fault] == []
+    stations = [STATIONS] * ("turn-move" in model.provides)
+    assert [check.claim for check in checks] == [*CLAIMS[:-2], *stations, *CLAIMS[-2:]]
 
 
 def registered() -> list[str]:
@@ -310,10 +311,39 @@ def test_what_raises_is_a_fault_and_no_crash() -> None:
 
 
 def test_laws_that_lead_nowhere_end_the_checks() -> None:
-    assert [check.claim for check in conformance(Wrong(answers={"laws": law(Halting)}))] == CLAIMS[:4]
+    assert [check.claim for check in conformance(Wrong(answers={"laws": law(Halting)}))] == [*CLAIMS[:4]]
 
 
 @pytest.mark.parametrize(("given", "said"), [(Holonomic, r"Holonomic\(\)"), ("holonomic", r"DifferentialDrive\(\)")])
 def test_what_is_no_model_is_said(given: Any, said: str) -> None:
     with pytest.raises(ModelError, match=f"expected an instance of a model, such as {said}"):
         check_model(given)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda found: found._replace(motions={"turn": found.motions["turn"][:1] * 2, "move": found.motions["turn"]}),
+         "a move joins stations at one place, but its law varies x, y"),
+        (lambda found: found._replace(headings=found.headings[::-1]), "yaws of stations: expected"),
+    ],
+)  # fmt: skip
+def test_stations_that_no_motion_joins_are_found(change: Callable[[Any], Any], said: str) -> None:
+    @dataclass(frozen=True)
+    class Astray(hpop.DifferentialDrive):
+        def stations(self, yaw: Any) -> Any:
+            return change(super().stations(yaw))
+
+    faults = {check.claim: check.fault for check in conformance(Astray())}
+    assert said in faults[STATIONS]
+
+
+def test_turns_that_leave_the_head_where_it_was_join_no_stations_with_other_pans() -> None:
+    @dataclass(frozen=True)
+    class Loose(hpop.PanTilt):
+        def stations(self, yaw: Any) -> Any:
+            found = super().stations(yaw)
+            return found._replace(motions={"turn": found.motions["unwind"]})
+
+    faults = {check.claim: check.fault for check in conformance(Loose())}
+    assert "pan after a turn in place: expected" in faults[STATIONS]
