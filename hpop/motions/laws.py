@@ -157,7 +157,11 @@ class Leg(NamedTuple):
 
 @runtime_checkable
 class Model(Protocol):
-    """A system: what moves, by which laws, and where its camera is."""
+    """A system: what moves, by which laws, and where its camera is.
+
+    It may have a ``field_of_view``, the horizontal and vertical angles, rad, that the camera sees at once; without, or
+    with None, that is all round (:mod:`hpop.models.field_of_view`).
+    """
 
     @property
     def provides(self) -> frozenset[str]:
