@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.planners.base import Candidates, PlannerSpec, planner
+from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import takes_sets
-from hpop.planners.graphs.graph_planner import GraphPlanner, graph_planner
+from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, graph_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import needs_of
@@ -59,7 +59,7 @@ class WeightedSum:
     divisions: int | None = None
     weights: Weights | None = None
     time_limit: float | None = None
-    on: PlannerSpec | None = None
+    on: GraphSpec | None = None
 
     def __post_init__(self) -> None:
         planner = self._planner()

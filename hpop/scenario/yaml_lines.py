@@ -40,8 +40,9 @@ class Document:
         self._lines: dict[Place, int] = {(): 1}
         try:
             self._check_events(text)
-            self._walk(yaml.compose(text, Loader=yaml.CSafeLoader), ())
-            self.values = yaml.load(text, Loader=yaml.CSafeLoader)
+            node = yaml.compose(text, Loader=yaml.CSafeLoader)
+            self._walk(node, ())
+            self.values: Any = None if node is None else yaml.CSafeLoader("").construct_document(node)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             tab = "; indent with spaces, not tabs" if "\t" in text else ""
@@ -85,6 +86,8 @@ class Document:
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
                 line = key.start_mark.line + 1
+                if key.tag == TAG + "bool":  # YAML 1.1 reads the words on, off, yes and no as true and false
+                    key.tag = TAG + "str"
                 if key.tag != TAG + "str":
                     got = shown(key.value) if isinstance(key, yaml.ScalarNode) else "a list or keys"
                     self._refuse(line, f"a key must be a word, got {got}; put it in quotes if it is one")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 from hpop.errors import OptionError
-from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.planners.base import Planner, make_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
@@ -15,6 +16,9 @@ from hpop.status import ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
+
+GraphSpec = str | Mapping[str, Mapping[str, Any] | None]
+"""The name of a planner, or ``{name: options}``."""
 
 
 class GraphPlanner(Planner, Protocol):
@@ -28,7 +32,7 @@ class GraphPlanner(Planner, Protocol):
         """The problem on the planner's graph; building it may spend what the limits leave, or raises Exhausted."""
 
 
-def graph_planner(spec: PlannerSpec, option: str) -> GraphPlanner:
+def graph_planner(spec: GraphSpec, option: str) -> GraphPlanner:
     """The planner of a spec, of which the graph is searched; ``option`` has the spec.
 
     Raises OptionError for a planner without a graph, and for options that say how it is searched.
