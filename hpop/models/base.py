@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 
 from hpop.arrays import BoolArray, Column, FloatArray, IntArray
-from hpop.errors import ModelError
+from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
@@ -145,7 +145,15 @@ class PlanarModel(Model):
         return turn_move_turn(self.space, a, b)
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """One a heading (H,), rad, and a turn between each two."""
+        """One a heading (H,), rad, and a turn between each two; a model with other states says itself which.
+
+        Raises UnsupportedModel where it does not.
+        """
+        if other := [name for name in self.space.names if name not in ("x", "y", "yaw")]:
+            raise UnsupportedModel(
+                f"{self.name} has {', '.join(other)} among its states; for lattices give it stations(yaw), which says "
+                "at which of them it may be at each heading, and how it changes them in place"
+            )
         zero, places = np.zeros(yaw.size), np.arange(yaw.size)
         tails, heads = np.divmod(np.arange(yaw.size**2), yaw.size)
         other = tails != heads

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.errors import ModelError
+from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import Body, Model, Motions, Pose, States, is_curve
 from hpop.motions.states import Vector
@@ -345,7 +345,10 @@ def _stationed(model: PlanarModel) -> str:
     """The stations of a lattice with four headings: where they are, and that laws lead from tails to heads."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
-    states, headings, motions = model.stations(yaw)
+    try:
+        states, headings, motions = model.stations(yaw)
+    except UnsupportedModel:  # it is for no lattice
+        return ""
     if fault := differ("yaws of stations", yaw[headings], states.yaw, SAME, 1.0):
         return fault
     for kind, (tails, heads) in motions.items():

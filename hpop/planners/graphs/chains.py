@@ -51,9 +51,9 @@ class Chains:
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> Chains:
-        """Those of them that are free."""
+        """Those of them that are free, and reach b: a model need not connect all of its states."""
         chains = cls.connecting(graph, tails, heads, a, b)
-        return chains.take(np.flatnonzero(chains.free()))
+        return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
 
     @classmethod
     def all_of(cls, parts: Sequence[Chains]) -> Chains:

@@ -28,7 +28,7 @@ from hpop.search import Graph
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
+UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 BY = "at most a turn, a move and a turn"
 START, GOAL = "start", "goal"
@@ -91,10 +91,10 @@ def states_at(graph: StateGraph, end: States) -> list[int]:
 
 
 def alike(space: StateSpace, states: States, end: States) -> BoolArray:
-    """Which states (M,) are at an end's angles, which may be written with three decimals; what is NaN is free."""
-    off, there = space.differences(end, states), np.ones(states.size, dtype=np.bool_)
-    for name in space.angles:
-        there &= ~(np.abs(off[name]) > HEADING_TOLERANCE)
+    """Which states (M,) are an end, whose angles may be written with three decimals; what is NaN is free."""
+    there = np.ones(states.size, dtype=np.bool_)
+    for name, off in space.differences(end, states).items():
+        there &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
     return there
 
 

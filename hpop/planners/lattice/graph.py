@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.errors import OptionError
+from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
 from hpop.planners.graphs.state_graph import StateGraph, identity
@@ -86,8 +86,21 @@ class StateLattice(StateGraph):
 
     @cached_property
     def stations(self) -> Stations:
-        """The states in which the model may be at one position, and its motions in place."""
-        return in_plane(self.model).stations(self.headings.yaw)
+        """The states in which the model may be at one position, and its motions in place.
+
+        Raises ModelError where two of these join the same stations: a path of states would not say which it takes.
+        """
+        stations = in_plane(self.model).stations(self.headings.yaw)
+        joined: dict[tuple[int, int], str] = {}
+        for kind, (tails, heads) in stations.motions.items():
+            for ends in zip(tails.tolist(), heads.tolist(), strict=True):
+                if ends in joined:
+                    raise ModelError(
+                        f"stations {ends[0]} and {ends[1]} of {self.model.name} are joined by a {joined[ends]} and by "
+                        f"a {kind}; give one of them, or a state that tells them apart"
+                    )
+                joined[ends] = kind
+        return stations
 
     @cached_property
     def _width(self) -> int:
@@ -101,8 +114,10 @@ class StateLattice(StateGraph):
 
     @cached_property
     def _at_heading(self) -> IntArray:
-        """A station (H,) at each heading: what is free depends on place and heading alone."""
-        return np.unique(self.stations.headings, return_index=True)[1]
+        """A station (H,) at each heading that has one: what is free depends on place and heading alone."""
+        stations = np.zeros(self.headings.count, np.int64)
+        stations[self.stations.headings[::-1]] = np.arange(self._width)[::-1]  # the first of each
+        return stations
 
     @cached_property
     def first(self) -> tuple[int, int]:
