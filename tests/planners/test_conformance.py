@@ -62,6 +62,12 @@ def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
     assert len(checks) >= 11
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_weighted_sums_on_a_roadmap_keep_their_promises_with_any_model(model):
+    planner = make_planner({"weighted-sum": {"on": {"roadmap": {"samples": 40}}}})
+    assert [check for check in planner_checks(planner, models=[MODELS[model]]) if check.fault] == []
+
+
 @pytest.mark.parametrize(("name", "model"), REFUSED)
 def test_a_planner_refuses_the_other_models_by_name_and_says_who_can(name, model):
     lacking = needs_of(planners[name]) - MODELS[model].provides
