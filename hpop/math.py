@@ -138,11 +138,13 @@ def smooth_step(x: Column) -> Column:
 def wrap(angle: Column) -> Column:
     """The same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
 
+    What is no number stays none.
+
     >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
     True
     """
     clockwise = np.mod(np.pi - angle, 2 * np.pi)
-    return np.pi - np.where(clockwise < 2 * np.pi, clockwise, 0.0)  # the remainder of -1e-16 rounds to 2 pi
+    return np.pi - np.where(clockwise >= 2 * np.pi, 0.0, clockwise)  # the remainder of -1e-16 rounds to 2 pi
 
 
 def not_radians(angle: float) -> str:

@@ -146,9 +146,33 @@ def test_it_is_executed_from_rest_to_rest(problem):
     assert executed.at(passed).x == pytest.approx(planned.states.x, abs=1e-3)
 
 
-def test_planners_that_need_turns_and_moves_refuse_it_by_name(problem):
+ROADMAP = {"roadmap": {"samples": 60}}
+SUMS = {"weighted-sum": {"on": ROADMAP}}
+
+
+def test_in_an_empty_hall_it_slides_straight_to_the_goal_and_turns_no_more_than_it_must(robot):
+    hall = hpop.World.from_polygons([], extent=HALL.extent)
+    for yaw, rotation in ((None, 0.0), (1.0, 1.0)):
+        front = hpop.Problem(hall, robot(), (1, 1, 0), (4, 2, yaw), ["length", "rotation"]).solve(ROADMAP)
+        assert front.costs == pytest.approx(np.array([[np.hypot(3, 1), rotation]]))
+        assert front.trajectories[0].kinds == ("slide",)
+
+
+def test_planners_that_serve_any_model_plan_for_it_and_their_fronts_are_joined(problem):
+    exact, sums, joined = (problem.solve(planner) for planner in (ROADMAP, SUMS, [SUMS, ROADMAP]))
+    for front in (exact, sums, joined):
+        assert len(front) > 1
+        assert verify(problem, front) == []
+        assert all(set(trajectory.kinds) == {"slide"} for trajectory in front.trajectories)
+    every = set(map(tuple, exact.integers.tolist()))
+    assert set(map(tuple, sums.integers.tolist())) <= every == set(map(tuple, joined.integers.tolist()))
+    assert {origin["planner"] for origin in joined.provenance} <= {"roadmap", "weighted-sum"}
+
+
+def test_planners_that_need_turns_and_moves_refuse_it_by_name_and_say_who_can(problem):
     for planner in ("lattice", "any-angle", "smoothing"):
-        with pytest.raises(UnsupportedModel, match=f"{planner} needs a model with .*turn-move.*, which holonomic"):
+        said = f"{planner} needs a model with .*turn-move.*, which holonomic .*Planners that can: roadmap"
+        with pytest.raises(UnsupportedModel, match=said):
             problem.solve(planner)
 
 

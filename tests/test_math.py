@@ -33,6 +33,10 @@ def test_wrap_never_returns_minus_pi(angle):
     assert -np.pi < wrap(angle) <= np.pi
 
 
+def test_what_is_no_angle_is_none_when_wrapped():
+    assert np.isnan(wrap(np.array([np.nan, 1.0]))).tolist() == [True, False]
+
+
 def test_a_half_turn_is_counter_clockwise():
     assert wrap(-np.pi) == np.pi
     assert wrap(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib.metadata
 import json
 import os
 import shutil
@@ -22,8 +22,9 @@ from hpop.world import World
 from hpop.world.readers import read_world
 from tests.warm import UNDRAWN, Warm
 
-INSTALLED = importlib.util.find_spec("hpop_example_plugin") is not None
+INSTALLED = "hpop-example-plugin" in {package.name for package in importlib.metadata.distributions()}
 PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
+HOLONOMIC = {"length": 0.7, "width": 0.5, "height": 0.4, "camera_height": 1.2, "speed": 1.0, "acceleration": 1.0}
 Hpop = Callable[..., CompletedProcess[str]]
 
 
@@ -122,12 +123,31 @@ def test_without_the_plugin_its_names_are_unknown(hpop, plan):
     assert "unknown criterion 'oblique'" in done.stderr
 
 
+def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_path):
+    shutil.copy(PLUGIN / "holonomic.yaml", tmp_path)
+    shutil.copy(PLUGIN / "plan.txt", tmp_path)
+    out = tmp_path / "out"
+    done = hpop("plan", tmp_path / "holonomic.yaml", "--out", out, fresh=fresh, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {"front.json", "map.png"} <= {file.name for file in out.iterdir()}
+    saved = json.loads((out / "front.json").read_text())
+    assert saved["problem"]["model"] == {"holonomic": {**HOLONOMIC, "turn_rate": 1.0}}
+    assert len(saved["points"]["costs"]["length"]) > 3
+    shown = hpop("show", out, fresh=fresh, cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "verified" in shown.stdout
+
+
 @pytest.mark.parametrize(
     ("robot", "code", "message"),
     [
         ({"holonomic": {"speed": -1.0}}, 9, "line 2, model.holonomic: speed must be a positive number, got -1.0"),
         ({"holonomic": {"sped": 1.0}}, 4, "model.holonomic.sped: no such key; did you mean 'speed'?"),
-        ({"holonomic": {}}, 9, "lattice needs a model with turn-move, which holonomic does not provide"),
+        (
+            {"holonomic": {}},
+            9,
+            "holonomic does not provide (it has base, camera, plane, rigid). Planners that can: roadmap",
+        ),
     ],
 )
 def test_what_makes_no_robot_or_none_that_the_planner_knows_is_said(hpop, fresh, plan, robot, code, message):

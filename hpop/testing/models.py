@@ -318,13 +318,17 @@ def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
 def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     a, b = (drawn_states(model, world, rng, STATES) for _ in range(2))
-    b = States(**{n: np.where(np.arange(STATES) % 5 > 0, getattr(b, n), getattr(a, n)) for n in space.names})  # or stay
-    here = a
+    number = np.arange(STATES)  # every fifth stays where it is, every seventh may come with any angles
+    columns = {n: np.where(number % 5 > 0, getattr(b, n), getattr(a, n)) for n in space.names}
+    columns |= {n: np.where(number % 7 > 0, columns[n], np.nan) for n in space.angles}
+    b, here = States(**columns), a
     for leg in model.connect(a, b):
         if leg.kind not in model.laws:
             return f"by a {leg.kind}, but its laws are {', '.join(model.laws)}"
         changes = {n: np.abs(getattr(leg.end, n) - getattr(here, n)) for n in space.names}
         for name, change in changes.items():
+            if np.isnan(change).any():
+                return f"by a {leg.kind} at whose end {name} is no number: where b leaves it free, it is as it comes"
             if change[~leg.present].max(initial=0.0) > SAME:
                 return f"by a {leg.kind} that is not there, but changes {name} by {change[~leg.present].max():.3g}"
             if name not in model.laws[leg.kind].varies and change.max() > STILL:
@@ -332,7 +336,7 @@ def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
             if name in space.turning and change.max() > np.pi + SAME:
                 return f"by a {leg.kind} whose {name} goes {change.max():.3g} rad, more than half round: it jumps"
         here = leg.end
-    missed = max(float(np.abs(miss).max()) for miss in space.differences(b, here).values())
+    missed = max(float(np.nanmax(np.abs(miss))) for miss in space.differences(b, here).values())
     return f"to {missed:.3g} m or rad beside where it should lead" if missed > STILL else ""
 
 
@@ -356,9 +360,9 @@ def _stationed(model: PlanarModel) -> str:
         if moved := law.varies & {"x", "y"}:
             return f"a {kind} joins stations at one place, but its law varies {', '.join(sorted(moved))}"
         end, ones = space.onward(start, wanted), np.ones(tails.size)
-        for name in space.names:
-            found = law.interpolate(name, start, end, ones) if name in law.varies else getattr(start, name)
-            if fault := differ(f"{name} after a {kind} in place", getattr(end, name), found, STILL, 1.0):
+        led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(start, n) for n in space.names}
+        for name, miss in space.differences(wanted, States(**led)).items():
+            if fault := differ(f"off in {name} after a {kind} in place", 0.0 * ones, miss, STILL, 1.0):
                 return fault
     return ""
 
