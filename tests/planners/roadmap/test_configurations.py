@@ -202,6 +202,44 @@ def test_the_drive_keeps_its_roadmap_of_positions_and_headings() -> None:
     assert "chains" in Roadmap(samples=20).solve(problem()).stats
 
 
+def walks(roadmap: ConfigurationRoadmap, sizes: list[int]) -> list[np.ndarray]:
+    """Walks of so many nodes along its arcs, from anywhere to anywhere but the goals, which nothing leaves."""
+    rng, arcs = np.random.default_rng(0), roadmap.arcs
+    found = []
+    for size in sizes:
+        walk = [int(rng.integers(1, roadmap.size - 1))]
+        while len(walk) < size:
+            onward = arcs.heads[arcs.start[walk[-1]] : arcs.start[walk[-1] + 1]]
+            walk.append(int(rng.choice(onward[~np.isin(onward, roadmap.goals)])))
+        found.append(np.array(walk))
+    return found
+
+
+ALL_ROUND = hpop.PanTilt(hpop.DifferentialDrive(radius=0.25), pan="all round")
+ENDS[ALL_ROUND] = ENDS[HEAD]
+
+
+@pytest.mark.parametrize("model", [BASE, ALL_ROUND], ids=["holonomic", "pan-tilt"])
+def test_trajectories_made_together_are_those_made_leg_by_leg_and_cost_what_their_chains_cost(model: Model) -> None:
+    asked = problem(model, criteria=[*CRITERIA, "clearance"])
+    roadmap = Roadmap(samples=40, seed=2).roadmap(asked)
+    paths = walks(roadmap, [30, 1, 2, 12])
+    graph = roadmap.graph(asked.criteria)
+    quanta = np.array([criterion.quantum for criterion in asked.criteria])
+    arcs = {
+        (int(u), int(v)): cost for u, v, cost in zip(*roadmap.arcs.ends(slice(0, graph.arcs)), graph.costs, strict=True)
+    }
+    for path, made in zip(paths, roadmap.trajectories(paths), strict=True):
+        alone = Trajectory.through(model, roadmap.states(path))
+        assert made.kinds == alone.kinds
+        for name in model.space.names:
+            assert getattr(made.states, name) == pytest.approx(getattr(alone.states, name), abs=1e-9)
+        costs = np.array([arcs[pair] for pair in pairwise(path.tolist())]).reshape(-1, 4) * quanta
+        again = trajectory_costs(asked.criteria, [made], asked.world)[0] if len(path) > 1 else np.zeros(4)
+        assert costs[:, :3].sum(axis=0) == pytest.approx(again[:3], abs=1.01 * len(path) * quanta[:3].max())
+        assert costs[:, 3].max(initial=0.0) == pytest.approx(again[3], abs=1.01 * quanta[3])
+
+
 # Goals
 
 
