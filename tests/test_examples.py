@@ -80,6 +80,18 @@ def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
+def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp_path):
+    front = example("05_pan_tilt.py").main(tmp_path, step=2.0)
+    still, ahead = front.best("rotation"), front.best("heading_mismatch")
+    assert "unwind" in still.item.kinds
+    assert "pan" in front.best("landmark_blindness").item.kinds
+    assert still.costs["rotation"] < ahead.costs["rotation"]
+    assert still.costs["heading_mismatch"] > ahead.costs["heading_mismatch"] == pytest.approx(0.0)
+    saved = hpop.Front.load(tmp_path / "front.json")
+    assert isinstance(saved.trajectories[0].model, hpop.PanTilt)
+    np.testing.assert_array_equal(saved.costs, front.costs)
+
+
 def test_the_studys_picture_says_what_each_line_is(tmp_path):
     study = example("04_study.py")
     problem = hpop.Problem(

@@ -236,10 +236,10 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 @_user_errors
 def criteria(imports: tuple[str, ...]) -> None:
     """List the criteria: group, unit, how motions add up, and what each is."""
-    from hpop.cli import report, user_code
+    from hpop.cli import registered, user_code
 
     user_code.register(imports)
-    report.print_criteria()
+    registered.print_criteria()
 
 
 @main.command()
@@ -247,10 +247,10 @@ def criteria(imports: tuple[str, ...]) -> None:
 @_user_errors
 def models(imports: tuple[str, ...]) -> None:
     """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
-    from hpop.cli import report, user_code
+    from hpop.cli import registered, user_code
 
     user_code.register(imports)
-    report.print_models()
+    registered.print_models()
 
 
 @main.command()
@@ -258,10 +258,10 @@ def models(imports: tuple[str, ...]) -> None:
 @_user_errors
 def planners(imports: tuple[str, ...]) -> None:
     """List the planners and their options."""
-    from hpop.cli import report, user_code
+    from hpop.cli import registered, user_code
 
     user_code.register(imports)
-    report.print_planners()
+    registered.print_planners()
 
 
 @contextmanager

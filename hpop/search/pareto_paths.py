@@ -116,7 +116,7 @@ class _ParetoRun:
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
-        from hpop.search.staircase.search import TooWide
+        from hpop.search.staircase.tables import TooWide
 
         self.search = prepared
         try:
@@ -142,7 +142,8 @@ class _ParetoRun:
             return Status.NO_PATH
         by_spread = _by_spread(samples, h[:, self.source])
         if self.method == "staircase":
-            from hpop.search.staircase.search import Staircase, TooWide
+            from hpop.search.staircase.search import Staircase
+            from hpop.search.staircase.tables import TooWide
 
             others = [j for j in by_spread if j != index]
             others.sort(key=lambda j: self._is_raised(j, index, groups))  # free turns first

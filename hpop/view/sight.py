@@ -16,8 +16,8 @@ from hpop.trajectory import Trajectory
 from hpop.view.ground import View
 from hpop.view.style import QUIET
 
-REACH = 0.05  # of the longer side of a map: how far a wedge reaches
-APART = 1.0  # reaches: from one wedge to the next, along the way
+REACH = 0.045  # of the longer side of a map: how far a wedge reaches
+APART = 1.5  # reaches: from one wedge to the next, along the way
 POINTER = math.radians(16.0)  # how wide the wedge of a camera is that sees all round
 SAMPLES = 4000  # moments at which a trajectory is looked at
 ASIDE = 1e-6  # rad: a camera that looks no farther aside of the base looks where it does

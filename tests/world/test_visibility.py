@@ -14,9 +14,9 @@ from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import Ground, World
 from hpop.world.content import Landmark
+from hpop.world.in_view import bearing
 from hpop.world.visibility import (
     _grid,
-    bearing,
     landmark_field,
     landmarks_unseen,
     line_of_sight,

@@ -15,7 +15,7 @@ from hpop.models.field_of_view import field_of_view
 from hpop.motions import Instants, Motions, Rate
 from hpop.options import set_reals, set_wholes
 from hpop.world.bearings import Bearings, Seen, bearings
-from hpop.world.visibility import ALL_ROUND
+from hpop.world.in_view import ALL_ROUND
 
 Flow = Callable[..., Column]
 

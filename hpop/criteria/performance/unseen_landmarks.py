@@ -13,7 +13,8 @@ from hpop.history import History, Track
 from hpop.models.field_of_view import check_fov, field_of_view
 from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Landmark
-from hpop.world.visibility import in_view, sees
+from hpop.world.in_view import in_view
+from hpop.world.visibility import sees
 
 STEP = 0.05  # s between the moments at which the viewer looks
 

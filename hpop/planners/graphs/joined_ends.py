@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
-BY = "at most a turn, a move and a turn"
 START, GOAL = "start", "goal"
 
 
@@ -124,7 +123,8 @@ class JoinedEnds(TrajectoryGraph):
     def words(self) -> str:
         """The inner graph, and how the ends are joined to it, in words."""
         joined = (f"the {what} joined to {count} positions" for what, count in self.options["joined"].items())
-        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {BY}"
+        by = f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
+        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {by}"
 
     @property
     def options(self) -> dict[str, Any]:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 MAX_LINKS = 60_000_000
 LINK = 64  # bytes that finding a link takes
 ARC = 16  # bytes of an arc beside its costs
-PIECES = 16  # a chain is as much work as so many arcs of one motion
+PIECES = 64  # a chain is as much work as so many arcs of one motion
 DRAWN_AT_ONCE = 1 << 16
 DRAWS = 1000  # states drawn for each that is wanted, before the free space is called too small
 GOAL_STATES = 100  # drawn of a goal that is more than one state
@@ -297,6 +297,7 @@ def _links(
     tails = [low, high, np.full(leaving.size, START), *arriving, np.full(goal.size, START)]
     heads = [high, low, leaving, np.repeat(goal, [ids.size for ids in arriving]), goal]
     links = np.stack([np.concatenate(tails), np.concatenate(heads)], axis=1)
+    spending.hold(links.nbytes, "configurations were linked")
     return links[np.lexsort((links[:, 1], links[:, 0]))]
 
 

@@ -25,12 +25,12 @@ covered (:mod:`.corners`): often some thousands of labels for millions.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision, thinned
@@ -62,12 +62,13 @@ from hpop.search.staircase.tables import (
     H_FIRST,
     H_REST,
     NODE_COLUMNS,
+    TooWide,
     fill_tables,
     trace,
     widen,
 )
 from hpop.search.staircase.turn_bounds import LAYERS, costs_by_turns
-from hpop.search.staircase.turn_hull import LANES, ROOM, IntLanes, Steps, directions, turn_hull
+from hpop.search.staircase.turn_hull import LANES, ROOM, JointBounds, directions, turn_hull
 
 STEPS = 64  # arcs a path for which there is room at first
 INDEX_BITS = 14
@@ -77,29 +78,6 @@ LONG = 4  # a search is long once it has expanded that many labels a node
 SOON = 0.1  # the same where joint bounds help: few searches end between this and what they cost
 NEAR = 4  # the front on the ways found, and the bounds by turns, are as near as eps / NEAR
 THIN = 3  # and the part of it that is kept covers it within eps / THIN
-
-
-class JointBounds(NamedTuple):
-    """Joint bounds, and the corners of what is left uncovered, in the order in which the kernel takes them.
-
-    layers, weights  of the hull, see :class:`.TurnHull`
-    corners, last    weighted corners and the last of each number of turns, see :class:`.Corners`
-    ahead            (n, 3)      least estimates that solutions known beforehand cover, the first cost rising
-    reached          (1,)        how many of these the search has come to
-    scratch          (2, LANES)  room for the kernel
-    """
-
-    layers: Steps
-    weights: FloatArray
-    corners: IntLanes
-    last: IntArray
-    ahead: IntArray
-    reached: IntArray
-    scratch: IntLanes
-
-
-class TooWide(Exception):
-    """Costs of a label no longer fit a key, or staircases an index: the general search has to take over."""
 
 
 class Staircase(BucketSearch):

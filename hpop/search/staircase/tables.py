@@ -22,6 +22,10 @@ ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
 BELOW = 0x7FFFFFFF  # an index masked with this is not negative: numba then leaves out wrapping
 
 
+class TooWide(Exception):
+    """Costs of a label no longer fit a key, or staircases an index: the general search has to take over."""
+
+
 @kernel
 def fill_tables(
     costs: IntArray,

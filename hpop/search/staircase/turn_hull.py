@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,25 @@ DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and
 
 IntLanes = NDArray[np.int32]
 Steps = NDArray[np.uint16]
+
+
+class JointBounds(NamedTuple):
+    """Joint bounds, and the corners of what is left uncovered, in the order in which the kernel takes them.
+
+    layers, weights  of the hull, see :class:`TurnHull`
+    corners, last    weighted corners and the last of each number of turns, see :class:`.Corners`
+    ahead            (n, 3)      least estimates that solutions known beforehand cover, the first cost rising
+    reached          (1,)        how many of these the search has come to
+    scratch          (2, LANES)  room for the kernel
+    """
+
+    layers: Steps
+    weights: FloatArray
+    corners: IntLanes
+    last: IntArray
+    ahead: IntArray
+    reached: IntArray
+    scratch: IntLanes
 
 
 @dataclass(frozen=True, eq=False)

@@ -165,6 +165,7 @@ def test_ends_that_are_no_stations_are_joined_by_what_base_and_head_do_in_turn()
     problem = hpop.Problem(WORLD, STOPPED, (0.5, 0.5, 0, 0.2, 0), (2.4, 1.4, 0.3, 1.0, None), ["rotation", "length"])
     front = problem.solve("lattice", step=STEP, headings=4)
     assert verify(problem, front) == []
+    assert "by at most a turn, a move, a turn, a pan and a tilt" in front.certificate
     for trajectory in front.trajectories:
         assert trajectory.states.pan[0] == 0.2
         assert trajectory.states.pan[-1] == 1.0

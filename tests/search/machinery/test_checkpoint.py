@@ -180,7 +180,7 @@ def test_ctrl_c_while_arrays_grow_waits_until_they_fit_each_other(tmp_path, monk
 def test_one_in_which_keys_become_too_narrow_goes_on_in_the_general_search(tmp_path, monkeypatch, chain):
     graph, file = chain(40), tmp_path / "search.ckpt"
     monkeypatch.setattr(in_slices, "WORK", 3000)
-    from hpop.search.staircase.search import TooWide
+    from hpop.search.staircase.tables import TooWide
 
     class Narrow(Staircase):
         def advance(self, clock: in_slices.Clock, work: int) -> int:

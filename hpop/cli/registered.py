@@ -1,0 +1,81 @@
+"""What is registered, printed: criteria, models and planners, with their parameters and what they need or provide."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
+
+from hpop import registry
+from hpop.errors import HpopError
+from hpop.planners.needs import needs_of
+from hpop.registry import GROUPS
+
+
+def print_criteria(console: Console | None = None) -> None:
+    """Print the registered criteria by group."""
+    console = console or Console()
+    known: Sequence[Any] = list(registry.criteria.values())
+    console.print("Criteria, all minimised: name, unit, how motions add up, parameters")
+    for letter, group in GROUPS.items():
+        members = sorted((c for c in known if c.group == letter), key=lambda c: str(c.name))
+        if members:
+            console.print(f"\n{letter}: {group}", style="bold", highlight=False)
+        for cls in members:
+            requires = f"requires {', '.join(cls.requires)}" if cls.requires else ""
+            unit = "" if cls.unit == "1" else cls.unit
+            declared = ", ".join(word for word in (unit, cls.aggregate, requires, _fields(cls)) if word)
+            _print_entry(console, cls.name, declared, _first_line(cls))
+
+
+def print_models(console: Console | None = None) -> None:
+    """Print the registered robots, their parameters and what they provide."""
+    console = console or Console()
+    console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
+    for name, cls in registry.models.items():
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} {_provided(cls)}".strip())
+
+
+def print_planners(console: Console | None = None) -> None:
+    """Print the registered planners, their options and what they need."""
+    console = console or Console()
+    console.print("Planners: name, options with their defaults, what they need of a model")
+    for name, cls in registry.planners.items():
+        needs = ", ".join(sorted(needs_of(cls)))
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
+
+
+def _provided(cls: type) -> str:
+    """What a robot with its defaults provides, in words; nothing of one that has none."""
+    try:
+        made = cls()
+    except (TypeError, HpopError):
+        return ""
+    return f"States {made.space}. Provides {', '.join(sorted(made.provides))}."
+
+
+def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
+    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2), expand=False))
+    console.print(Padding(Text(what), (0, 0, 0, 6), expand=False))
+
+
+def _fields(cls: Any) -> str:
+    return ", ".join(f"{field.name}={_default(field)}" for field in dataclasses.fields(cls) if field.init)
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    """What a field is if nobody gives it: "..." where somebody must."""
+    if field.default_factory is not dataclasses.MISSING:
+        return repr(field.default_factory())
+    return "..." if field.default is dataclasses.MISSING else repr(field.default)
+
+
+def _first_line(cls: type) -> str:
+    """First paragraph of a docstring, on one line, without markup."""
+    text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
+    return re.sub(r":\w+:`|`", "", text)
