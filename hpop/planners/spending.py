@@ -179,8 +179,8 @@ def stopped(name: str, objectives: Objectives, stop: Exhausted, spending: Spendi
         provenance=(),
         notes=(
             *objectives.notes,
-            f"{stop.status}: it was passed while {stop.doing}; take a larger step, fewer criteria, or raise "
-            f"{OPTIONS[stop.status]}",
+            f"{stop.status}: it was passed while {stop.doing}; take a larger step or fewer samples, fewer "
+            f"criteria, or raise {OPTIONS[stop.status]}",
         ),
         stats={"build_seconds": spending.seconds()},
         filters=objectives.filters,
