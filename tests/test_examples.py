@@ -13,7 +13,7 @@ import pytest
 
 import hpop
 from hpop.planners.lattice import Lattice
-from hpop.view import save_pictures
+from hpop.view import draw_map, save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
@@ -67,6 +67,19 @@ def test_ones_own_criterion_is_planned_with(capsys):
     assert front.best("glare").costs["glare"] < 26.0
 
 
+def test_ones_own_criterion_of_the_camera_serves_a_head_as_it_is():
+    """The base drives into the sun all the same, and the head looks aside: what it costs is to pan."""
+    world = hpop.World.from_geojson(EXAMPLES / "museum.geojson")
+    glare, head = example("03_own_criterion.py").Glare(), hpop.PanTilt(tilt=(0.0, 0.0))
+    start, goal = (2.0, 10.0, 0.0, 0.0, 0.0), (28.0, 10.0, 0.0, None, 0.0)
+    front = hpop.Problem(world, head, start, goal, [glare, "rotation", "length"]).solve("lattice", step=2.0, headings=4)
+    still, aside = front.best("rotation"), front.best("glare")
+    assert still.costs == pytest.approx({"glare": 26.0, "rotation": 0.0, "length": 26.0})
+    assert aside.costs["length"] == pytest.approx(26.0)
+    assert aside.costs["glare"] < 3.0
+    assert aside.item.kinds.count("pan") == 1
+
+
 def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both."""
     trajectories = example("04_study.py").main(tmp_path, runs=2)
@@ -80,8 +93,15 @@ def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
-def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp_path):
-    front = example("05_pan_tilt.py").main(tmp_path, step=2.0)
+def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp_path, monkeypatch):
+    def save_map(problem, front, folder):
+        """One of its pictures; the others take as long as all the planning."""
+        figure = draw_map(problem, front)
+        assert any(str(artist.get_gid()).startswith("views of") for artist in figure.findobj())
+        figure.savefig(folder / "map.png", dpi=40)
+
+    monkeypatch.setattr("hpop.view.save_pictures", save_map)
+    front = example("05_pan_tilt.py").main(tmp_path, step=3.0)
     still, ahead = front.best("rotation"), front.best("heading_mismatch")
     assert "unwind" in still.item.kinds
     assert "pan" in front.best("landmark_blindness").item.kinds
