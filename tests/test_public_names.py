@@ -36,6 +36,7 @@ hpop.models.base.PlanarModel
 hpop.models.base.plane_space
 hpop.models.driven.driven
 hpop.models.laws.rest_to_rest
+hpop.motions.Coupled
 hpop.motions.Curve
 hpop.motions.Law
 hpop.motions.Leg
@@ -47,6 +48,7 @@ hpop.motions.States
 hpop.options
 hpop.planners.Candidates
 hpop.planners.base.edge_objectives
+hpop.planners.graphs.graph_planner
 hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
 hpop.planners.planner
