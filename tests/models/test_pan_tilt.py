@@ -303,6 +303,7 @@ def test_it_is_described_and_built_again():
         assert again == model
         assert again.base == BASE
     assert HEAD.describe()["pan_tilt"]["base"] == BASE.describe()
+    assert hpop.PanTilt(BASE, pan=np.array([-3.0, 3.0]), tilt=[-0.5, 0.8]) == HEAD
 
 
 def test_it_has_what_its_base_has_but_is_not_rigid():

@@ -70,7 +70,7 @@ class PanTilt(PlanarModel):
 
     def __post_init__(self) -> None:
         _check_base(self.base)
-        if self.pan != ALL_ROUND:
+        if not (isinstance(self.pan, str) and self.pan == ALL_ROUND):
             object.__setattr__(self, "pan", _stops("pan", self.pan, FARTHEST_TURNED, f", or {ALL_ROUND!r}"))
         object.__setattr__(self, "tilt", _stops("tilt", self.tilt, 0.5 * math.pi))
         rates = ("pan_rate", "pan_acceleration", "tilt_rate", "tilt_acceleration")
