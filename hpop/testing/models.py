@@ -155,12 +155,17 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
             continue
         if strange := law.varies - set(motions.start.names):
             return f"a {kind} varies {', '.join(sorted(strange))}, which is no state of it"
-        start, end, ones = motions.start, motions.end, np.ones(PAIRS)
+        start, end, ones, half = motions.start, motions.end, np.ones(PAIRS), np.full(PAIRS, 0.5)
         for name in law.varies:
             for share, states in ((0.0, start), (1.0, end)):
                 found = law.interpolate(name, start, end, share * ones)
                 if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
                     return fault
+            if is_curve(law):  # all others change evenly with the share: collisions and integrals rely on it
+                continue
+            middle, found = 0.5 * (getattr(start, name) + getattr(end, name)), law.interpolate(name, start, end, half)
+            if fault := differ(f"{name} of a {kind}, which is no curve, half of it done", middle, found, 1e-6, 1.0):
+                return fault
         done: Column = 0.0 * ones
         for phase in motions.phases:
             lasts = phase.duration + 0.0 * ones

@@ -223,6 +223,21 @@ class Lagging(Slide):
 
 
 @dataclass(frozen=True)
+class Swerving(Slide):
+    """A law that turns late, and says so in its slopes, but not that it is one of curves."""
+
+    def interpolate(self, name: str, start: States, end: States, share: Any) -> Any:
+        return super().interpolate(name, start, end, share * share if name == "yaw" else share)
+
+    def slopes(self, name: str, start: States, end: States, share: Any) -> tuple[Any, Any]:
+        change = getattr(end, name) - getattr(start, name)
+        return (2.0 * share * change, 2.0 * change) if name == "yaw" else (change, 0.0)
+
+    def strays(self, start: States, end: States) -> Any:
+        return 0.0 * start.x
+
+
+@dataclass(frozen=True)
 class Halting(Slide):
     """Phases that do not add up."""
 
@@ -275,6 +290,7 @@ MISTAKES = [
     (EXECUTED, "away from a state as it is said to pass it", {"execution": unpunctual}),
     (FAULTLESS, "planned, it has no battery", {"faults": grumbling}),
     (LED, "x of a slide at 100%|y of a slide at 100%|yaw of a slide at 100%", {"laws": law(Lagging)}),
+    (LED, "yaw of a slide, which is no curve, half of it done", {"laws": law(Swerving)}),
     (LED, "share of a slide done at its end", {"laws": law(Halting)}),
     (LED, "a phase of a slide lasts -", {"laws": law(Backwards)}),
     (LED, "the law under 'glide' calls itself 'slide'", {"laws": lambda laws: {"glide": laws["slide"]}}),
