@@ -34,6 +34,7 @@ PARTS = {
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],
     "motions": ["tests/motions"],
+    "testing": ["tests/testing"],
     "package": [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py"))] + ["hpop"],
 }
 

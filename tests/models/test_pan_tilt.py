@@ -80,7 +80,7 @@ def looking_about(model):
 def test_a_head_that_never_moves_costs_what_the_base_does_in_every_criterion():
     world = random_world(np.random.default_rng(1))
     driven = Trajectory.from_poses(BASE, POSES)
-    for name in registry.criteria:
+    for name in (name for name, cls in registry.criteria.items() if cls.__module__.startswith("hpop.")):
         criterion = hpop.criteria.make_criterion(name)
         expected, found = (trajectory_costs([criterion], [t], world) for t in (driven, still(HEAD, driven)))
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9, err_msg=name)
