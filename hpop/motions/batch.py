@@ -134,13 +134,14 @@ class Motions:
 
         Motions in a row that begin alike in that (the turns at one place of a lattice) are evaluated once.
         """
-        if not probe.read <= self._kept_states:
+        kept = self._kept_states
+        if not probe.read <= kept | {second_derivative(name) for name in kept}:
             return None
         if self._symbolic:
             return probe.value
         new = np.zeros(len(self), dtype=bool)
         new[:1] = True
-        for name in probe.read:
+        for name in probe.read & kept:
             column = getattr(self.start, name)
             new[1:] |= column[1:] != column[:-1]
         first = np.flatnonzero(new)
