@@ -114,6 +114,8 @@ class Trajectory:
     def through(cls, model: Model, states: States) -> Trajectory:
         """Through states (N,), from each to the next as the model connects them: any model, any states of it.
 
+        Raises ModelError where it does not lead from one to the next.
+
         >>> from hpop.registry import make_model
         >>> ends = States(x=np.array([0.0, 3.0]), y=np.zeros(2), yaw=np.array([0.0, np.pi]))
         >>> Trajectory.through(make_model("differential_drive"), ends).kinds
@@ -123,6 +125,12 @@ class Trajectory:
         if not states.names == space.names or not states.size:
             raise ModelError(f"a trajectory goes through states {space} of its model, at least one, got {states!r}")
         legs = model.connect(states.take(slice(None, -1)), states.take(slice(1, None)))
+        for name, off in space.differences(states.take(slice(1, None)), legs[-1].end).items():
+            if (np.abs(off) > STILL).any():  # what is NaN is free
+                i = int(np.nanargmax(np.abs(off)))
+                raise ModelError(
+                    f"the model does not lead from state {i} to state {i + 1}: {name} is off by {off[i]:.3g}"
+                )
         rows, kinds = [states.take(slice(0, 1))], list[str]()
         for pair in range(states.size - 1):
             for leg in legs:

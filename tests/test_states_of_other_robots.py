@@ -93,6 +93,14 @@ def test_poses_in_the_plane_are_no_trajectory_of_it() -> None:
         hpop.Trajectory.from_poses(ROBOT, [(1, 1, 0), (5, 1, 0)])
 
 
+def test_a_trajectory_through_states_that_nothing_leads_to_is_refused() -> None:
+    pans = np.array([0.5, 0.5, 0.9])
+    states = States(x=np.array([1.0, 3.0, 5.0]), y=np.ones(3), yaw=np.zeros(3), pan=pans)
+    assert hpop.Trajectory.through(ROBOT, states.take([0, 1])).kinds == ("move",)
+    with pytest.raises(ModelError, match=r"does not lead from state 1 to state 2: pan is off by -0\.4"):
+        hpop.Trajectory.through(ROBOT, states)
+
+
 def test_a_pan_that_is_free_may_be_any_but_a_stop_is_no_whole_turn() -> None:
     free = problem(goal=(5, 1, 0, None))
     assert free.target.reached(ROBOT, straight(0.5).states).tolist() == [False, True]

@@ -185,7 +185,12 @@ class PlanarModel(Model):
         return np.zeros(start.size, dtype=bool)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able parameters, enough to build the same robot: the fields that are given, of models their own."""
-        names: list[str] = [field.name for field in fields(self)] if is_dataclass(self) else []
-        given = {name: value for name in names if (value := getattr(self, name)) is not None}
+        """JSON-able parameters, enough to build the same robot: of models within it their own.
+
+        What is None, as it is if nobody gives it, is left out.
+        """
+        own: list[tuple[Any, Any]] = (
+            [(field, getattr(self, field.name)) for field in fields(self)] if is_dataclass(self) else []
+        )
+        given = {field.name: value for field, value in own if not (value is None is field.default)}
         return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}

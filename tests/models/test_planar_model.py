@@ -181,6 +181,19 @@ def test_a_model_within_a_model_is_described_by_its_own_parameters():
     json.dumps(described)
 
 
+@dataclass(frozen=True)
+class Sighted(DifferentialDrive):
+    """A drive with a parameter of its own that may be none, and is not by default."""
+
+    view_range: float | None = 3.0
+
+
+@pytest.mark.parametrize("given", [1.0, None])
+def test_a_parameter_of_ones_own_is_described_whatever_its_name_and_though_it_is_none(given):
+    assert Sighted(view_range=given).describe()["differential_drive"]["view_range"] == given
+    assert "view" not in Sighted().describe()["differential_drive"]
+
+
 def test_an_object_that_is_half_a_model_is_refused_with_what_it_lacks():
     class Half:
         laws = space = provides = None

@@ -163,7 +163,7 @@ class DifferentialDrive(PlanarModel):
     def describe(self) -> dict[str, Any]:
         """JSON-able parameters; a fixed view is left out, as it was before there was another."""
         own = super().describe()[self.name]
-        return {self.name: {k: value for k, value in own.items() if self.view != FIXED or not k.startswith("view")}}
+        return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
