@@ -32,7 +32,7 @@ def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], 
     ends, kinds, laws = [0], list[str](), planned.model.laws
     for i, kind in enumerate(planned.kinds):
         becomes = executed.get(kind)
-        if becomes and kinds and kinds[-1] == becomes and _continues(laws[kind], planned.states, ends[-2], i):
+        if becomes and kinds and kinds[-1] == becomes and _continues(laws[becomes], planned.states, ends[-2], i):
             ends[-1] = i + 1
             continue
         ends.append(i + 1)

@@ -13,7 +13,7 @@ import shapely
 from hpop import DifferentialDrive, Problem, Trajectory, World
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, plane_space
-from hpop.models.laws import rest_to_rest
+from hpop.models.laws import Move, rest_to_rest
 from hpop.motions import Motions, Phase, States
 from hpop.planners.trust import judge
 from hpop.verify import collision_free
@@ -152,6 +152,26 @@ def test_slides_that_go_on_alike_are_executed_as_one_and_pass_every_planned_stat
     there = executed.at(passed)
     for name in planned.states.names:
         assert getattr(there, name) == pytest.approx(getattr(planned.states, name), abs=1e-4)
+
+
+@dataclass(frozen=True)
+class Striding(Omnidirectional):
+    """The same, which also goes straight without turning, and does so by the same law."""
+
+    executed = {"slide": "glide", "stride": "glide"}  # noqa: RUF012
+
+    @cached_property
+    def laws(self):
+        return {**super().laws, "stride": Move(1.0, "stride")}
+
+
+def test_motions_of_two_laws_are_one_only_if_all_that_is_executed_goes_on_alike():
+    rows = [(0, 0, 0, 0), (1, 0, 0.5, 0), (2, 0, 0.5, 0), (3, 0, 0.5, 0), (4, 0, 0.5, 0)]
+    columns = dict(zip(("x", "y", "yaw", "pan"), np.array(rows, float).T, strict=True))
+    planned = Trajectory(Striding(), States(**columns), ("slide", "stride", "slide", "stride"))
+    executed, passed = planned.model.execution(planned)
+    assert executed.kinds == ("glide", "glide")
+    assert executed.at(passed).yaw == pytest.approx(planned.states.yaw)
 
 
 def test_what_is_executed_may_be_executed_again():
