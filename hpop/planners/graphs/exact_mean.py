@@ -135,6 +135,7 @@ def exact_mean(
     most = int(detour.factor * least)
     if column != DURATION:
         at_most[column] = most
+        _refuse_endless(query, [j for j, bound in enumerate(at_most) if bound is not None])
     paths = capped_mean_paths(
         graph,
         query.start,
@@ -197,6 +198,17 @@ def _column(query: GraphQuery, detour: Detour) -> int:
             f"searched for; list it among the criteria, or cap the duration: max_detour={detour.factor:g}"
         )
     return column
+
+
+def _refuse_endless(query: GraphQuery, bounded: Sequence[int]) -> None:
+    """Raise OptionError where motions take time and nothing that is bounded: a head that tilts, or turns back."""
+    costs = query.graph.costs
+    if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
+        names = " and ".join(query.objectives.optimised[j].name for j in bounded)
+        raise OptionError(
+            f"motions that take time but cost no {names} could go on for ever where the mean is low; cap the duration "
+            "in the place of the length, such as max_detour=1.3"
+        )
 
 
 def _too_tight(query: GraphQuery, column: int, least: int) -> str:

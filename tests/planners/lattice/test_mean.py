@@ -14,7 +14,7 @@ import shapely
 from hpop.criteria import Duration, Length, motion_costs
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.models import DifferentialDrive
+from hpop.models import DifferentialDrive, PanTilt
 from hpop.planners.lattice import Lattice
 from hpop.problem import Problem
 from hpop.registry import criteria as registered
@@ -318,6 +318,16 @@ def test_a_detour_that_makes_no_sense_is_refused(detour):
 def test_a_cap_on_the_length_alone_is_refused_with_the_reason():
     with pytest.raises(OptionError, match=r"turning in place has none.*Give max_turns as well.*or cap the duration"):
         Lattice(max_detour={"length": 1.3})
+
+
+def test_a_head_could_turn_back_or_tilt_for_ever_under_a_cap_on_length_and_turns():
+    room = World.from_polygons([shapely.box(1.2, 0.8, 1.5, 1.1)], extent=shapely.box(0, 0, 2.6, 2.0))
+    ends = (0.5, 0.5, 0.0, 0.0, 0.0), (2.0, 1.5, None, None, None)
+    for tilt in ((0.0, 0.0), (-0.2, 0.2)):
+        problem = Problem(room, PanTilt(ROBOT, pan=(-1.6, 1.6), tilt=tilt), *ends, [OBSTRUCTION, "turns", "length"])
+        with pytest.raises(OptionError, match="take time but cost no turns and length could go on for ever"):
+            Lattice(step=STEP, headings=4, max_detour={"length": 1.2}, max_turns=3).solve(problem)
+        assert len(Lattice(step=STEP, headings=4, max_detour=1.05, max_turns=3).solve(problem).trajectories)
 
 
 @pytest.mark.parametrize(
