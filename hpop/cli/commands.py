@@ -58,7 +58,7 @@ _imports = click.option(
     "imports",
     metavar="FILE_OR_MODULE",
     multiple=True,
-    help="Python of your own, FILE.py or a module, for the criteria, planners and readers it registers. Repeatable.",
+    help="Python of your own, FILE.py or a module, for the criteria, planners, models and readers in it. Repeatable.",
 )
 
 
@@ -77,7 +77,7 @@ def _user_errors(command: F) -> F:
         except MemoryError:
             code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
         except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
-            if not (kwargs.get("imports") and own_place(error)):
+            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_place(error)):
                 raise
             code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
         echo(f"error: {text}", err=True)

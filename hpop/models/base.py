@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod, update_abstractmethods
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from inspect import isfunction
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -40,6 +41,9 @@ def model(name: str) -> Callable[[T], T]:
             raise ModelError(
                 f"model {name!r} must be a dataclass that follows hpop.motions.Model, such as a PlanarModel"
             )
+        for noun in ("space", "laws", "parts", "mounts", "provides"):
+            if isfunction(getattr(cls, noun, None)):
+                raise ModelError(f"model {name!r} has {noun} as a method; write @property above it")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         update_abstractmethods(cls)
         models.add(name, cls)

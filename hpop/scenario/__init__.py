@@ -42,9 +42,10 @@ from pydantic import BaseModel
 
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
-from hpop.errors import LimitError
+from hpop.errors import LimitError, UnsupportedModel
 from hpop.motions import Model
 from hpop.planners.base import Planner
+from hpop.planners.needs import refuse_unsupported
 from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
 from hpop.problem import Problem
 from hpop.registry import criteria, models, planners, readers
@@ -104,6 +105,13 @@ def load_scenario(path: str | Path) -> Scenario:
         if isinstance(asked, list)
         else [faults.built(planners, asked, ("planner",))]
     )
+    for i, planner in enumerate(chosen):
+        if planner is not None and isinstance(model, Model):
+            try:
+                refuse_unsupported(planner, model)
+            except UnsupportedModel as error:
+                place = ("planner", i) if isinstance(asked, list) else ("planner",)
+                faults.add((*place, cast(Planner, planner).name), str(error), UnsupportedModel)
     space = model.space if isinstance(model, Model) else None
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
     goal: Any = faults.goal(given["goal"], ("goal",), space) if "goal" in given else None

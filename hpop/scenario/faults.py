@@ -93,7 +93,7 @@ class Faults:
         for where in dict.fromkeys(places):
             below = any(other[: len(where)] == where != other for other in places)
             here = [fault for at, fault in details if at == where]
-            if below and all(fault["type"] in EXPECTED for fault in here):
+            if below and all(map(_expected, here)):
                 continue  # the branches of a choice that do not fit what was meant
             self.add(where, _said(schema, where[len(place) :], here))
         return None
@@ -229,7 +229,7 @@ def _form(space: StateSpace, what: str) -> str:
 
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     """One line on all that is wrong at one place."""
-    fault = next((one for one in faults if one["type"] not in EXPECTED), faults[0])
+    fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
         known, way_out = _keys_at(schema, loc[:-1]), ""
@@ -251,13 +251,18 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
         return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
     limit = LIMITS.get(str(loc[-1])) if loc else None
-    expected = [EXPECTED[one["type"]] for one in faults if fault["type"] in EXPECTED]
+    expected = [_expected(one) for one in faults if _expected(fault)]
     text = (
         f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
     )
     text += f" of {limit}" * bool(limit)
     hint = f"; {NO_LIMIT}" * bool(limit)
     return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}{hint}"
+
+
+def _expected(fault: Any) -> str:
+    """What a fault of pydantic's expects, in the words of this file; "" where its own message says it."""
+    return str(fault["ctx"]["expected"]) if fault["type"] == "literal_error" else EXPECTED.get(fault["type"], "")
 
 
 def _note(got: Any) -> str:

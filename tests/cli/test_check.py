@@ -143,6 +143,27 @@ def test_robots_and_planners_are_checked_as_criteria_are(
             assert f"FAIL  {said}" in done.stdout
 
 
+SLIP = """\
+from dataclasses import dataclass
+import hpop
+
+@hpop.model("slip")
+@dataclass(frozen=True)
+class Slip(hpop.DifferentialDrive):
+    @property
+    def mounts(self):
+        return 1 / 0
+"""
+
+
+def test_a_robot_that_fails_before_it_can_be_checked_is_told_with_file_and_line(
+    run: Callable[..., Result], refused: Callable[..., None], here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry.models, "_types", dict(registry.models))
+    (here / "slip.py").write_text(SLIP)
+    refused(run("check", "slip.py:Slip"), 14, "slip.py, line 9): ZeroDivisionError: division by zero")
+
+
 def test_lists_show_no_markup_of_docstrings(run: Callable[..., Result]) -> None:
     assert "`" not in run("criteria").stdout + run("planners").stdout
 

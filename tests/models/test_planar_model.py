@@ -12,9 +12,9 @@ import shapely
 
 from hpop import DifferentialDrive, Problem, Trajectory, World
 from hpop.errors import ModelError
-from hpop.models.base import PlanarModel, plane_space
+from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.laws import Move, rest_to_rest
-from hpop.motions import Motions, Phase, States
+from hpop.motions import Leg, Motions, Phase, States
 from hpop.planners.trust import judge
 from hpop.verify import collision_free
 from tests.models.collision.test_planar import LONG, ROBOTS, random_states, room
@@ -212,6 +212,26 @@ class Sighted(DifferentialDrive):
 def test_a_parameter_of_ones_own_is_described_whatever_its_name_and_though_it_is_none(given):
     assert Sighted(view_range=given).describe()["differential_drive"]["view_range"] == given
     assert "view" not in Sighted().describe()["differential_drive"]
+
+
+def test_what_is_a_method_where_a_property_should_be_is_refused():
+    class Forgetful(Omnidirectional):
+        def parts(self):
+            return ()
+
+    with pytest.raises(ModelError, match="'forgetful' has parts as a method; write @property above it"):
+        model("forgetful")(Forgetful)
+
+
+def test_a_leg_of_a_law_that_the_model_does_not_have_is_told():
+    class Mistyped(Omnidirectional):
+        def connect(self, a, b):
+            return [Leg("slied", self.space.onward(a, b), np.ones(a.size, bool))]
+
+    world = World.from_polygons([], extent=shapely.box(0, 0, 4, 3))
+    problem = Problem(world, Mistyped(), (1, 1, 0, 0), (2, 1, 0, 0), ["length"])
+    with pytest.raises(ModelError, match=r"connect leads by \['slied'\]; this model has the laws \["):
+        problem.solve("roadmap", samples=5)
 
 
 def test_an_object_that_is_half_a_model_is_refused_with_what_it_lacks():

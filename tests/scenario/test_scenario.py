@@ -20,6 +20,7 @@ from hpop.errors import (
     QueryError,
     ScenarioError,
     UnknownName,
+    UnsupportedModel,
 )
 from hpop.front import Front
 from hpop.motions import Motions
@@ -165,6 +166,8 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("step: 0.5", "time_limit: .inf"), 12, "planner.lattice.time_limit", "seconds, got inf; leave it out for no"),
         (("step: 0.5", 'max_memory: "9 MB"'), 12, "planner.lattice.max_memory", "whole number of bytes, got '9 MB'"),
         (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
+        (("differential_drive: {radius: 0.2, camera_height: 1.2}", "pan_tilt: {pan: 3}"), 7, "model.pan_tilt.pan",
+         "expected a list or 'all round', got 3"),
         # yaws
         (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),
         (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),
@@ -248,6 +251,27 @@ def test_all_faults_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) ->
     ]
 
 
+@pytest.mark.parametrize(
+    ("planners", "place"),
+    [
+        ("\n  smoothing: {step: 0.5}", "line 12, planner.smoothing: "),
+        (" smoothing", "line 11, planner.smoothing: "),
+        ("\n  - lattice: {step: 0.5}\n  - smoothing: {}", "line 13, planner.1.smoothing: "),
+    ],
+)
+def test_a_planner_that_the_model_cannot_serve_is_placed_in_the_file(tmp_path: Path, planners: str, place: str) -> None:
+    changes = [
+        ("differential_drive: {radius: 0.2, camera_height: 1.2}", "pan_tilt: {}"),
+        ("[1.0, 1.0, 0]", "[1.0, 1.0, 0, 0, 0]"),
+        ("[5.0, 1.0, any]", "[5.0, 1.0, any, any, any]"),
+        ("\n  lattice: {step: 0.5}", planners),
+    ]
+    with pytest.raises(UnsupportedModel) as refused:
+        load_scenario(scenario(tmp_path, *changes))
+    assert f"{place}smoothing needs a model with rigid" in str(refused.value)
+    assert "Planners that can: lattice" in str(refused.value)
+
+
 def test_two_unknown_names_are_one_error_of_that_kind(tmp_path: Path) -> None:
     assert len(faults(scenario(tmp_path, ("[turns, length]", "[turnz, lenght]")), UnknownName)) == 2
 
@@ -279,6 +303,10 @@ def test_parameters_of_a_plugin_may_have_any_type_and_default_factories(
         (("turns,", "{turns: 3},"), "line 10, criteria.0.turns"),
         (("{step: 0.5}", "[step, 0.5]"), "line 12, planner.lattice"),
         (("  lattice: {step: 0.5}", "  - lattice: 3\n  - 4"), "line 12, planner.0.lattice"),
+        (
+            ("differential_drive: {radius: 0.2, camera_height: 1.2}", "pan_tilt: {pan: [.nan, 1]}"),
+            "line 7, model.pan_tilt.pan.0",
+        ),
     ],
 )
 def test_a_fault_inside_a_choice_is_not_said_again_for_each_other_branch(

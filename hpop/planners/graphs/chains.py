@@ -14,6 +14,7 @@ import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
+from hpop.errors import ModelError
 from hpop.motions import Motions, States
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.objectives import quantised
@@ -47,6 +48,8 @@ class Chains:
     def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> Chains:
         """Those that lead from states a (C,) to b, free or not; what is NaN in b is left as it comes."""
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
+        if unknown := set(kinds) - graph.model.laws.keys():
+            raise ModelError(f"connect leads by {sorted(unknown)}; this model has the laws {sorted(graph.model.laws)}")
         return cls(graph, tails, heads, kinds, (a, *corners), present)
 
     @classmethod
