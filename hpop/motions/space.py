@@ -142,6 +142,10 @@ class StateSpace:
             columns[name] = begin + wrap(columns[name] - begin)
         return States(**columns)
 
+    def turns(self, states: States) -> dict[str, Column]:
+        """By how much (N - 1,), rad, each turning column turns from each of the states to the next, the shorter way."""
+        return {name: wrap(np.diff(getattr(states, name))) for name in self.turning}
+
     def differences(self, a: States, b: States) -> dict[str, Column]:
         """What is to be added to a (M,) for b, by name, the shorter way round where a column turns."""
         onward = self.onward(a, b)

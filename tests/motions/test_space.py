@@ -115,3 +115,12 @@ def test_a_space_that_contradicts_itself_is_refused(changes: dict[str, object]) 
 
 def test_states_are_told_in_one_short_line() -> None:
     assert repr(HEAD.sample(np.random.default_rng(0), 2000)) == "<States: 2,000 of x, y, yaw, pan>"
+
+
+def test_turns_lead_from_each_state_to_the_next_by_at_most_half_a_turn() -> None:
+    yaw = np.array([0.1, 6.2, 3.0, -3.0, -3.0 + np.pi])
+    turns = HEAD.turns(States(x=np.zeros(5), y=np.zeros(5), yaw=yaw, pan=np.zeros(5)))
+    assert list(turns) == ["yaw"]
+    assert np.abs(turns["yaw"]).max() <= np.pi
+    whole = (yaw[:-1] + turns["yaw"] - yaw[1:]) / (2 * np.pi)
+    np.testing.assert_allclose(whole, np.round(whole), atol=1e-12)

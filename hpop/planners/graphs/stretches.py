@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.math import wrap
 from hpop.motions import Law, States, StateSpace, is_coupled, onward
 from hpop.trajectory import Trajectory, refuse_impossible
 
@@ -45,7 +44,7 @@ class Stretches(NamedTuple):
         """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
-        turned = {name: np.append(np.zeros(1), wrap(np.diff(columns[name])))[: kinds.size] for name in space.turning}
+        turned = {name: np.append(np.zeros(1), turns)[: kinds.size] for name, turns in space.turns(states).items()}
         for number, law in enumerate(laws):
             if is_coupled(law):
                 rows = np.flatnonzero(kinds == number)
