@@ -24,7 +24,7 @@ def raise_faults(what: str, checks: Iterable[Check], error: type[HpopError]) -> 
     """Raise an error that lists every check that fails, if any does."""
     faults = [f"{check.claim}: {check.fault}" for check in checks if check.fault]
     if faults:
-        raise error(f"{what} fails {len(faults)} checks:\n  " + "\n  ".join(faults))
+        raise error(f"{what} fails {len(faults)} check{'s' * (len(faults) > 1)}:\n  " + "\n  ".join(faults))
 
 
 def fault_of(test: Callable[[], str]) -> str:

@@ -134,7 +134,14 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     pieces = np.stack([points[:-1], points[1:]], axis=1)[~turning]  # (moves, 2, 2)
     axes.add_collection(
         LineCollection(
-            list(pieces), array=shown[~turning], cmap=RATE_COLOURS, norm=norm, linewidths=3.0, zorder=4, gid="rate"
+            list(pieces),
+            array=shown[~turning],
+            cmap=RATE_COLOURS,
+            norm=norm,
+            linewidths=3.0,
+            capstyle="projecting",  # pieces that only touch leave seams, which pale the colour of a slanting way
+            zorder=4,
+            gid="rate",
         )
     )
     turns = points[:-1][turning]

@@ -268,7 +268,7 @@ def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
     with pytest.raises(CriterionError, match=text) as raised:
         check_criterion(criterion)
     first, *faults = str(raised.value).split("\n  ")
-    assert first == f"criterion 'wrong' fails {len(faults)} checks:"
+    assert first == f"criterion 'wrong' fails {len(faults)} check{'s' * (len(faults) > 1)}:"
     failed = {fault.partition(": ")[0] for fault in faults}
     assert claim in failed
     if isinstance(criterion, (Relative, Flat, TurningMotions, Square, OtherOnSymbols, Kinked)):

@@ -72,6 +72,17 @@ def test_the_colours_are_the_rates_of_the_trace_where_the_robot_moves(problem, t
         assert drawn.norm.vmax == (rate.max() or 1.0)
 
 
+def test_a_slanting_way_of_one_rate_has_one_colour(problem):
+    slanting = hpop.Trajectory.from_poses(problem.model, [(1, 6, np.arctan2(3, 8)), (9, 9, np.arctan2(3, 8))])
+    figure = draw_where(problem, slanting)
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())
+    share = np.linspace(0.2, 0.8, 500)[:, None]
+    spots = maps(figure)[NAMES.index("length")].transData.transform([1, 6] + share * [8, 3])
+    columns, rows = np.floor(spots).astype(int).T
+    assert len(np.unique(pixels[len(pixels) - 1 - rows, columns], axis=0)) == 1
+
+
 def turns_by_place(axes):
     places = map(tuple, dots(axes).get_offsets().tolist())
     return sorted(zip(places, dots(axes).get_array().tolist(), strict=True))
