@@ -100,6 +100,7 @@ def several_states(given: Any) -> list[Any]:
     """The states that are given: the members of a set, the entries of a list of states, or the one that it is."""
     if isinstance(given, GoalSet):
         return list(given.members)
-    if not isinstance(given, ROWS) or not all(isinstance(entry, (*ROWS, Mapping)) for entry in given):
+    several = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
+    if not several or not all(isinstance(entry, (*ROWS, Mapping)) for entry in given):
         return [given]
     return list(given)

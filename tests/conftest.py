@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from hpop.registry import criteria, models, planners, readers
 from tests.hulls import Hull
 from tests.warm import Warm
 
@@ -63,6 +64,18 @@ def shared_data() -> Callable[[str], Path]:
         return root / name
 
     return folder
+
+
+@pytest.fixture
+def registered_as_before() -> Iterator[None]:
+    """What a test registers of its own is gone after it: other tests list what there is."""
+    registries = (criteria, models, planners, readers)
+    before = [dict(registry.own()) for registry in registries]
+    yield
+    for registry, own in zip(registries, before, strict=True):
+        for name in registry.own():
+            del registry._types[name]
+        registry._types.update(own)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

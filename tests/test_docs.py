@@ -14,6 +14,7 @@ from hpop.testing import check_model, check_planner
 from hpop.view import save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
+pytestmark = pytest.mark.usefixtures("registered_as_before")
 
 
 def blocks(file: str, language: str = "python") -> list[str]:

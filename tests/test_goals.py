@@ -204,3 +204,9 @@ def test_the_same_problem_asked_from_elsewhere_keeps_its_goals() -> None:
     asked = problem()
     assert replace(asked, start=(1, 2, 0)).goals == asked.goals
     assert asked.at({"x": 1, "y": 2, "yaw": 0}, 1.0).start == (1.0, 2.0, 0.0)
+
+
+@pytest.mark.parametrize("goal", [np.array(3.0), np.zeros(2), [], "3", [[1, 2], [1, 2, 3]]], ids=str)
+def test_what_is_no_goal_is_refused_whatever_array_it_is(goal: Any) -> None:
+    with pytest.raises(QueryError, match="goal"):
+        problem(goal=goal)

@@ -6,8 +6,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import hpop
 from hpop.errors import CriterionError, OptionError
 from hpop.options import real, whole
+from hpop.planners import make_planner
 
 
 class _Strange:
@@ -65,3 +67,11 @@ def test_the_error_is_of_the_kind_that_is_asked_for_and_says_what_the_number_is(
 def test_text_that_yaml_did_not_read_as_a_number_is_explained():
     with pytest.raises(OptionError, match=r"YAML reads 1e-3 as text: write 0\.001"):
         real("step", "1e-3", 0, 1)
+
+
+def test_an_array_in_the_place_of_a_word_or_a_yes_is_refused() -> None:
+    with pytest.raises(hpop.errors.ModelError, match="view must be one of fixed, unwound, got array"):
+        hpop.DifferentialDrive(view=np.zeros(2))
+    for planner in ("lattice", "weighted-sum"):
+        with pytest.raises(OptionError, match="corner_cutting must be true or false, got array"):
+            make_planner({planner: {"corner_cutting": np.zeros(2)}}, {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,9 +10,17 @@ import pytest
 from click.testing import Result
 
 import hpop
+from hpop.registry import models
 from hpop.verify import verify
 
 ROBOT = Path(__file__).resolve().parents[2] / "examples/plugin/hpop_example_plugin/holonomic.py"
+
+
+@pytest.fixture(autouse=True)
+def _robot_unknown(registered_as_before: None) -> None:
+    """No other test's robot of that name."""
+    models._types.pop("holonomic", None)
+    sys.modules.pop("holonomic", None)  # or its file would register nothing
 
 
 @pytest.fixture

@@ -108,7 +108,7 @@ def test_a_model_of_no_closed_forms_costs_the_same():
 
 
 def test_a_view_that_no_camera_has_is_refused():
-    with pytest.raises(hpop.errors.ModelError, match=r"view is 'fixed' or 'unwound', got 'free'"):
+    with pytest.raises(hpop.errors.ModelError, match="view must be one of fixed, unwound, got 'free'"):
         hpop.DifferentialDrive(view="free")
 
 

@@ -20,7 +20,7 @@ from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace
-from hpop.options import LEAST, MOST, Angle, real, set_reals
+from hpop.options import LEAST, MOST, Angle, one_of, real, set_reals
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
@@ -88,8 +88,7 @@ class DifferentialDrive(PlanarModel):
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
         for name in (*lengths, *rates):
             object.__setattr__(self, name, float(getattr(self, name)))
-        if self.view not in (FIXED, UNWOUND):
-            raise ModelError(f"view is {FIXED!r} or {UNWOUND!r}, got {shown(self.view)}")
+        object.__setattr__(self, "view", one_of("view", self.view, (FIXED, UNWOUND), error=ModelError))
         set_reals(self, "view_yaw", least=-MOST, most=MOST, kind="an angle in rad", error=ModelError)
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))

@@ -24,6 +24,7 @@ from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -90,6 +91,8 @@ class Lattice:
 
     def __post_init__(self) -> None:
         set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
+        if not isinstance(self.corner_cutting, bool):
+            raise OptionError(f"corner_cutting must be true or false, got {shown(self.corner_cutting)}")
         Headings(self.headings)
         if self.max_detour is not None:
             Detour.of(self.max_detour, self.max_turns)
