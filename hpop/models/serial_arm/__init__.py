@@ -1,0 +1,1 @@
+"""A serial arm with a camera in its hand."""
