@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.errors import GraphError
 from hpop.options import whole
 from hpop.text import shown
@@ -216,6 +216,19 @@ class Graph:
         arcs, tails = arcs[inside], tails[inside]
         part = self.from_arcs(len(nodes), tails, place[self.heads[arcs]], self.costs[arcs], aggregates=self.aggregates)
         return replace(part, arc=cast(Any, arcs[part.arc]))
+
+    def without(self, left_out: BoolArray) -> Self:
+        """Return the graph without the arcs that are marked (m,); `arc` has the places here of those that stay.
+
+        >>> part = Graph.from_arcs(3, [0, 0, 1], [1, 2, 2], [[5], [6], [7]]).without(np.array([True, False, False]))
+        >>> part.indptr.tolist(), part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
+        ([0, 1, 2, 2], [2, 2], [[6], [7]], [1, 2])
+        """
+        kept = np.flatnonzero(~left_out).astype(np.int32)
+        before = np.append(0, np.cumsum(left_out))
+        indptr, heads, costs = self.indptr - before[self.indptr], self.heads[kept], self.costs[kept]
+        _own(indptr, heads, costs, kept)
+        return replace(self, indptr=indptr, heads=heads, costs=costs, arc=kept)
 
     def node(self, label: Hashable) -> int:
         """Return the node that the caller calls `label`."""

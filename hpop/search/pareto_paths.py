@@ -18,6 +18,7 @@ from hpop.status import Budget, ProgressCallback, Status
 from hpop.text import shown
 
 if TYPE_CHECKING:
+    from hpop.search.lazy_paths import Free
     from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock, Search
     from hpop.search.machinery.turns import Groups
@@ -40,6 +41,7 @@ def pareto_paths(
     tolerance: Sequence[int] = (),
     at_most: Sequence[int | None] = (),
     checkpoint: CheckpointSpec | None = None,
+    free: Free | None = None,
 ) -> ParetoPaths:
     """Find every non-dominated cost vector of the paths from source to target, each with one path.
 
@@ -62,6 +64,11 @@ def pareto_paths(
     is safe. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
     Nobody can tell what a file from a stranger leaves out: :mod:`.checkpoint`.
 
+    With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
+    without those that are blocked; it is asked only about arcs on paths that are found, once each
+    (:mod:`.lazy_paths`). Limits hold for all rounds together. What is returned is free all along, also where a limit
+    stops it; after a checkpoint, as far as its file is true.
+
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)
     >>> paths.costs.tolist(), paths.nodes(0).tolist(), paths.arcs(1).tolist()
@@ -77,17 +84,25 @@ def pareto_paths(
     precision = _precision(graph, eps, tolerance)
     bounds = _bounds(graph, at_most)
     asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
-    keeper = Keeper.of(checkpoint, graph, source, targets, method, *asked)
-    clock = Clock(budget, progress)
-    run = _ParetoRun(graph, source, targets, method, precision, bounds, keeper)
-    try:
-        status = run.go(clock)
-    except KeyboardInterrupt:
-        status = Status.INTERRUPTED
-    try:
-        return run.result(clock, status)
-    except KeyboardInterrupt:  # a second one: what was found is worth more than to know how much is missing
-        return run.result(clock, Status.INTERRUPTED, proven=False)
+    keeper = Keeper.of(checkpoint, graph, source, targets, method, *asked, *["lazily"][: free is not None])
+
+    def search(part: Graph, left: Budget) -> ParetoPaths:
+        clock = Clock(left, progress)
+        run = _ParetoRun(part, source, targets, method, precision, bounds, keeper)
+        try:
+            status = run.go(clock)
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        try:
+            return run.result(clock, status)
+        except KeyboardInterrupt:  # a second one: what was found is worth more than to know how much is missing
+            return run.result(clock, Status.INTERRUPTED, proven=False)
+
+    if free is None:
+        return search(graph, budget)
+    from hpop.search.lazy_paths import LazyRun
+
+    return LazyRun(graph, free, search, budget, progress, keeper, precision.of(range(graph.criteria))).go()
 
 
 class _ParetoRun:

@@ -34,6 +34,9 @@ class SearchStats:
     seconds_bounds    s      lower bounds
     seconds_search    s      the search itself, tables included
     seconds_compiled  s      compiling kernels or loading them; 0 when they were in memory
+    arcs_checked      count  arcs of which it was asked whether they are free
+    arcs_blocked      count  those of them that are not
+    rounds            count  searches, each without the arcs that were known to be blocked
     """
 
     method: str
@@ -45,6 +48,9 @@ class SearchStats:
     seconds_bounds: float = 0.0
     seconds_search: float = 0.0
     seconds_compiled: float = 0.0
+    arcs_checked: int = 0
+    arcs_blocked: int = 0
+    rounds: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +78,14 @@ class ParetoPaths:
         """The paths of some rows, in that order, with other costs (n, k) in the place of these."""
         return replace(self, costs=costs[rows], _paths=tuple(self._paths[row] for row in rows))
 
+    def on(self, graph: Graph) -> ParetoPaths:
+        """The same on the graph of which theirs is a part, as :meth:`.Graph.without` makes one."""
+        return replace(self, _graph=graph, _paths=tuple(self._graph.arc[path].astype(np.int64) for path in self._paths))
+
+    def and_those_of(self, other: ParetoPaths) -> ParetoPaths:
+        """These paths and others on the same graph."""
+        return replace(self, costs=np.concatenate([self.costs, other.costs]), _paths=self._paths + other._paths)
+
     def nodes(self, i: int) -> IntArray:
         """Nodes of path i, source and target included."""
         heads = self._graph.heads[self._paths[i]].astype(np.int64)
@@ -81,6 +95,11 @@ class ParetoPaths:
     def lengths(self) -> IntArray:
         """Arcs (n,) of each path."""
         return np.array([path.size for path in self._paths], dtype=np.int64)
+
+    @property
+    def all_arcs(self) -> IntArray:
+        """Places (N,) of the arcs of all paths in the graph, one path after another."""
+        return np.concatenate([np.zeros(0, np.int64), *self._paths])
 
     def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Nodes (N,) of the paths of some rows (r,), one path after another, and how many (r,) each has."""

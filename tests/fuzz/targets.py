@@ -249,14 +249,16 @@ def checkpoint(rng: Rng, folder: Path) -> str:
     graph = Graph.from_arcs(60, tails, heads, maker.integers(1, 30, (400, costs)))
     method = ("auto", "general")[rng.integers(2)]
     path = folder / "search.ckpt"
-    expected = pareto_paths(graph, 0, 59, method=method)
+    is_free = maker.random(400) < 0.8
+    options: dict[str, Any] = {"method": method, "free": (None, is_free.__getitem__)[rng.integers(2)]}
+    expected = pareto_paths(graph, 0, 59, **options)
     limit = Budget(max_labels=int(rng.integers(1, expected.stats.labels_generated)))
-    begun = pareto_paths(graph, 0, 59, method=method, checkpoint=path, budget=limit)
+    begun = pareto_paths(graph, 0, 59, checkpoint=path, budget=limit, **options)
     if begun.status is Status.COMPLETE or not path.exists():
         return "accepted"
     path.write_bytes(_forged(path.read_bytes(), rng))
     found: list[Any] = []
-    message = asked(lambda: found.append(pareto_paths(graph, 0, 59, method=method, checkpoint=path)))
+    message = asked(lambda: found.append(pareto_paths(graph, 0, 59, checkpoint=path, **options)))
     if message:
         return shown(message)
     if not np.array_equal(np.unique(found[0].costs, axis=0), np.unique(expected.costs, axis=0)):

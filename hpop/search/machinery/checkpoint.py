@@ -47,6 +47,7 @@ LENGTH = 8  # bytes of the header's length
 CHECKSUM = 32  # bytes
 MAX_HEADER = 2**20  # bytes
 TYPE = np.dtype(np.int64).str  # of all numbers
+NONE = ""  # the method of no search
 SHARE = 30  # the pause between two checkpoints is so many times what writing the last one took: three in a hundred
 
 Arrays = dict[str, NDArray[Any]]
@@ -114,12 +115,17 @@ CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
 
 
 class Keeper:
-    """The checkpoint of one question: what the file holds, and when to write the next."""
+    """The checkpoint of one question: what the file holds, and when to write the next.
+
+    beside  what is kept beside the labels of a search: what was known before that search began
+    """
 
     def __init__(self, checkpoint: Checkpoint, question: str) -> None:
         """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
         self.question, self.every = question, checkpoint.every
         self.path = checkpoint.place()
+        self.begin({})
+        self.due = perf_counter() + self.every
         self.saved = Saved.read(self.path) if self.path.exists() else None
         if self.saved is not None and self.saved.question != question:
             raise CheckpointError(
@@ -141,31 +147,46 @@ class Keeper:
         """Let a new search go on from the file, if there is one, and save it now and then, and when it is stopped."""
         if self.saved is not None and self.saved.method == method:
             began = clock.seconds()
-            restore(search, self.saved.arrays, clock, self.path)
+            own = {name: array for name, array in self.saved.arrays.items() if name not in self.beside}
+            restore(search, own, clock, self.path)
             clock.begin += clock.seconds() - began  # is no search
         self.saved = None  # a search by another method, which takes over, begins anew
-        due = perf_counter() + self.every
 
-        def keep() -> None:
-            nonlocal due
-            began = perf_counter()
-            if began >= due:
-                self.save(search, method, clock)
-                due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
+        def made() -> Saved:
+            return Saved(method, self.question, {**vars(search.labels(clock)), **self.beside})
 
+        self.made = made
         try:
-            status = search.run(clock, keep)
+            status = search.run(clock, self.keep)
         except KeyboardInterrupt:
-            self.save(search, method, clock)
+            self.save()
             raise
         if not status.is_final:
-            self.save(search, method, clock)
+            self.save()
         return status
 
-    def save(self, search: Search, method: str, clock: Clock) -> None:
-        """Write the labels of a search; if that fails, warn: what was saved before stays, and the search goes on."""
+    def begin(self, beside: Arrays) -> None:
+        """Before a search: what is known beside it."""
+        self.beside = beside
+        self.made = lambda: Saved(NONE, self.question, self.beside)
+
+    def amend(self, beside: Arrays) -> None:
+        """What is known beside a search that was stopped."""
+        self.beside = beside
+
+    def keep(self) -> None:
+        """Save, if it is time."""
+        began = perf_counter()
+        if began >= self.due:
+            self.save()
+            self.due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
+
+    def save(self) -> None:
+        """Write what there is; if that fails, warn: what was saved before stays, and the search goes on."""
+        if self.saved is not None:  # nothing went on from it yet
+            return
         try:
-            Saved(method, self.question, vars(search.labels(clock))).write(self.path)
+            self.made().write(self.path)
         except OSError as error:
             reason = error.strerror or error
             warnings.warn(
@@ -286,10 +307,14 @@ def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
     try:
         search.resume(Labels.of(arrays), clock)
     except Unsound as error:
-        raise CheckpointError(
-            f"the checkpoint {path} does not hold what this search keeps ({error}); remove it, the search then begins "
-            "anew"
-        ) from None
+        raise not_kept(path, error) from None
+
+
+def not_kept(path: Path, why: object) -> CheckpointError:
+    """What to raise where a file does not hold what a search of its question keeps."""
+    return CheckpointError(
+        f"the checkpoint {path} does not hold what this search keeps ({why}); remove it, the search then begins anew"
+    )
 
 
 def _bytes(array: NDArray[Any]) -> memoryview:

@@ -210,7 +210,7 @@ def test_writing_takes_no_more_than_its_share_of_the_time(tmp_path, monkeypatch)
                 keep()
             return Status.COMPLETE
 
-    def save(self: Keeper, search: Any, method: str, clock: Any) -> None:
+    def save(self: Keeper) -> None:
         nonlocal now
         written.append(now)
         now += 7

@@ -1,0 +1,228 @@
+"""Lazy search: whether an arc is free is asked only where a path that was found takes it.
+
+Search the graph as if all arcs were free, ask about those on the paths found, leave out what is blocked, and search
+again, until all arcs of a front are free. That front is the one of the free part of the graph: what was left out is
+blocked, and to remove what was not asked about cannot improve a front whose paths all stay. Lazy roadmaps (Bohlin and
+Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do so for one shortest path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.frontier import is_nondominated
+from hpop.search.graph import Graph
+from hpop.search.machinery.approximation import proven_gap
+from hpop.search.machinery.checkpoint import Arrays, Keeper, not_kept
+from hpop.search.queries import ParetoPaths
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+UNKNOWN, FREE, BLOCKED = range(3)
+AT_ONCE = 1024  # arcs asked about between two looks at the clock
+LEAST = 1e-9  # s: a budget that is left is positive
+ROUNDS, GENERATED, EXPANDED, COUNTS = range(4)
+KEPT = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpoint
+
+Free = Callable[[IntArray], BoolArray]
+"""Which of some arcs (N,), by their places in the graph, are free."""
+
+
+class LazyRun:
+    """One query on a graph of which some arcs may be blocked."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        free: Free,
+        search: Callable[[Graph, Budget], ParetoPaths],
+        budget: Budget,
+        progress: ProgressCallback | None,
+        keeper: Keeper | None,
+        tolerance: IntArray,
+    ) -> None:
+        """Begin, or go on from what the keeper has.
+
+        Parameters
+        ----------
+        free : is asked about each arc at most once
+        search : finds the paths of a part of the graph, with what is left of the budget
+        tolerance : (k,) of the search
+        """
+        self.graph, self.free, self.search, self.tolerance = graph, free, search, tolerance
+        self.budget, self.progress, self.keeper = budget, progress, keeper
+        self.state = np.zeros(graph.arcs, np.uint8)  # what is known of each arc
+        self.left_out = np.zeros(graph.arcs, np.bool_)  # without which the graph is searched
+        self.counts = np.zeros(COUNTS, np.int64)
+        self.before = self.counts.copy()  # those of the rounds that ended
+        self.bounds_seconds = self.compiled = 0.0
+        self.peak = 0
+        self.began = perf_counter()
+        self.paths: ParetoPaths | None = None  # of the last round
+        self.cover: ParetoPaths | None = None  # of the last round whose search ended by itself
+        if keeper is not None:
+            if keeper.saved is not None:
+                self._resume(keeper.saved.arrays, keeper.path)
+            keeper.begin(self._arrays())
+
+    def go(self) -> ParetoPaths:
+        """Search, ask, leave out, until a front is free, or a limit is passed."""
+        try:
+            status = self._until_free()
+        except KeyboardInterrupt:
+            status = Status.INTERRUPTED
+        if self.paths is None:
+            raise KeyboardInterrupt
+        if status.is_final:
+            return self._counted(self.paths)
+        self._note(self.paths)
+        if self.keeper is not None:
+            self.keeper.save()
+        return self._stopped(self.paths, status)
+
+    def _until_free(self) -> Status:
+        while True:
+            paths = self.paths = self._searched()
+            passed = self._ask(self._unknown(paths))
+            if not paths.status.is_final or self._rows(paths).all():
+                return paths.status
+            if passed is not None:
+                return passed
+            self._note(paths)
+            if self.keeper is not None:
+                self.keeper.keep()
+
+    def _note(self, paths: ParetoPaths) -> None:
+        """What was learnt of the arcs of these paths: the next search begins with it, or the one that was stopped."""
+        ended = paths.status.is_final
+        if ended:
+            self.cover, self.left_out, self.before = paths, self.state == BLOCKED, self.counts.copy()
+        if self.keeper is not None:
+            self.keeper.begin(self._arrays()) if ended else self.keeper.amend(self._arrays())
+
+    # A round
+
+    def _searched(self) -> ParetoPaths:
+        """The paths of the graph without what is known to be blocked, their arcs as places in the whole graph."""
+        limit, most = self.budget.time_limit, self.budget.max_labels
+        part = self.graph.without(self.left_out)
+        size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.state.nbytes
+        room = self.budget.max_memory
+        left = replace(
+            self.budget,
+            max_memory=None if room is None else max(1, room - size),
+            time_limit=None if limit is None else max(LEAST, limit - self._seconds()),
+            max_labels=None if most is None else max(1, most - int(self.before[GENERATED])),
+        )
+        paths = self.search(part, left).on(self.graph)
+        stats = paths.stats
+        self.compiled += stats.seconds_compiled
+        self.bounds_seconds += stats.seconds_bounds
+        self.peak = max(self.peak, size + stats.peak_memory)
+        self.counts = self.before + np.array([1, stats.labels_generated, stats.labels_expanded])
+        return paths
+
+    def _seconds(self) -> float:
+        """Seconds since the search began, without compiling."""
+        return perf_counter() - self.began - self.compiled
+
+    def _unknown(self, paths: ParetoPaths) -> IntArray:
+        """The arcs of paths of which nothing is known, those of the first path first."""
+        arcs = paths.all_arcs
+        arcs = arcs[self.state[arcs] == UNKNOWN]
+        first: IntArray = np.unique(arcs, return_index=True)[1]
+        return np.asarray(arcs[np.sort(first)])
+
+    def _ask(self, arcs: IntArray) -> Status | None:
+        """Learn which arcs are free; the limit that is passed before all are known."""
+        limit = self.budget.time_limit
+        for begin in range(0, arcs.size, AT_ONCE):
+            some = arcs[begin : begin + AT_ONCE]
+            if self.progress is not None:
+                known = np.count_nonzero(self.state)
+                detail = f"edges of front {self.counts[ROUNDS]}: {known:,} of {self.state.size:,} looked at"
+                self.progress(Progress("checking", seconds=self._seconds(), detail=detail))
+            self.state[some] = np.where(self.free(some), FREE, BLOCKED)
+            if limit is not None and self._seconds() >= limit and begin + AT_ONCE < arcs.size:
+                return Status.TIME_LIMIT
+        return None
+
+    def _rows(self, paths: ParetoPaths) -> BoolArray:
+        """Which paths (n,) are known to be free all along."""
+        owner = np.repeat(np.arange(len(paths)), paths.lengths)
+        doubtful = np.bincount(owner, self.state[paths.all_arcs] != FREE, minlength=len(paths))
+        return np.asarray(doubtful == 0)
+
+    # What is answered
+
+    def _counted(self, paths: ParetoPaths) -> ParetoPaths:
+        """The same with the counts of all rounds."""
+        rounds, generated, expanded = self.counts.tolist()
+        stats = replace(
+            paths.stats,
+            labels_generated=generated,
+            labels_expanded=expanded,
+            peak_memory=self.peak,
+            seconds_bounds=self.bounds_seconds,
+            seconds_search=self._seconds() - self.bounds_seconds,
+            seconds_compiled=self.compiled,
+            arcs_checked=int(np.count_nonzero(self.state)),
+            arcs_blocked=int(np.count_nonzero(self.state == BLOCKED)),
+            rounds=rounds,
+        )
+        return replace(paths, stats=stats)
+
+    def _stopped(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
+        """What is known to be free of these paths and of the last front, and how much better others may be.
+
+        Whatever is missing, some vector of a front that was searched to its end is nowhere larger, or of one that was
+        not, within its gap: so it is enough to compare those that are kept with those that are not.
+        """
+        cover = paths if self.cover is None else self.cover
+        several = paths if cover is paths else paths.and_those_of(cover)
+        rows = np.flatnonzero(self._rows(several))
+        rows = rows[np.lexsort(several.costs[rows].T[::-1])]
+        rows = rows[is_nondominated(several.costs[rows].astype(np.float64))] if rows.size else rows
+        kept = several.select(several.costs, rows)
+        front, lost = (np.maximum(costs - self.tolerance, 0) for costs in (kept.costs, cover.costs[~self._rows(cover)]))
+        gap = (1 + cover.gap) * (1 + proven_gap(front, lost)) - 1
+        return self._counted(replace(kept, status=status, gap=gap))
+
+    # A checkpoint
+
+    def _arrays(self) -> Arrays:
+        """What is kept beside the search's own, with evidence that none of it is another."""
+        states = (np.flatnonzero(self.state == state) for state in (FREE, BLOCKED))
+        known = dict(zip(KEPT, (*states, np.flatnonzero(self.left_out), self.before), strict=True))
+        return {**known, "known": _evidence(list(known.values()))}
+
+    def _resume(self, arrays: Arrays, path: Path) -> None:
+        """Take what was known; raises CheckpointError where that cannot be."""
+        if any(name not in arrays or arrays[name].ndim != 1 for name in (*KEPT, "known")):
+            raise not_kept(path, "it lacks what is known of the arcs")
+        free, blocked, left_out, rounds = known = [arrays[name] for name in KEPT]
+        if _evidence(known).tolist() != arrays["known"].tolist() or len(rounds) != COUNTS or (rounds < 0).any():
+            raise not_kept(path, "what it knows of the arcs is not what was known")
+        for places in (free, blocked, left_out):
+            if (np.diff(places) <= 0).any() or places.min(initial=0) < 0 or places.max(initial=-1) >= self.state.size:
+                raise not_kept(path, "it names other arcs than this graph has")
+        self.state[blocked] = BLOCKED
+        if self.state[free].any() or (self.state[left_out] != BLOCKED).any():
+            raise not_kept(path, "an arc cannot be free and blocked")
+        self.state[free] = FREE
+        self.left_out[left_out] = True
+        self.before = rounds
+
+
+def _evidence(arrays: list[IntArray]) -> IntArray:
+    """A number (1,) that tells arrays from others."""
+    checksum = hashlib.blake2b(digest_size=7)
+    for array in arrays:
+        checksum.update(len(array).to_bytes(8, "little") + array.tobytes())
+    return np.array([int.from_bytes(checksum.digest(), "little")])
