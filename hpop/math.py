@@ -6,8 +6,10 @@ numbers they are exact, on symbols they are smoothed within the width stated, so
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -40,7 +42,7 @@ def is_zero(column: Column) -> bool:
     return isinstance(column, float) and column == 0.0
 
 
-def norm(vector: tuple[Column, Column, Column]) -> Column:
+def norm(vector: Sequence[Column]) -> Column:
     """Length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
 
     What is no column leaves the others their simpler form: of one alone this is `smooth_abs`, of two `hypot`.
@@ -53,7 +55,7 @@ def norm(vector: tuple[Column, Column, Column]) -> Column:
         return 0.0
     if len(columns) == 1:
         return smooth_abs(columns[0])
-    return hypot(hypot(*columns[:2]), columns[2]) if len(columns) == 3 else hypot(*columns)
+    return reduce(hypot, columns)
 
 
 def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
@@ -68,19 +70,39 @@ def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Col
     length = norm(vector)
     some = length > 0
     scale = 1.0 / np.where(some, length, 1.0)
+    normal = [column if is_zero(column) else column * scale for column in cross(unit, vector)]
+    cosine = dot(unit, vector) * scale
+    return np.arctan2(np.where(some, sine_of(normal), 0.0), np.where(some, cosine, 1.0))
 
-    def product(i: int, j: int) -> Column:
-        return 0.0 if is_zero(unit[i]) or is_zero(vector[j]) else unit[i] * vector[j]
 
-    def across(i: int, j: int) -> Column:
-        one, other = product(i, j), product(j, i)
-        return 0.0 if is_zero(one) and is_zero(other) else (one - other) * scale
-
-    normal = across(1, 2), across(2, 0), across(0, 1)
+def sine_of(normal: Sequence[Column]) -> Column:
+    """Length of the normal of two unit vectors, whose kink at 0 is rounded within ALIGNED in a plane of the axes."""
     alone = [column for column in normal if not is_zero(column)]
-    sine = smooth_abs(alone[0], ALIGNED) if len(alone) == 1 else norm(normal)
-    cosine = (product(0, 0) + product(1, 1) + product(2, 2)) * scale
-    return np.arctan2(np.where(some, sine, 0.0), np.where(some, cosine, 1.0))
+    return smooth_abs(alone[0], ALIGNED) if len(alone) == 1 else norm(normal)
+
+
+def dot(one: Sequence[Column], other: Sequence[Column]) -> Column:
+    """Sum of the products of columns; the number 0.0 stands for what is known to be zero, and so does the sum.
+
+    >>> dot((1.0, 2.0), (3.0, 0.0))
+    3.0
+    """
+    products = [a * b for a, b in zip(one, other, strict=True) if not (is_zero(a) or is_zero(b))]
+    return reduce(add, products) if products else 0.0
+
+
+def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Column, Column]:
+    """Cross product of vectors in space; the number 0.0 stands for what is known to be zero.
+
+    >>> cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    (0.0, 0.0, 1.0)
+    """
+
+    def component(i: int, j: int) -> Column:
+        gain, loss = dot(one[i : i + 1], other[j : j + 1]), dot(one[j : j + 1], other[i : i + 1])
+        return 0.0 if is_zero(gain) and is_zero(loss) else gain - loss
+
+    return component(1, 2), component(2, 0), component(0, 1)
 
 
 def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:

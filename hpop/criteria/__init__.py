@@ -9,6 +9,8 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.criteria.comfort.angular_acceleration import AngularAcceleration
+    from hpop.criteria.comfort.camera_length import CameraLength
+    from hpop.criteria.comfort.camera_roll import CameraRoll
     from hpop.criteria.comfort.heading_mismatch import HeadingMismatch, MeanHeadingMismatch
     from hpop.criteria.comfort.jerk import Jerk
     from hpop.criteria.comfort.length import Length
@@ -29,23 +31,32 @@ if TYPE_CHECKING:
     from hpop.criteria.others.speeding import Speeding
     from hpop.criteria.others.time_to_collision import TimeToCollision
     from hpop.criteria.others.visibility_to_people import VisibilityToPeople
+    from hpop.criteria.performance.hand_eye_misalignment import HandEyeMisalignment
     from hpop.criteria.performance.landmark_visibility import LandmarkBlindness, LandmarkVisibility
+    from hpop.criteria.performance.look_at import LookAt
     from hpop.criteria.performance.obstruction import Exposure, Obstruction, WorstObstruction
     from hpop.criteria.performance.openness import Enclosure, Openness
     from hpop.criteria.performance.orientation_retention import NetMisalignment, OrientationRetention
     from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks
+    from hpop.criteria.performance.view_distance import ViewDistance
     from hpop.criteria.robot.bending_energy import BendingEnergy
     from hpop.criteria.robot.clearance import Clearance
     from hpop.criteria.robot.curvature_sign_changes import CurvatureSignChanges
     from hpop.criteria.robot.duration import Duration
     from hpop.criteria.robot.energy import Energy
+    from hpop.criteria.robot.joint_energy import JointEnergy
+    from hpop.criteria.robot.joint_length import JointLength
+    from hpop.criteria.robot.joint_limits import JointLimits
     from hpop.criteria.robot.proximity import Proximity
+    from hpop.criteria.robot.singularity import Singularity
     from hpop.criteria.robot.smoothness import Smoothness
 
 _HOMES = {
     "AgainstFlow": "hpop.criteria.others.against_flow",
     "AngularAcceleration": "hpop.criteria.comfort.angular_acceleration",
     "BendingEnergy": "hpop.criteria.robot.bending_energy",
+    "CameraLength": "hpop.criteria.comfort.camera_length",
+    "CameraRoll": "hpop.criteria.comfort.camera_roll",
     "Clearance": "hpop.criteria.robot.clearance",
     "CurvatureSignChanges": "hpop.criteria.robot.curvature_sign_changes",
     "CuttingBetween": "hpop.criteria.others.cutting_between",
@@ -54,11 +65,16 @@ _HOMES = {
     "Energy": "hpop.criteria.robot.energy",
     "Exposure": "hpop.criteria.performance.obstruction",
     "HallZones": "hpop.criteria.others.hall_zones",
+    "HandEyeMisalignment": "hpop.criteria.performance.hand_eye_misalignment",
     "HeadingMismatch": "hpop.criteria.comfort.heading_mismatch",
     "Jerk": "hpop.criteria.comfort.jerk",
+    "JointEnergy": "hpop.criteria.robot.joint_energy",
+    "JointLength": "hpop.criteria.robot.joint_length",
+    "JointLimits": "hpop.criteria.robot.joint_limits",
     "LandmarkBlindness": "hpop.criteria.performance.landmark_visibility",
     "LandmarkVisibility": "hpop.criteria.performance.landmark_visibility",
     "Length": "hpop.criteria.comfort.length",
+    "LookAt": "hpop.criteria.performance.look_at",
     "MSDV": "hpop.criteria.comfort.msdv",
     "MeanHeadingMismatch": "hpop.criteria.comfort.heading_mismatch",
     "NetMisalignment": "hpop.criteria.performance.orientation_retention",
@@ -75,12 +91,14 @@ _HOMES = {
     "Rotation": "hpop.criteria.comfort.rotation",
     "RotationTime": "hpop.criteria.comfort.rotation_time",
     "Sickness": "hpop.criteria.comfort.sickness",
+    "Singularity": "hpop.criteria.robot.singularity",
     "Smoothness": "hpop.criteria.robot.smoothness",
     "SocialForce": "hpop.criteria.others.social_force",
     "Speeding": "hpop.criteria.others.speeding",
     "TimeToCollision": "hpop.criteria.others.time_to_collision",
     "Turns": "hpop.criteria.comfort.turns",
     "UnseenLandmarks": "hpop.criteria.performance.unseen_landmarks",
+    "ViewDistance": "hpop.criteria.performance.view_distance",
     "VisibilityToPeople": "hpop.criteria.others.visibility_to_people",
     "WorstObstruction": "hpop.criteria.performance.obstruction",
 }
@@ -90,6 +108,8 @@ __all__ = [
     "AgainstFlow",
     "AngularAcceleration",
     "BendingEnergy",
+    "CameraLength",
+    "CameraRoll",
     "Clearance",
     "Criterion",
     "CurvatureSignChanges",
@@ -99,11 +119,16 @@ __all__ = [
     "Energy",
     "Exposure",
     "HallZones",
+    "HandEyeMisalignment",
     "HeadingMismatch",
     "Jerk",
+    "JointEnergy",
+    "JointLength",
+    "JointLimits",
     "LandmarkBlindness",
     "LandmarkVisibility",
     "Length",
+    "LookAt",
     "MeanHeadingMismatch",
     "NetMisalignment",
     "NetWinding",
@@ -119,12 +144,14 @@ __all__ = [
     "Rotation",
     "RotationTime",
     "Sickness",
+    "Singularity",
     "Smoothness",
     "SocialForce",
     "Speeding",
     "TimeToCollision",
     "Turns",
     "UnseenLandmarks",
+    "ViewDistance",
     "VisibilityToPeople",
     "WorstObstruction",
     "criterion",

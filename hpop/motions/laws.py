@@ -160,7 +160,8 @@ class Model(Protocol):
     """A system: what moves, by which laws, and where its camera is.
 
     It may have a ``field_of_view``, the horizontal and vertical angles, rad, that the camera sees at once; without, or
-    with None, that is all round (:mod:`hpop.models.field_of_view`).
+    with None, that is all round (:mod:`hpop.models.field_of_view`). It may say by ``bodies(states)`` what of itself can
+    stand in the way of its camera (:mod:`hpop.world.rays_in_space`).
     """
 
     @property
@@ -168,6 +169,8 @@ class Model(Protocol):
         """What criteria and planners can ask for.
 
         "base", "camera"  bodies
+        "tool"            a body as well: what the robot works with
+        "joints"          angles or lengths that motors set; ``joints`` names these states, without those of the base
         "heading"         the base looks where it goes
         "wheels"          two driven wheels, speeds and accelerations: what curves are planned for
         "plane"           x, y and yaw are among the states, and the robot is made of upright ``parts``, so that its

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
 from hpop.models.differential_drive.driven import driven
@@ -18,6 +18,7 @@ from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.registry import make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
+from hpop.testing.models import drawn_motions
 from hpop.testing.motions import random_motions
 from hpop.testing.worlds import FRAME, in_frame, random_world, reframed
 from hpop.text import shown
@@ -25,6 +26,9 @@ from hpop.trajectory import Trajectory
 from hpop.world import World
 
 KINDS = ("move", "turn", "drive")
+OF_HEAD = ("move", "turn", "pan", "tilt", "unwind")
+NEAR = 0.3  # share of the way to another state
+LEAST_CHANGE = 0.1  # m or rad: of what is drawn
 CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
@@ -41,18 +45,25 @@ def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
 
 
 def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
-    """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that."""
+    """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that.
+
+    What requires joints is asked of a base with a pan-tilt head, which drives no curves and is on no lattice here.
+    """
     rng = np.random.default_rng(seed)
-    model = make_model({"differential_drive": {"camera_offset": (0.1, 0.05)}})
+    base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05)}}
+    jointed = "joints" in criterion.requires
+    model = make_model({"pan_tilt": {"base": base}} if jointed else base)
     world = random_world(rng)
+    tours = [_nodding(model)] if jointed else [_detour(model, 1.0), _slalom(model)]
     if criterion.aggregate == "trajectory":
-        trajectories = [*(_detour(model, scale) for scale in (0.3, 1.0)), _slalom(model)]
+        trajectories = tours if jointed else [_detour(model, 0.3), *tours]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([running_costs(asked, trajectory, world) for trajectory in trajectories])
 
     else:
-        batches = [random_motions(rng, world, model, kind, size) for kind in KINDS for size in (1, 40)]
+        kinds, drawn = (OF_HEAD, _drawn) if jointed else (KINDS, random_motions)
+        batches = [drawn(rng, world, model, kind, size) for kind in kinds for size in (1, 40)]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
@@ -70,7 +81,7 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     )
     if not getattr(criterion, "world_frame", False):
         yield Check(
-            "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, model))
+            "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, tours))
         )
     if hasattr(criterion, "bound"):
         yield Check(
@@ -78,11 +89,15 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
         )
     if criterion.aggregate == "trajectory":
         return
-    yield Check("costs the same on a trajectory as on its edges", fault_of(lambda: _as_edges(criterion, world, model)))
-    yield Check("adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, rng, world)))
+    yield Check("costs the same on a trajectory as on its edges", fault_of(lambda: _as_edges(criterion, world, tours)))
+    if not jointed:
+        yield Check(
+            "adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, rng, world))
+        )
     yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _alone(criterion, batches)))
     yield Check("costs halves of a move as much as the whole", fault_of(lambda: _halves(criterion, batches)))
-    yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
+    if not jointed:
+        yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
     if criterion.smooth:
         yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, batches)))
         yield Check("has the gradient of its differences", fault_of(lambda: _gradient(criterion, batches)))
@@ -102,7 +117,7 @@ def _alone(criterion: Criterion, batches: list[Motions]) -> str:
     return ""
 
 
-def _part(motions: Motions, index: slice) -> Motions:
+def _part(motions: Motions, index: slice | IntArray) -> Motions:
     t0 = None if motions.t0 is None else motions.t0[index]
     return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
 
@@ -125,7 +140,7 @@ def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Mo
 def _halves(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in (m for m in batches if m.kind == "move"):
         start, end = motions.start, motions.end
-        middle = States(x=(start.x + end.x) / 2, y=(start.y + end.y) / 2, yaw=start.yaw)
+        middle = States(**{name: (getattr(start, name) + getattr(end, name)) / 2 for name in start.names})
         t_middle = motions.t0 + motions.duration / 2
         first = motion_costs(criterion, replace(motions, end=middle))
         second = motion_costs(criterion, replace(motions, start=middle, t0=t_middle))
@@ -152,9 +167,22 @@ def _slalom(model: Model) -> Trajectory:
     return driven(model, (1.0, 1.0, 0.2), controls)
 
 
-def _as_edges(criterion: Criterion, world: World, model: Model) -> str:
-    """Two trajectories' values against the sum (mean, maximum) over their motions, law by law."""
-    for trajectory in (_detour(model, 1.0), _slalom(model)):
+def _nodding(model: Model) -> Trajectory:
+    """Through the room with a head that looks round, up and down on its way."""
+    rows = [(1, 1, 0, 0, 0), (3, 1, 0, 1.0, 0.3), (4, 5, np.pi, -0.5, 0.3), (1, 8, -2.0, -1.2, -0.4)]
+    return Trajectory.through(model, States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True))))
+
+
+def _drawn(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
+    """Motions of a law that changes its states evenly, none so small that symbols would smooth it."""
+    motions = drawn_motions(model, kind, world, rng, 20 * size, NEAR)
+    assert motions is not None
+    return _part(motions, np.flatnonzero(np.maximum(*model.extent(motions)) > LEAST_CHANGE)[:size])
+
+
+def _as_edges(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
+    """Trajectories' values against the sum (mean, maximum) over their motions, law by law."""
+    for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):
             # On a graph without time; a criterion that asks for the time is only defined on trajectories.
@@ -206,14 +234,14 @@ def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatA
     return np.array([trajectory_cost(criterion, trajectory, world)])
 
 
-def _reframed(criterion: Criterion, world: World, model: Model) -> str:
+def _reframed(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
     """World and trajectory turned and shifted together; fields lie on another grid then, hence the tolerance."""
     elsewhere = reframed(world)
-    for trajectory in (_detour(model, 1.0), _slalom(model)):
+    for trajectory in tours:
         s = trajectory.states
         x, y = in_frame(s.x, s.y)
         others = {name: getattr(s, name) for name in s.names[3:]}
-        moved = Trajectory(model, States(x=x, y=y, yaw=s.yaw + FRAME[2], **others), trajectory.kinds)
+        moved = Trajectory(trajectory.model, States(x=x, y=y, yaw=s.yaw + FRAME[2], **others), trajectory.kinds)
         there = _value(criterion, moved, elsewhere)
         fault = differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
         if fault:

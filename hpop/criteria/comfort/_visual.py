@@ -33,10 +33,10 @@ def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
 
 
 def visual_motion(m: History, longest: float) -> VisualMotion:
-    """Sample every ``longest`` seconds at most, by central differences of the camera's positions and angles.
+    """Sample every ``longest`` seconds at most, by central differences of the camera's positions and axes.
 
     Executed ramps are parabolas, of which these are exact; where a ramp begins or ends the sample is the mean over a
-    step. Yaw turns about the vertical, pitch about the camera's left, roll about its view.
+    step. The rotation is the one that leads from the axes a step before to those a step after, about whatever axis.
     """
     duration = m.executed.duration
     count = max(2, int(np.ceil(duration / longest - 1e-9)) + 1)
@@ -45,14 +45,27 @@ def visual_motion(m: History, longest: float) -> VisualMotion:
     pose, position = camera_at(m, times)
     acceleration = np.diff(position, n=2, axis=0) / step**2  # world frame
     axes = [
-        np.stack([np.broadcast_to(column, times.shape)[1:-1] for column in axis], axis=1)
+        np.stack([np.broadcast_to(column, times.shape) for column in axis], axis=1)
         for axis in (pose.ahead, pose.left, pose.up)
-    ]  # (N, 3) each
-    yaw, pitch, roll = (np.unwrap(angle) for angle in (pose.yaw, pose.pitch, pose.roll))
-    turn_rate, tilt_rate, roll_rate = ((angle[2:] - angle[:-2]) / (2 * step) for angle in (yaw, pitch, roll))
-    rotation = np.stack([turn_rate * axis[:, 2] for axis in axes], axis=1)
-    rotation[:, 0] += roll_rate
-    rotation[:, 1] -= tilt_rate * np.cos(roll[1:-1])
-    rotation[:, 2] += tilt_rate * np.sin(roll[1:-1])
-    seen = np.stack([np.sum(acceleration * axis, axis=1) for axis in axes], axis=1)
-    return VisualMotion(times[1:-1], step, seen, rotation)
+    ]  # (N + 2, 3) each
+    rotation = _rotations([axis[:-2] for axis in axes], [axis[2:] for axis in axes]) / (2 * step)  # world frame
+    return VisualMotion(times[1:-1], step, _in_frame(axes, acceleration), _in_frame(axes, rotation))
+
+
+def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
+    """Components (N, 3) of vectors (N, 3) along the axes (N + 2, 3) of the same moments."""
+    return np.stack([np.sum(vectors * axis[1:-1], axis=1) for axis in axes], axis=1)
+
+
+def _rotations(before: list[FloatArray], after: list[FloatArray]) -> FloatArray:
+    """Rotation vectors (N, 3), rad, less than half a turn long, that take some axes to others.
+
+    Half the sum of the axes' cross products is as long as the sine; their products add up to 1 + 2 cosines.
+    """
+    pairs = list(zip(before, after, strict=True))
+    normal = 0.5 * sum(np.cross(a, b) for a, b in pairs)
+    sine, cosine = np.linalg.norm(normal, axis=1), 0.5 * (sum(np.sum(a * b, axis=1) for a, b in pairs) - 1.0)
+    turns = sine > 0.0
+    scale = np.where(turns, np.arctan2(sine, cosine) / np.where(turns, sine, 1.0), 1.0)
+    rotations: FloatArray = normal * scale[:, None]
+    return rotations

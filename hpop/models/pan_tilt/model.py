@@ -52,6 +52,8 @@ class PanTilt(PlanarModel):
     its rest-to-rest time plus v/a, as a turn of the base does; turning back keeps the limits of both.
     """
 
+    joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")
+
     executed: ClassVar[Mapping[str, str]] = {
         **PlanarModel.executed,
         "pan": "swivel",
@@ -79,8 +81,8 @@ class PanTilt(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for: all that the base has, but for its being rigid."""
-        return super().provides | {"heading", "wheels"}
+        """What criteria and planners can ask for: all that the base has, but for its being rigid; and joints."""
+        return super().provides | {"heading", "wheels", "joints"}
 
     @cached_property
     def space(self) -> StateSpace:

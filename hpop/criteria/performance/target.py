@@ -1,0 +1,37 @@
+"""What a camera is to look at: a place in space, and where it is from the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from hpop.errors import CriterionError
+from hpop.motions import Pose, Vector
+from hpop.options import FARTHEST, real
+from hpop.text import shown
+
+
+@dataclass(frozen=True)
+class Targeted:
+    """A criterion of the view of one place, (x, y, z) in m, world frame."""
+
+    target: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "target", checked_target(self.target))
+
+    def offset(self, pose: Pose) -> Vector:
+        """From the camera to the target, m: three columns."""
+        x, y, z = self.target
+        return x - pose.x, y - pose.y, z - pose.z
+
+
+def checked_target(target: Any) -> tuple[float, float, float]:
+    """Three coordinates, or a CriterionError."""
+    try:
+        x, y, z = target
+    except (TypeError, ValueError):
+        raise CriterionError(f"target is a place (x, y, z) in m, got {shown(target)}") from None
+    kind = "(x, y, z), each a coordinate in m,"
+    x, y, z = (float(real("target", c, -FARTHEST, FARTHEST, kind, error=CriterionError)) for c in (x, y, z))
+    return x, y, z

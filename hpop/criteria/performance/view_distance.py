@@ -1,0 +1,46 @@
+"""View distance: how much too near to a target the camera is, or too far from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.performance.target import Targeted
+from hpop.errors import CriterionError
+from hpop.math import norm
+from hpop.motions import Instants, Motions
+from hpop.options import MOST, set_reals
+
+
+@criterion("view_distance", group="P", unit="m s", aggregate="sum", requires=("camera",), world_frame=True)
+@dataclass(frozen=True)
+class ViewDistance(Targeted):
+    """∫ (near - d)₊ + (d - far)₊ dt, d the distance from the camera to the target.
+
+    target     (x, y, z)  m, world frame
+    near, far  m          the band of distances from which it is well seen
+
+    The distance objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019) has one best distance; a band says what is
+    sharp and large enough, and leaves the rest to the other costs.
+    """
+
+    near: float = 0.2
+    far: float = 0.6
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_reals(self, "near", "far", least=0, most=MOST, kind="a distance in m", error=CriterionError)
+        if not self.near <= self.far:
+            raise CriterionError(f"distances must satisfy near <= far, in m; got near={self.near!r}, far={self.far!r}")
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,), m s."""
+
+        def outside(s: Instants) -> Column:
+            distance = norm(self.offset(s.camera))
+            return np.maximum(np.maximum(self.near - distance, distance - self.far), 0.0)
+
+        return m.integrate(outside)

@@ -1,0 +1,77 @@
+"""Singularity: how little the joints can move the tool in some direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.criteria.robot.joints import joints_of
+from hpop.errors import CriterionError
+from hpop.math import dot
+from hpop.motions import Model, Motions, States
+from hpop.options import LEAST, MOST, set_reals
+
+FLAT = 1e-12  # of a pivot: what is smaller is rounding
+
+
+@criterion("singularity", group="R", unit="s", aggregate="sum", requires=("joints",))
+@dataclass(frozen=True)
+class Singularity:
+    """∫ 1 / (1 + μ/μ0) dt, μ = sqrt(det(J Jᵀ)) the manipulability: the time for which a singular posture is as bad.
+
+    half  μ0, the manipulability that costs half as much as none
+
+    Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985. J (6, n) is the Jacobian of the tool, or of the
+    camera where there is no tool, by the joints: velocity above rotation, m and rad as they come, whose product the
+    unit of μ is, so ``half`` belongs to one robot; 0.05 suits arms of about a metre with six joints. Where there are
+    fewer than six joints, μ = sqrt(det(Jᵀ J)): how much the joints move it in the directions in which they can at all.
+
+    μ is to be large and a cost small, hence the form: 1 in a singular posture, falling to 0 far from any.
+    """
+
+    half: float = 0.05
+
+    def __post_init__(self) -> None:
+        set_reals(self, "half", least=LEAST, most=MOST, kind="a manipulability", error=CriterionError)
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,), s."""
+        return m.integrate(lambda s: 1.0 / (1.0 + manipulability(m.model, s.state) / self.half))
+
+
+def manipulability(model: Model, states: States) -> Column:
+    """sqrt(det(J Jᵀ)) (N,) of the tool, or else the camera; of Jᵀ J where the joints are fewer than six."""
+    body = "tool" if "tool" in model.provides else "camera"
+    rows = []  # of Jᵀ: the twist of each joint alone at unit speed
+    for joint in joints_of(model):
+        rates = States(**{name: np.full(states.size, float(name == joint)) for name in model.space.names})
+        twist = model.twist(body, states, rates)
+        rows.append([*twist.velocity, *twist.rotation])
+    if len(rows) > 6:
+        rows = [list(column) for column in zip(*rows, strict=True)]
+    gram = [[dot(one, other) for other in rows] for one in rows]
+    square = _determinant(gram)
+    positive = square > 0.0
+    return np.where(positive, np.sqrt(np.where(positive, square, 1.0)), 0.0)
+
+
+def _determinant(gram: list[list[Column]]) -> Column:
+    """Determinant (N,) of symmetric matrices without negative eigenvalues, by elimination without pivoting.
+
+    Where a pivot is zero so is the determinant, and what is divided by it does not count.
+    """
+    rows = [list(row) for row in gram]
+    product: Column = 1.0
+    for k, top in enumerate(rows):
+        pivot = top[k]
+        regular = pivot > FLAT * (gram[k][k] + FLAT)
+        product = product * np.where(regular, pivot, 0.0)
+        inverse = np.where(regular, 1.0 / np.where(regular, pivot, 1.0), 0.0)
+        for row in rows[k + 1 :]:
+            factor = row[k] * inverse
+            for j in range(k + 1, len(rows)):
+                row[j] = row[j] - factor * top[j]
+    return product
