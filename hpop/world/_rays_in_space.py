@@ -1,0 +1,139 @@
+"""The compiled inner loops of `hpop.world.rays_in_space`: where lines enter and leave convex bodies."""
+
+from __future__ import annotations
+
+import math
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import kernel
+
+PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
+NOWHERE = (1.0, 0.0)  # an interval that begins after its end
+
+
+@kernel
+def _inside(
+    planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
+) -> tuple[float, float]:
+    """From where to where the line o + t d, |d| = 1, is inside a body; the end is before the beginning if nowhere.
+
+    See `Bodies` for what planes (P, 4) and round_ (8,) are.
+    """
+    mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
+    along = mx * d[0] + my * d[1] + mz * d[2]
+    if along * along < mx * mx + my * my + mz * mz - round_[7] * round_[7]:
+        return NOWHERE
+    low, high = -math.inf, math.inf
+    radius = round_[6]
+    if radius > 0.0:
+        ax, ay, az = round_[3], round_[4], round_[5]
+        shift = ax * mx + ay * my + az * mz
+        mx, my, mz = mx - shift * ax, my - shift * ay, mz - shift * az
+        climb = ax * d[0] + ay * d[1] + az * d[2]
+        dx, dy, dz = d[0] - climb * ax, d[1] - climb * ay, d[2] - climb * az
+        square, half = dx * dx + dy * dy + dz * dz, mx * dx + my * dy + mz * dz
+        rest = mx * mx + my * my + mz * mz - radius * radius
+        if square < PARALLEL:
+            if rest > 0.0:
+                return NOWHERE
+        else:
+            root = half * half - square * rest
+            if root < 0.0:
+                return NOWHERE
+            root = math.sqrt(root)
+            low, high = (-half - root) / square, (-half + root) / square
+    for k in range(first, last):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        gap = planes[k, 3] - planes[k, 0] * o[0] - planes[k, 1] * o[1] - planes[k, 2] * o[2]
+        if slant > PARALLEL:
+            high = min(high, gap / slant)
+        elif slant < -PARALLEL:
+            low = max(low, gap / slant)
+        elif gap < 0.0:
+            return NOWHERE
+        if low > high:
+            return NOWHERE
+    return low, high
+
+
+@kernel
+def first_hits(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    origins: FloatArray,
+    directions: FloatArray,
+    reach: float,
+    out: FloatArray,
+) -> None:
+    """Write to out (N, K) how far from each origin (N, 3) its rays (N, K, 3) first enter a body; at most reach.
+
+    What contains the origin is left, not entered.
+    """
+    near = [0] * len(rounds)
+    for n in range(len(origins)):
+        o = (origins[n, 0], origins[n, 1], origins[n, 2])
+        count = 0
+        for b in range(len(rounds)):
+            x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+            if math.sqrt(x * x + y * y + z * z) < reach + rounds[b, 7]:
+                near[count] = b
+                count += 1
+        for k in range(directions.shape[1]):
+            d = (directions[n, k, 0], directions[n, k, 1], directions[n, k, 2])
+            best = reach
+            for i in range(count):
+                b = near[i]
+                low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+                if low <= high and 0.0 <= low < best:
+                    best = low
+            out[n, k] = best
+
+
+@kernel
+def filled(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    centres: FloatArray,
+    directions: FloatArray,
+    radius: float,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the share of the ball round each centre (N, 3) inside bodies, each place counted once.
+
+    The mean over directions (K, 3) of what the bodies fill of a ray's cone: t³ / radius³ grows evenly with the volume.
+    """
+    size = len(rounds)
+    near = [0] * size
+    lows, highs = [0.0] * size, [0.0] * size
+    for n in range(len(centres)):
+        o = (centres[n, 0], centres[n, 1], centres[n, 2])
+        count = 0
+        for b in range(size):
+            x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+            if math.sqrt(x * x + y * y + z * z) < radius + rounds[b, 7]:
+                near[count] = b
+                count += 1
+        total = 0.0
+        for k in range(len(directions)):
+            d = (directions[k, 0], directions[k, 1], directions[k, 2])
+            hits = 0
+            for i in range(count):
+                b = near[i]
+                low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+                low, high = max(low, 0.0), min(high, radius)
+                if low < high:  # keep them in the order in which they begin
+                    place = hits
+                    while place > 0 and lows[place - 1] > low:
+                        lows[place], highs[place] = lows[place - 1], highs[place - 1]
+                        place -= 1
+                    lows[place], highs[place] = low, high
+                    hits += 1
+            reached = 0.0
+            for i in range(hits):
+                low, high = max(lows[i], reached), highs[i]
+                if low < high:
+                    total += high**3 - low**3
+                    reached = high
+        out[n] = total / (len(directions) * radius**3)

@@ -1,0 +1,141 @@
+"""Rays in space: closed forms, python-fcl by bisection, and the share of a ball against balls and half-spaces."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from hpop.world.rays_in_space import Bodies, over_disc, over_sphere
+from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+
+REACH = 9.0
+
+
+def posed(shape, rng):
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.random(random_state=rng.integers(2**31)).as_matrix()
+    pose[:3, 3] = rng.uniform(-1, 1, 3)
+    return Solid(shape, pose)
+
+
+def drawn(rng):
+    """One of each shape, anywhere."""
+    hull = Hull(rng.normal(size=(20, 3)) * 0.3)
+    shapes = Box((0.4, 0.7, 1.1)), Cylinder(0.3, 0.8), Sphere(0.5), hull
+    return [posed(shape, rng) for shape in shapes]
+
+
+def contains(solid, points):
+    """Whether points (N, 3) are inside, by what each shape is."""
+    local = (points - solid.pose[:3, 3]) @ solid.pose[:3, :3]
+    match solid.shape:
+        case Box(size=size):
+            return (np.abs(local) <= 0.5 * np.array(size)).all(axis=1)
+        case Cylinder(radius=radius, length=length):
+            return (np.hypot(local[:, 0], local[:, 1]) <= radius) & (np.abs(local[:, 2]) <= length / 2)
+        case Sphere(radius=radius):
+            return np.linalg.norm(local, axis=1) <= radius
+    hull = ConvexHull(solid.shape.points)
+    return (local @ hull.equations[:, :3].T + hull.equations[:, 3] <= 1e-12).all(axis=1)
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_a_ray_ends_where_points_along_it_are_inside_for_the_first_time(which):
+    rng = np.random.default_rng(which)
+    steps = np.arange(1, 6000) * 1e-3
+    hits = 0
+    for _ in range(40):
+        solid = drawn(rng)[which]
+        origin, direction = rng.uniform(-3, 3, 3), rng.normal(size=3)
+        direction = solid.pose[:3, 3] + 0.5 * direction - origin
+        direction /= np.linalg.norm(direction)
+        if contains(solid, origin[None])[0]:
+            continue
+        inside = contains(solid, origin + steps[:, None] * direction)
+        found = Bodies.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
+        if inside.any():
+            assert steps[np.argmax(inside)] - 1e-3 <= found <= steps[np.argmax(inside)]
+            hits += 1
+        else:  # a corner thinner than a step may be cut
+            assert found == REACH or not contains(solid, origin + (found + 1e-3) * direction[None])[0]
+    assert hits > 10
+
+
+def test_rays_agree_with_solids_of_python_fcl():
+    """Collision of a thin needle from the origin to before the hit, and to beyond it."""
+    fcl = pytest.importorskip("fcl")
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        for solid in drawn(rng)[:3]:
+            shape = solid.shape
+            match shape:
+                case Box(size=size):
+                    geometry = fcl.Box(*size)
+                case Cylinder(radius=radius, length=length):
+                    geometry = fcl.Cylinder(radius, length)
+                case Sphere(radius=radius):
+                    geometry = fcl.Sphere(radius)
+            there = fcl.CollisionObject(geometry, fcl.Transform(solid.pose[:3, :3], solid.pose[:3, 3]))
+            origin = solid.pose[:3, 3] + 3.0 * over_sphere(100)[rng.integers(100)]
+            direction = solid.pose[:3, 3] + rng.uniform(-0.15, 0.15, 3) - origin
+            direction /= np.linalg.norm(direction)
+            found = Bodies.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
+            assert found < REACH
+            for length, meets in ((found - 2e-3, False), (found + 2e-3, True)):
+                turn, _ = Rotation.align_vectors(direction[None], [[0.0, 0.0, 1.0]])
+                needle = fcl.CollisionObject(
+                    fcl.Cylinder(1e-4, length), fcl.Transform(turn.as_matrix(), origin + 0.5 * length * direction)
+                )
+                assert (fcl.collide(needle, there, fcl.CollisionRequest(), fcl.CollisionResult()) > 0) == meets
+
+
+def test_many_bodies_and_rays_are_the_nearest_of_each_alone():
+    rng = np.random.default_rng(7)
+    solids = drawn(rng) + drawn(rng)
+    origins, directions = rng.uniform(-3, 3, (30, 3)), np.tile(over_sphere(40), (30, 1, 1))
+    together = Bodies.of(solids).first_hits(origins, directions, 4.0)
+    alone = [Bodies.of([solid]).first_hits(origins, directions, 4.0) for solid in solids]
+    np.testing.assert_array_equal(together, np.minimum.reduce(alone))
+    assert (together < 4.0).any()
+
+
+def test_what_contains_the_origin_is_left_and_not_entered():
+    eye = np.eye(4)
+    shell = Bodies.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])
+    assert shell.first_hits(np.zeros((1, 3)), np.array([[[1.0, 0, 0], [0, 1, 0]]]), REACH).tolist() == [[2.5, REACH]]
+
+
+def test_nothing_is_hit_where_nothing_is():
+    nothing = Bodies.of([])
+    assert nothing.first_hits(np.zeros((2, 3)), np.ones((2, 1, 3)), 5.0).tolist() == [[5.0], [5.0]]
+    assert nothing.filled(np.zeros((2, 3)), 1.0, 50).tolist() == [0.0, 0.0]
+
+
+def test_the_share_of_a_ball_beyond_a_wall_is_that_of_the_cap():
+    """(r - d)² (2 r + d) / (4 r³), the cap of a ball of radius r beyond a wall at distance d."""
+    wall = np.eye(4)
+    wall[:3, :3] = Rotation.from_euler("xyz", [0.3, -0.4, 0.9]).as_matrix()
+    normal = wall[:3, 0]
+    wall[:3, 3] = 50.0 * normal
+    bodies, r = Bodies.of([Solid(Box((98.0, 900.0, 900.0)), wall)]), 2.0  # its face is 1 m away
+    offsets = np.array([-2.0, -0.5, 0.0, 0.3, 0.8])
+    expected = [(r - d) ** 2 * (2 * r + d) / (4 * r**3) if d < r else 0.0 for d in 1.0 - offsets]
+    np.testing.assert_allclose(bodies.filled(offsets[:, None] * normal, r, 500), expected, atol=2e-3)
+
+
+def test_what_two_bodies_fill_counts_once():
+    can, ball = Solid(Cylinder(0.4, 0.6), np.eye(4)), Solid(Sphere(0.7), np.eye(4))
+    share = Bodies.of([can, ball, ball]).filled(np.zeros((1, 3)), 1.0, 50)[0]
+    assert share == pytest.approx(0.7**3, rel=1e-12)  # the can is inside the ball
+
+
+def test_points_of_spirals_are_even():
+    disc, sphere = over_disc(2000), over_sphere(2000)
+    assert np.mean(np.hypot(*disc.T)) == pytest.approx(2 / 3, abs=1e-3)
+    np.testing.assert_allclose(disc.mean(axis=0), 0.0, atol=2e-3)
+    np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 1.0)
+    np.testing.assert_allclose(sphere.T @ sphere / 2000, np.eye(3) / 3, atol=2e-3)
+    cap = over_sphere(500, math.cos(0.3), 1.0)
+    assert (cap[:, 2] > math.cos(0.3)).all()
