@@ -12,7 +12,7 @@ from hpop.lazy import on_first_use
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion, criterion
     from hpop.front import Front
-    from hpop.models import DifferentialDrive, PanTilt
+    from hpop.models import DifferentialDrive, PanTilt, SerialArm
     from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
@@ -31,6 +31,7 @@ _HOMES = {
     "Motions": "hpop.motions",
     "PanTilt": "hpop.models",
     "Problem": "hpop.problem",
+    "SerialArm": "hpop.models",
     "Status": "hpop.status",
     "Trajectory": "hpop.trajectory",
     "World": "hpop.world",
@@ -46,6 +47,7 @@ __all__ = [
     "Motions",
     "PanTilt",
     "Problem",
+    "SerialArm",
     "Status",
     "Trajectory",
     "World",

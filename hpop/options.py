@@ -6,6 +6,7 @@ zero, or goes on for ever.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from math import nan, radians
@@ -56,6 +57,23 @@ class Degrees:
 
 
 Angle = Annotated[float, Degrees]
+
+
+class BesideScenario:
+    """Marks the type of a path that scenario files give relative to their own folder."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        def placed(given: Any, info: Any) -> Any:
+            folder = (info.context or {}).get("folder", "")
+            return os.path.join(folder, given) if isinstance(given, str) and given else given
+
+        return core_schema.with_info_before_validator_function(placed, handler(source))
+
+
+GivenPath = Annotated[str, BesideScenario]
 
 
 def real(

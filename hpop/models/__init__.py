@@ -2,5 +2,6 @@
 
 from hpop.models.differential_drive import DifferentialDrive
 from hpop.models.pan_tilt import PanTilt
+from hpop.models.serial_arm import SerialArm
 
-__all__ = ["DifferentialDrive", "PanTilt"]
+__all__ = ["DifferentialDrive", "PanTilt", "SerialArm"]

@@ -14,6 +14,7 @@ from hpop.math import is_symbolic
 from hpop.motions.bodies import Body
 from hpop.motions.instants import Instants, Rate, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
+from hpop.motions.quadrature import adaptive_means
 from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
@@ -88,8 +89,9 @@ class Motions:
         """Time integral (M,) of a rate along each motion.
 
         Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
-        degrees. A rate that reads nothing that changes (the camera's position during a turn about it) is exact, and so
-        is one that reads accelerations that stay the same within each phase.
+        degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says. A rate that
+        reads nothing that changes (the camera's position during a turn about it) is exact, and so is one that reads
+        accelerations that stay the same within each phase.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -180,6 +182,9 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
+        if self.panels is None and getattr(self.law, "quadrature", None) == "adaptive":
+            lasting = np.flatnonzero(phase.duration > 0)
+            return adaptive_means(lambda u, owner: rate(self._instants(phase, u, owner)), lasting, len(self))
         owner, u, weight, columns = self._quadrature(phase)
         return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
 

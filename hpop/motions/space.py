@@ -6,6 +6,7 @@ a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`h
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,7 +21,7 @@ from hpop.options import MOST, real
 from hpop.text import shown
 
 Values = tuple[float | None, ...]
-StateSpec = Sequence[float | None] | Mapping[str, float | None]
+StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 
 KINDS = {"m": "a position in m", "rad": "an angle in rad"}
 
@@ -35,6 +36,7 @@ class StateSpace:
     high     greatest value of each
     weights  m a unit: how far a robot moves in the time in which the column changes by one; of distances
     turning  names of the columns in which 2 pi is a whole turn; their values have no limits
+    named    states that have a name, which may be given in their place
 
     >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
     >>> print(plane)
@@ -49,6 +51,7 @@ class StateSpace:
     high: tuple[float, ...]
     weights: tuple[float, ...]
     turning: frozenset[str] = frozenset()
+    named: Mapping[str, Values] = dataclasses.field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for field in ("names", "units", "low", "high", "weights"):
@@ -97,6 +100,8 @@ class StateSpace:
 
     def by_name(self, values: Any, what: str) -> dict[str, Any]:
         """What is given for each column, in order; QueryError for other columns than the model's."""
+        if isinstance(values, str):
+            values = self.called(values, what)
         if isinstance(values, Mapping):
             if misfit := self.misfit(values):
                 raise QueryError(f"the {what} is {self}, got {shown(values)}: {misfit}")
@@ -105,6 +110,13 @@ class StateSpace:
             return dict(zip(self.names, values, strict=True))
         except (TypeError, ValueError):
             raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
+
+    def called(self, name: str, what: str) -> Values:
+        """The state of a name; QueryError where there is none."""
+        if name not in self.named:
+            known = f"the name of one: {', '.join(self.named)}." if self.named else "this model names none."
+            raise QueryError(f"the {what} is {self}, or {known} Got {shown(name)}.{did_you_mean(name, self.named)}")
+        return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:
         """What is wrong with the names of the columns for which values are given, in words; nothing if they are all."""

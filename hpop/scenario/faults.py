@@ -86,7 +86,7 @@ class Faults:
     def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
         """Values checked against a schema, strictly; None after noting one fault a place."""
         try:
-            return schema.model_validate_json(json.dumps(values))
+            return schema.model_validate_json(json.dumps(values), context={"folder": str(self._document.path.parent)})
         except ValidationError as error:
             details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()[:MOST_COMPARED]]
         places = [where for where, _ in details]
@@ -148,6 +148,10 @@ class Faults:
             for i, value in enumerate(entries(given)):
                 if isinstance(value, str) and value != "any":
                     self.angle(value, (*place, i), "an angle")
+            return None
+        if isinstance(given, str) and space.named:
+            with self.collected(place):
+                return dict(zip(space.names, space.called(given, what), strict=True))
             return None
         by_name = isinstance(given, dict)
         keys: dict[str, str | int] = {name: name if by_name else i for i, name in enumerate(space.names)}

@@ -41,7 +41,8 @@ def models_here() -> dict[str, Any]:
         importlib.import_module("hpop_example_plugin.holonomic")
     finally:
         sys.path.remove(str(PLUGIN))
-    return {name: make_model(name) for name in models if models[name].__module__.startswith("hpop")}
+    made_by_default = [name for name in models if name != "serial_arm"]  # which needs a URDF
+    return {name: make_model(name) for name in made_by_default if models[name].__module__.startswith("hpop")}
 
 
 MODELS = models_here()

@@ -1,0 +1,61 @@
+"""Files of which a robot is made: named in a description by path and SHA-256, and found again when both have moved.
+
+In a description a file is a record, ``{"path": ..., "sha256": [...]}``, wherever it stands; so is a folder, without
+hashes. A front that is saved adds ``"relative"``, the path as seen from its own folder.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeGuard
+
+Record = dict[str, Any]
+
+
+def record(path: str | os.PathLike[str], *hashes: str) -> Record:
+    """How a description names a file, or without hashes a folder."""
+    return {"path": os.path.abspath(path), "sha256": list(hashes)}
+
+
+def is_record(value: Any) -> TypeGuard[Mapping[str, Any]]:
+    """Whether a value is such a record."""
+    return isinstance(value, Mapping) and {"path", "sha256"} <= value.keys() <= {"path", "sha256", "relative"}
+
+
+def seen_from(folder: str, description: Any) -> Any:
+    """A description whose records also say where the files are as seen from a folder."""
+
+    def seen(one: Mapping[str, Any]) -> Record:
+        try:
+            return {**one, "relative": Path(os.path.relpath(one["path"], folder)).as_posix()}
+        except (ValueError, TypeError):  # on another drive, or no path
+            return dict(one)
+
+    return _each_record(seen, description)
+
+
+def found_from(folder: str, description: Any) -> Any:
+    """The description with the files that the folder sees, where it sees them; others where they were."""
+
+    def found(one: Mapping[str, Any]) -> Record:
+        plain = {key: value for key, value in one.items() if key != "relative"}
+        relative = one.get("relative")
+        there = os.path.abspath(os.path.join(folder, relative)) if isinstance(relative, str) else ""
+        return plain | ({"path": there} if there and os.path.exists(there) else {})
+
+    return _each_record(found, description)
+
+
+def without_places(description: Any) -> Any:
+    """A description that does not say where its files are, if it has their hashes."""
+    return _each_record(lambda one: {"sha256": one["sha256"]}, description)
+
+
+def _each_record(change: Callable[[Mapping[str, Any]], Record], value: Any) -> Any:
+    if is_record(value):
+        return change(value)
+    if isinstance(value, Mapping):
+        return {key: _each_record(change, inner) for key, inner in value.items()}
+    return [_each_record(change, inner) for inner in value] if isinstance(value, list) else value

@@ -1,0 +1,102 @@
+"""An arm from its files: URDF, SRDF and meshes, read once, with the hashes by which a saved front knows them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.models.serial_arm.assembly import assembled, parts_of, touching
+from hpop.models.serial_arm.chain import Chain, Mount, Part
+from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
+from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
+from hpop.models.serial_arm.urdf import Mesh, read_urdf
+from hpop.text import shown
+from hpop.world.files import sha256
+from hpop.world.solids import Hull
+
+Values = tuple[float, ...]
+
+
+class ArmFile(NamedTuple):
+    """What the files of an arm say.
+
+    chain   with the bodies "tool" and "camera"
+    parts   its solids
+    apart   pairs of links whose collisions are not looked at: they touch by design, or the SRDF says so
+    states  values of the chain's joints by the name of a state
+    hashes  SHA-256 of the URDF and of its meshes in the order in which it names them, and of the SRDF if there is one
+    """
+
+    chain: Chain
+    parts: tuple[Part, ...]
+    apart: frozenset[Pair]
+    states: Mapping[str, Values]
+    hashes: tuple[str, ...]
+    srdf_hash: str | None
+
+
+def read_arm(
+    urdf: str,
+    srdf: str | None,
+    *,
+    packages: Mapping[str, str],
+    tip: str,
+    camera: FloatArray,
+    base: FloatArray,
+    fixed: Mapping[str, float],
+    acceleration: float | Mapping[str, float],
+) -> ArmFile:
+    """The arm whose root has the pose ``base`` (4, 4) in the world and whose camera has ``camera`` (4, 4) on the tip.
+
+    Raises ModelError for what is no arm, and for files that are missing or not to be trusted.
+    """
+    robot = read_urdf(urdf)
+    assembly = assembled(robot, tip, base, fixed, acceleration)
+    hashes = {robot.file.path: sha256(robot.file.data)}
+    pieces: dict[tuple[Path, tuple[float, ...]], list[Hull]] = {}
+
+    def mesh_hulls(mesh: Mesh) -> list[Hull]:
+        path = found_mesh(mesh, robot.file, packages)
+        key = (path, tuple(mesh.scale.tolist()))
+        if key not in pieces:
+            data = mesh_bytes(path)
+            hashes[path] = sha256(data)
+            pieces[key] = hulls(data, path, mesh.scale)
+        return pieces[key]
+
+    parts = tuple(parts_of(robot, assembly.places, mesh_hulls))
+    tool = assembly.chain.mounts["tool"]
+    mounts = {"tool": tool, "camera": Mount(tool.frame, tool.pose @ camera)}
+    chain = replace(assembly.chain, mounts=mounts)
+    apart, semantics = touching(robot, assembly.places), None if srdf is None else read_srdf(srdf)
+    if semantics is not None:
+        solid = [link for link, shapes in robot.links.items() if shapes]
+        apart |= semantics.apart(solid)
+    states = {} if semantics is None else _states(chain, semantics)
+    srdf_hash = None if semantics is None else sha256(semantics.file.data)
+    return ArmFile(chain, parts, apart, states, tuple(hashes.values()), srdf_hash)
+
+
+def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
+    """Named states that give every joint of the chain, within its limits or half a thousandth beyond them."""
+    found = {}
+    for name, values in semantics.states.items():
+        if not values.keys() >= set(chain.names):
+            continue
+        given = np.array([values[joint] for joint in chain.names])
+        limited = ~chain.turning
+        beyond = np.maximum(chain.low - given, given - chain.high)[limited]
+        if (beyond > ROUNDED).any():
+            joint = np.array(chain.names)[limited][int(np.argmax(beyond))]
+            raise semantics.file.error(f"the state {shown(name)} has joint {shown(str(joint))} beyond its limits")
+        found[name] = tuple(np.where(limited, np.clip(given, chain.low, chain.high), given).tolist())
+    return found
+
+
+ROUNDED = 5e-4
+"""rad or m by which a value in a file may pass a limit for lack of decimals: 1.5708 is meant for half of pi."""

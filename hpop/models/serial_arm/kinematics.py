@@ -1,0 +1,326 @@
+"""Kinematics of a chain on columns: poses, twists and twist rates of its bodies, for numbers and symbols alike.
+
+Columns (M,) are NumPy arrays or CasADi symbols. What is known when the arm is built stays a Python float, so that
+products with 0 and ±1, most of those that matrices would multiply, are left out: every joint's frame is first turned so
+that its axis is z. With the joint rates q', unit axes z, and r from the origin of each frame to the next, from base to
+tip,
+
+    v ← v + ω × r,                      ω ← ω + q' z
+    a ← a + α × r + ω × (ω × r),        α ← α + q'' z + ω × q' z
+
+and where a joint slides, v ← v + q' z and a ← a + q'' z + 2 ω × q' z (Featherstone 2008, Rigid Body Dynamics
+Algorithms, ch. 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray
+from hpop.errors import ModelError
+from hpop.math import hypot, is_zero
+from hpop.models.serial_arm.chain import Chain, Mount
+from hpop.models.serial_arm.xml import exact
+from hpop.motions import States
+from hpop.motions.states import Vector
+
+NOTHING: Vector = (0.0, 0.0, 0.0)
+
+
+class Axes(NamedTuple):
+    """Three unit vectors at right angles, of columns or numbers."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+
+    def along(self, parts: Vector) -> Vector:
+        """What is given in these axes, where these are."""
+        x, y, z = (
+            plus(plus(times(self.x[i], parts[0]), times(self.y[i], parts[1])), times(self.z[i], parts[2]))
+            for i in range(3)
+        )
+        return x, y, z
+
+
+class Offset(NamedTuple):
+    """A constant pose, in numbers."""
+
+    axes: Axes
+    origin: Vector
+
+
+class Posture(NamedTuple):
+    """Where the frames of a chain are in each of M states; nothing here refers to the states.
+
+    steps   r of each joint: from the origin of the frame before it to its own, slides included
+    lines   z of each joint
+    axes    of the last frame
+    origin  of the last frame
+    """
+
+    steps: list[Vector]
+    lines: list[Vector]
+    axes: Axes
+    origin: Vector
+
+
+class Kinematics:
+    """Where a chain's bodies are and how they move.
+
+    Of states that are asked about again while they last (by the criteria of one rate), the posture is kept.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        turns = [_onto(axis) for axis in chain.axes]
+        before = [np.eye(4), *turns]
+        pairs = zip(before, chain.origins, turns, strict=False)
+        self._offsets = [_offset(back.T @ origin @ turn) for back, origin, turn in pairs]
+        self._mounts = {name: self._mounted(mount, before) for name, mount in chain.mounts.items()}
+        self._kept: WeakKeyDictionary[States, Posture] = WeakKeyDictionary()
+
+    def __reduce__(self) -> tuple[type[Kinematics], tuple[Chain]]:
+        return Kinematics, (self.chain,)
+
+    def _mounted(self, mount: Mount, turns: list[FloatArray]) -> Offset:
+        if mount.frame != len(self.chain):
+            raise ModelError(f"bodies of an arm are at its tip, frame {len(self.chain)}, got frame {mount.frame}")
+        return _offset(turns[-1].T @ mount.pose)
+
+    def pose(self, body: str, states: States) -> ArmPose:
+        """Pose of a body in each of the states."""
+        return ArmPose(self, self._of(body), states)
+
+    def twist(self, body: str, states: States, rates: States) -> ArmTwist:
+        """How fast a body moves and turns."""
+        return ArmTwist(self, self._of(body), states, rates)
+
+    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> ArmTwistRate:
+        """How fast that changes."""
+        return ArmTwistRate(self, self._of(body), states, rates, changes)
+
+    def posture(self, states: States) -> Posture:
+        """Where the frames are."""
+        kept = self._kept.get(states)
+        if kept is None:
+            kept = self._kept[states] = self._posture(states)
+        return kept
+
+    def _posture(self, states: States) -> Posture:
+        axes, origin = Axes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), NOTHING
+        steps, lines = [], []
+        for name, sliding, offset in zip(self.chain.names, self.chain.sliding, self._offsets, strict=True):
+            value, step = getattr(states, name), axes.along(offset.origin)
+            axes = Axes(*(axes.along(axis) for axis in offset.axes))
+            if sliding:
+                step = added(step, scaled(value, axes.z))
+            else:
+                cos, sin = np.cos(value), np.sin(value)
+                x, y = axes.x, axes.y
+                axes = Axes(added(scaled(cos, x), scaled(sin, y)), added(scaled(cos, y), scaled(-sin, x)), axes.z)
+            origin = added(origin, step)
+            steps.append(step)
+            lines.append(axes.z)
+        return Posture(steps, lines, axes, origin)
+
+    def _of(self, body: str) -> Offset:
+        if body not in self._mounts:
+            raise ModelError(f"an arm has the bodies {' and '.join(self._mounts)}, not {body!r}")
+        return self._mounts[body]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPose:
+    """Pose of a body at the tip; what is not read is not computed."""
+
+    kinematics: Kinematics
+    offset: Offset
+    states: States
+
+    @cached_property
+    def _posture(self) -> Posture:
+        return self.kinematics.posture(self.states)
+
+    @cached_property
+    def _place(self) -> Vector:
+        return added(self._posture.origin, self._posture.axes.along(self.offset.origin))
+
+    @property
+    def x(self) -> Column:
+        return self._column(self._place[0])
+
+    @property
+    def y(self) -> Column:
+        return self._column(self._place[1])
+
+    @property
+    def z(self) -> Column:
+        return self._column(self._place[2])
+
+    @cached_property
+    def ahead(self) -> Vector:
+        return self._posture.axes.along(self.offset.axes.x)
+
+    @cached_property
+    def left(self) -> Vector:
+        return self._posture.axes.along(self.offset.axes.y)
+
+    @cached_property
+    def up(self) -> Vector:
+        return self._posture.axes.along(self.offset.axes.z)
+
+    @property
+    def yaw(self) -> Column:
+        return np.arctan2(self._column(self.ahead[1]), self._column(self.ahead[0]))
+
+    @property
+    def pitch(self) -> Column:
+        level = hypot(self._column(self.ahead[0]), self._column(self.ahead[1]))
+        return np.arctan2(self._column(self.ahead[2]), level)
+
+    @property
+    def roll(self) -> Column:
+        return np.arctan2(self._column(self.left[2]), self._column(self.up[2]))
+
+    def _column(self, value: Column) -> Column:
+        return np.full(self.states.size, value) if isinstance(value, float) else value
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTwist:
+    """How fast a body at the tip moves and turns; what is not read is not computed."""
+
+    kinematics: Kinematics
+    offset: Offset
+    states: States
+    rates: States
+
+    @cached_property
+    def posture(self) -> Posture:
+        """Where the frames are."""
+        return self.kinematics.posture(self.states)
+
+    @cached_property
+    def spins(self) -> list[Vector]:
+        """ω of frames 0 to n."""
+        spins = [NOTHING]
+        for name, sliding, line in self._joints():
+            spins.append(spins[-1] if sliding else added(spins[-1], scaled(getattr(self.rates, name), line)))
+        return spins
+
+    @property
+    def rotation(self) -> Vector:
+        return self.spins[-1]
+
+    @cached_property
+    def velocity(self) -> Vector:
+        found = NOTHING
+        for (name, sliding, line), spin, step in zip(self._joints(), self.spins, self.posture.steps, strict=False):
+            found = added(found, cross(spin, step))
+            if sliding:
+                found = added(found, scaled(getattr(self.rates, name), line))
+        return added(found, cross(self.spins[-1], self.arm))
+
+    @cached_property
+    def arm(self) -> Vector:
+        """From the origin of the last frame to the body."""
+        return self.posture.axes.along(self.offset.origin)
+
+    def _joints(self) -> list[tuple[str, bool, Vector]]:
+        chain = self.kinematics.chain
+        return list(zip(chain.names, chain.sliding.tolist(), self.posture.lines, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTwistRate(ArmTwist):
+    """How fast the twist of a body at the tip changes."""
+
+    changes: States
+
+    @cached_property
+    def angular(self) -> list[Vector]:
+        """α of frames 0 to n."""
+        found = [NOTHING]
+        for (name, sliding, line), spin in zip(self._joints(), self.spins, strict=False):
+            change = found[-1]
+            if not sliding:
+                change = added(change, scaled(getattr(self.changes, name), line))
+                change = added(change, cross(spin, scaled(getattr(self.rates, name), line)))
+            found.append(change)
+        return found
+
+    @property
+    def rotation(self) -> Vector:
+        return self.angular[-1]
+
+    @cached_property
+    def velocity(self) -> Vector:
+        found, spins, angular = NOTHING, self.spins, self.angular
+        for i, ((name, sliding, line), step) in enumerate(zip(self._joints(), self.posture.steps, strict=True)):
+            found = added(found, carried(angular[i], spins[i], step))
+            if sliding:
+                found = added(found, scaled(getattr(self.changes, name), line))
+                found = added(found, scaled(2.0, cross(spins[i], scaled(getattr(self.rates, name), line))))
+        return added(found, carried(angular[-1], spins[-1], self.arm))
+
+
+def times(a: Column, b: Column) -> Column:
+    """A b; a factor that is the number 0, 1 or -1 costs nothing."""
+    for one, other in ((a, b), (b, a)):
+        if isinstance(one, float) and one in (0.0, 1.0, -1.0):
+            return 0.0 if one == 0.0 else other if one == 1.0 else -other
+    return a * b
+
+
+def plus(a: Column, b: Column) -> Column:
+    """A + b, without adding the number 0."""
+    return b if is_zero(a) else a if is_zero(b) else a + b
+
+
+def scaled(factor: Column, vector: Vector) -> Vector:
+    """A vector times a factor."""
+    x, y, z = (times(factor, part) for part in vector)
+    return x, y, z
+
+
+def added(a: Vector, b: Vector) -> Vector:
+    """A + b."""
+    x, y, z = (plus(one, other) for one, other in zip(a, b, strict=True))
+    return x, y, z
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """A × b."""
+
+    def part(i: int, j: int) -> Column:
+        return plus(times(a[i], b[j]), times(-1.0, times(a[j], b[i])))
+
+    return part(1, 2), part(2, 0), part(0, 1)
+
+
+def carried(angular: Vector, spin: Vector, step: Vector) -> Vector:
+    """α × r + ω × (ω × r): acceleration of what a turning frame carries."""
+    return added(cross(angular, step), cross(spin, cross(spin, step)))
+
+
+def _onto(axis: FloatArray) -> FloatArray:
+    """A rotation (4, 4) that takes z to an axis; of axes of a frame a permutation of those, exact."""
+    aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(aside, axis)
+    x /= np.linalg.norm(x)
+    turn = np.eye(4)
+    turn[:3, 0], turn[:3, 1], turn[:3, 2] = x, np.cross(axis, x), axis
+    return turn
+
+
+def _offset(pose: FloatArray) -> Offset:
+    """A pose (4, 4) in numbers; rotation parts that are 0 or ±1 but for round-off are that."""
+    x, y, z = ((exact(float(c[0])), exact(float(c[1])), exact(float(c[2]))) for c in pose[:3, :3].T)
+    origin = pose[:3, 3].tolist()
+    return Offset(Axes(x, y, z), (origin[0], origin[1], origin[2]))

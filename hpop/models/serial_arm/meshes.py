@@ -1,0 +1,136 @@
+"""Meshes as convex hulls: found within the folders that are given, read by trimesh, refused where not convex."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import ModelError
+from hpop.models.serial_arm.urdf import Mesh
+from hpop.models.serial_arm.xml import XmlFile, file_bytes
+from hpop.text import printable, shown
+from hpop.world.solids import Hull
+
+MOST_BYTES = 50_000_000
+"""Largest mesh file that is read."""
+MOST_FACES = 20_000
+"""Of one mesh: more are not for collisions, and take long to tell from a convex one."""
+MOST_BODIES = 64
+"""Convex pieces of one mesh, at most."""
+DEEPEST = 1e-3
+"""m: a mesh whose surface lies deeper in its convex hull is not convex."""
+KINDS = ("stl", "obj", "ply", "off")
+
+
+def found_mesh(mesh: Mesh, urdf: XmlFile, packages: Mapping[str, str]) -> Path:
+    """Where a mesh is, within the URDF's folder or the package that it names; ModelError for anywhere else."""
+    kind, _, rest = mesh.name.partition("://")
+    folder = urdf.path.parent
+    if rest and kind == "package":
+        package, _, rest = rest.partition("/")
+        if package not in packages:
+            raise urdf.error(
+                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; say where that is, "
+                f"packages={{{package!r}: folder}}"
+            )
+        folder = Path(packages[package])
+    elif rest and kind != "file":
+        raise urdf.error(f"the mesh {shown(mesh.name)} must be a file, or in a package (package://name/...)")
+    else:
+        rest = rest or mesh.name
+    path = folder / rest
+    try:
+        real, inside = (Path(os.path.realpath(p)) for p in (path, folder))
+    except (OSError, ValueError):
+        raise urdf.error(f"the mesh {shown(mesh.name)} cannot be the path of a file") from None
+    if not real.is_relative_to(inside):
+        raise urdf.error(
+            f"the mesh {shown(mesh.name)} is not in the folder {shown(str(folder))}; files elsewhere are read from "
+            "packages only: write package://name/... and give packages={'name': folder}"
+        )
+    return path
+
+
+def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
+    """The convex pieces of a mesh, in m; ModelError where one is not convex."""
+    mesh = _loaded(data, path)
+    bodies = [mesh] if _depth(mesh, scale, path) <= DEEPEST else mesh.split(only_watertight=False)
+    if len(bodies) > MOST_BODIES:
+        raise _error(path, f"expected at most {MOST_BODIES} pieces, found {len(bodies)}")
+    for body in bodies:
+        if (len(bodies) < 2 and body is not mesh) or _depth(body, scale, path) > DEEPEST:
+            raise _error(
+                path,
+                f"it is not convex: its surface lies up to {_depth(body, scale, path):.3g} m within its convex hull; "
+                "replace it by convex pieces (such as V-HACD or CoACD make), or by its hull",
+            )
+    return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
+
+
+def _loaded(data: bytes, path: Path) -> Any:
+    """A mesh of one piece or several, its vertices merged."""
+    try:
+        import trimesh
+    except ImportError:
+        raise ModelError(
+            f"the mesh {shown(str(path), 400)} is read by trimesh, which is not installed: pip install hpop[arm]; "
+            "boxes, cylinders and spheres need no package"
+        ) from None
+    kind = path.suffix[1:].lower()
+    if kind not in KINDS:
+        raise _error(path, f"meshes are read from {', '.join(KINDS)} files, got {shown(path.suffix)}; convert it")
+    try:
+        mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=True, skip_materials=True)
+        faces, vertices = len(mesh.faces), np.asarray(mesh.vertices, float)
+    except Exception as error:  # whatever a reader of foreign files raises
+        raise _error(path, f"it cannot be read ({printable(error)[:80]})") from None
+    if not 0 < faces <= MOST_FACES:
+        raise _error(path, f"expected 1 to {MOST_FACES:,} faces, found {faces:,}")
+    if not np.isfinite(vertices).all():
+        raise _error(path, "its coordinates must be finite numbers")
+    return mesh
+
+
+class _Convex(NamedTuple):
+    """A convex hull: the points (V, 3) that span it, and its planes (P, 4), n·x + d <= 0 within."""
+
+    points: FloatArray
+    planes: FloatArray
+
+
+def _hull(points: FloatArray, path: Path) -> _Convex:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        found = ConvexHull(points)
+    except (QhullError, ValueError):
+        raise _error(path, "it is flat, or has fewer than four corners: no solid") from None
+    return _Convex(points[found.vertices], found.equations)
+
+
+def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
+    """How deep, m, the surface of a mesh lies in its convex hull, by the middles of its faces and their sides."""
+    corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)] * scale  # (F, 3, 3)
+    planes = _hull(corners.reshape(-1, 3), path).planes
+    sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    points = np.concatenate([corners.mean(axis=1), sides.reshape(-1, 3), corners.reshape(-1, 3)])
+    deepest = 0.0
+    for part in np.array_split(points, 1 + points.shape[0] * planes.shape[0] // 10**7):
+        depths = -(part @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        deepest = max(deepest, float(depths.max(initial=0.0)))
+    return deepest
+
+
+def _error(path: Path, said: str) -> ModelError:
+    return ModelError(f"the mesh {shown(str(path), 400)}: {said}")
+
+
+def mesh_bytes(path: Path) -> bytes:
+    """What is in a mesh file."""
+    return file_bytes(path, "mesh", MOST_BYTES)

@@ -1,0 +1,324 @@
+"""A serial arm with a camera in its hand."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.errors import ModelError
+from hpop.math import not_radians, smooth_abs
+from hpop.models.base import model
+from hpop.models.field_of_view import FieldOfView, checked_field_of_view
+from hpop.models.files import is_record, record
+from hpop.models.serial_arm.arm_file import ArmFile, read_arm
+from hpop.models.serial_arm.body import ArmBody
+from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.kinematics import Kinematics
+from hpop.models.serial_arm.levers import levers
+from hpop.models.serial_arm.reach import Reach
+from hpop.models.serial_arm.srdf import Pair
+from hpop.models.serial_arm.xml import pose_of
+from hpop.motions import Body, Collision, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
+from hpop.options import MOST, Angle, BesideScenario, real
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+NEAR = 1e-9  # m or rad: an end that is so near to a state is that state
+BEYOND = 1e-6  # rad or m: so far beyond a limit is still at it
+FASTER = 1e-6  # relative: so much faster than a limit is still at it
+REFERENCE = 1.0  # m/s: states are as many metres apart as the joints need seconds at their greatest speeds
+FARTHEST = 1e4  # m: from the origin of the world to an arm's base
+Placed = tuple[float, float, float, Angle, Angle, Angle]
+HERE: Placed = (0.0,) * 6
+
+
+@model("serial_arm")
+@dataclass(frozen=True, eq=False)
+class SerialArm(Model):
+    """An arm with a camera in its hand; states are the angles, rad, and slides, m, of the joints from base to tip.
+
+    urdf           the file that describes it; its root link stands at ``base``
+    tip            name of the last link, whose frame is the body "tool"
+    acceleration   rad/s² or m/s², the greatest, of all joints or by name: a URDF has only their speeds
+    srdf           file with named states and pairs of links that never collide, or None
+    packages       folders of meshes by the name of their package (package://name/...)
+    camera         m and rad  (x, y, z, roll, pitch, yaw) of the camera in the tip's frame; it looks along its x, its
+                              left is y, its up z (REP-103)
+    base           m and rad  (x, y, z, roll, pitch, yaw) of the root link in the world
+    fixed          rad or m   values of joints that stand, by name; others beside the chain stand at 0, or at the limit
+                              nearest to it
+    field_of_view  rad        (horizontal, vertical) angles of what the camera sees, or None for all round
+
+    It has one law, "reach": from rest to rest, all joints having done the same share of their ways at each moment. Two
+    states are as far apart as the joints need seconds at their greatest speeds, as a root of squares, times 1 m/s.
+    """
+
+    name: ClassVar[str]
+
+    urdf: Annotated[Any, BesideScenario]
+    tip: str
+    acceleration: float | dict[str, float]
+    srdf: Annotated[Any, BesideScenario] = None
+    packages: dict[str, Annotated[Any, BesideScenario]] = field(default_factory=dict)
+    camera: Placed = HERE
+    base: Placed = HERE
+    fixed: dict[str, float] = field(default_factory=dict)
+    field_of_view: FieldOfView | None = None
+    _arm: ArmFile = field(init=False, repr=False)
+    _records: dict[str, Any] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.tip, str):
+            raise ModelError(f"the tip is the name of a link, got {shown(self.tip)}")
+        packages = _named("packages", self.packages, "folders")
+        given = {"urdf": self.urdf, "srdf": self.srdf, **{f"package {name}": path for name, path in packages.items()}}
+        paths = {name: _path(name, value) for name, value in given.items() if value is not None}
+        fixed = _numbers("fixed", self.fixed, -MOST, "values, rad or m,")
+        acceleration = self.acceleration
+        if isinstance(acceleration, Mapping):
+            acceleration = _numbers("acceleration", acceleration, SLOWEST, "rad/s² or m/s²")
+        else:
+            acceleration = real("acceleration", acceleration, SLOWEST, MOST, "rad/s² or m/s²", error=ModelError)
+        arm = read_arm(
+            paths["urdf"],
+            paths.get("srdf"),
+            packages={name: paths[f"package {name}"] for name in packages},
+            tip=self.tip,
+            camera=_pose("camera", self.camera),
+            base=_pose("base", self.base),
+            fixed=fixed,
+            acceleration=acceleration,
+        )
+        records = {"urdf": record(paths["urdf"], *arm.hashes)}
+        if arm.srdf_hash is not None:
+            records["srdf"] = record(paths["srdf"], arm.srdf_hash)
+        for name, found in records.items():
+            if is_record(given[name]) and list(given[name]["sha256"]) != found["sha256"]:
+                raise ModelError(
+                    f"the {name.upper()} {shown(paths[name], 400)}, or a mesh that it names, has changed since this "
+                    "was saved: its SHA-256 differs. Restore the file, or plan again."
+                )
+        checked: dict[str, Any] = {
+            **{name: found["path"] for name, found in records.items()},
+            "acceleration": acceleration,
+            "packages": {name: os.path.abspath(paths[f"package {name}"]) for name in packages},
+            "camera": tuple(float(number) for number in self.camera),
+            "base": tuple(float(number) for number in self.base),
+            "fixed": fixed,
+            "field_of_view": checked_field_of_view(self.field_of_view),
+            "_arm": arm,
+            "_records": records,
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_urdf(cls, path: str | os.PathLike[str], **parameters: Any) -> SerialArm:
+        """The arm that a URDF describes; parameters as of the class, by name."""
+        return cls(urdf=path, **parameters)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SerialArm) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @cached_property
+    def _identity(self) -> str:
+        return json.dumps(self.describe(), sort_keys=True)
+
+    # What it is made of
+
+    @property
+    def chain(self) -> Chain:
+        """The joints that move, and where the bodies are."""
+        return self._arm.chain
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What collides."""
+        return self._arm.parts
+
+    @property
+    def apart(self) -> frozenset[Pair]:
+        """Pairs of links, each in alphabetical order, whose collisions are not looked at."""
+        return self._arm.apart
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """The bodies, and joints."""
+        return frozenset({"camera", "tool", "joints"})
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """The joints, and the states that the SRDF names."""
+        chain = self.chain
+        return StateSpace(
+            chain.names,
+            tuple("m" if sliding else "rad" for sliding in chain.sliding),
+            tuple(chain.low.tolist()),
+            tuple(chain.high.tolist()),
+            tuple((REFERENCE / chain.speed).tolist()),
+            frozenset(name for name, turns in zip(chain.names, chain.turning, strict=True) if turns),
+            named=self._arm.states,
+        )
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """From rest to rest, straight in the space of the joints."""
+        chain = self.chain
+        return {"reach": Reach(chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))}
+
+    # How it moves
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        return Kinematics(self.chain)
+
+    @cached_property
+    def _levers(self) -> FloatArray:
+        return levers(self.chain)
+
+    def pose(self, body: str, states: States) -> Pose:
+        """Pose of the camera or the tool in each of the states."""
+        return self._kinematics.pose(body, states)
+
+    def twist(self, body: str, states: States, rates: States) -> Twist:
+        """How fast it moves and turns."""
+        return self._kinematics.twist(body, states, rates)
+
+    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
+        """How fast that changes."""
+        return self._kinematics.twist_rate(body, states, rates, changes)
+
+    def body(self, name: str, motions: Motions) -> Body:
+        """What the camera or the tool does in each of the motions, its twists integrated."""
+        if not isinstance(motions.law, Reach):
+            return integrated(name, motions)
+        return ArmBody(name, self._kinematics, motions)
+
+    def extent(self, motions: Motions) -> tuple[Column, Column]:
+        """How far (M,), m and rad, no body moves or turns farther: the ways of the joints times their levers."""
+        farthest: Column = 0.0
+        turned: Column = 0.0
+        for name, lever, sliding in zip(self.chain.names, self._levers, self.chain.sliding, strict=True):
+            way = smooth_abs(getattr(motions.end, name) - getattr(motions.start, name))
+            farthest = farthest + float(lever) * way
+            turned = turned if sliding else turned + way
+        return farthest, turned + 0.0 * farthest
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """One reach; joints without limits the shorter way round, those that are NaN in b as they are in a."""
+        given = States(**{n: np.where(np.isnan(getattr(b, n)), getattr(a, n), getattr(b, n)) for n in self.space.names})
+        end = self.space.onward(a, given)
+        moved = np.any([np.abs(getattr(end, n) - getattr(a, n)) > NEAR for n in self.space.names], axis=0)
+        return [Leg("reach", States(**{n: np.where(moved, getattr(end, n), getattr(a, n)) for n in end.names}), moved)]
+
+    def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
+        """What is planned: reaches go from rest to rest."""
+        return trajectory, trajectory.times
+
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """Joints beyond their limits; greatest speeds and accelerations, which the laws keep."""
+        chain, states = self.chain, trajectory.states
+        for i, name in enumerate(chain.names):
+            if chain.turning[i]:
+                continue
+            value, unit = getattr(states, name), "m" if chain.sliding[i] else "rad"
+            for limit, beyond in ((chain.low[i], -1.0), (chain.high[i], 1.0)):
+                over = beyond * (value - limit)
+                if over.max() > BEYOND:
+                    k = int(np.argmax(over))
+                    yield f"has joint {name} at {value[k]:.6g} {unit} in state {k}, beyond its limit at {limit:.6g}"
+        if not len(trajectory):
+            return
+        # Both are greatest in the middle of a motion or where it begins; those of a reach change nowhere else.
+        middles = trajectory.times[:-1] + np.outer((1e-6, 0.5, 1.0 - 1e-6), trajectory.durations)
+        for what, most, column in zip(
+            ("speed", "acceleration"), (chain.speed, chain.acceleration), trajectory.rates(middles.ravel()), strict=True
+        ):
+            for name, limit in zip(chain.names, most, strict=True):
+                found = np.abs(getattr(column, name))
+                if found.max() > limit * (1.0 + FASTER):
+                    motion = int(np.argmax(found)) % len(trajectory)
+                    yield f"has joint {name} at a {what} of {found.max():.6g} in motion {motion}, beyond {limit:.6g}"
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """Motions (M,) that begin or end with a joint beyond its limits."""
+        found, chain = np.zeros(start.size, dtype=bool), self.chain
+        for i in np.flatnonzero(~chain.turning):
+            for states in (start, end):
+                value = getattr(states, chain.names[i])
+                found |= (value < chain.low[i] - BEYOND) | (value > chain.high[i] + BEYOND)
+        return found
+
+    # Where it collides
+
+    def collision(self, world: World) -> Collision:
+        """Convex hulls, and certificates that whole motions are free: never too kind."""
+        raise NotImplementedError
+
+    def judge(self, world: World) -> Collision:
+        """By python-fcl, at states between which no part moves farther than 1 mm."""
+        raise NotImplementedError
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able parameters, enough to build the same arm: its files by path and SHA-256."""
+        arm: dict[str, Any] = {**self._records, "tip": self.tip, "acceleration": self.acceleration}
+        if self.packages:
+            arm["packages"] = {name: record(folder) for name, folder in self.packages.items()}
+        arm |= {name: list(value) for name in ("camera", "base") if (value := getattr(self, name)) != HERE}
+        if self.fixed:
+            arm["fixed"] = dict(self.fixed)
+        if self.field_of_view is not None:
+            arm["field_of_view"] = list(self.field_of_view)
+        return {self.name: arm}
+
+
+SLOWEST = 1e-6
+
+
+def _path(name: str, given: Any) -> str:
+    """A path, or that of a record."""
+    path = given["path"] if is_record(given) else given
+    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
+        raise ModelError(f"{name} is the path of a file, got {shown(given)}")
+    return str(os.fspath(path))
+
+
+def _pose(name: str, given: Any) -> FloatArray:
+    """A pose (4, 4) from x, y, z, roll, pitch, yaw."""
+    try:
+        numbers = [
+            real(name, number, -FARTHEST, FARTHEST, "x, y, z, m, and roll, pitch, yaw, rad,", error=ModelError)
+            for number in given
+        ]
+    except TypeError:
+        numbers = []
+    if len(numbers) != 6:
+        raise ModelError(f"{name} is (x, y, z, roll, pitch, yaw) in m and rad, got {shown(given)}")
+    for angle in numbers[3:]:
+        if advice := not_radians(angle):
+            raise ModelError(f"an angle of {name} {advice}")
+    return pose_of(np.array(numbers[:3]), np.array(numbers[3:]))
+
+
+def _named(name: str, given: Any, what: str) -> dict[str, Any]:
+    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+        raise ModelError(f"{name} gives {what} by name, such as {{'name': ...}}, got {shown(given)}")
+    return dict(given)
+
+
+def _numbers(name: str, given: Any, least: float, what: str) -> dict[str, float]:
+    named = _named(name, given, what)
+    return {key: float(real(f"{name} of {key}", value, least, MOST, error=ModelError)) for key, value in named.items()}

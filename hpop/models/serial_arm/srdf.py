@@ -1,0 +1,74 @@
+"""What an SRDF adds to a URDF: states with a name, and pairs of links whose collisions are not looked at.
+
+http://wiki.ros.org/srdf
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from hpop.models.serial_arm.xml import XmlFile
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Semantics:
+    """What an SRDF says.
+
+    states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
+    disabled  pairs of links that never collide, or always do, each in alphabetical order
+    lonely    links whose collisions with any other are not looked at, but for the pairs in ``enabled``
+    """
+
+    file: XmlFile
+    states: Mapping[str, Mapping[str, float]]
+    disabled: frozenset[Pair]
+    lonely: frozenset[str]
+    enabled: frozenset[Pair]
+
+    def apart(self, links: list[str]) -> frozenset[Pair]:
+        """All pairs among links whose collisions are not looked at."""
+        pairs = {pair_of(link, other) for link in self.lonely for other in links if link != other}
+        return (frozenset(pairs) - self.enabled) | self.disabled
+
+
+def pair_of(a: str, b: str) -> Pair:
+    """A pair in alphabetical order."""
+    return (a, b) if a < b else (b, a)
+
+
+def read_srdf(path: str | os.PathLike[str]) -> Semantics:
+    """What is in an SRDF; ModelError for what is none."""
+    file = XmlFile(path, "SRDF", "robot")
+    root = file.root
+    disabled, enabled = (
+        frozenset(pair_of(file.name(pair, "link1"), file.name(pair, "link2")) for pair in root.findall(tag))
+        for tag in ("disable_collisions", "enable_collisions")
+    )
+    lonely = frozenset(file.name(one, "link") for one in root.findall("disable_default_collisions"))
+    return Semantics(file, _states(file, root), disabled, lonely, enabled)
+
+
+def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
+    """Values of joints by the name of the state, of all groups that have it if they agree."""
+    states: dict[str, dict[str, float]] = {}
+    groups: dict[str, dict[str, dict[str, float]]] = {}
+    for state in root.findall("group_state"):
+        name, group = file.name(state), file.name(state, "group")
+        values = {}
+        for joint in state.findall("joint"):
+            given = joint.get("value") or ""
+            if len(given.split()) == 1:  # a joint of several degrees of freedom is none of a chain
+                what = f"the value of joint {file.name(joint)!r} in the state {name!r}"
+                values[file.name(joint)] = file.number(what, given)
+        groups.setdefault(name, {})[group] = values
+    for name, by_group in groups.items():
+        merged: dict[str, float] = {}
+        agree = all(merged.setdefault(joint, v) == v for values in by_group.values() for joint, v in values.items())
+        named = {name: merged} if agree else {f"{group}/{name}": values for group, values in by_group.items()}
+        states.update(named)
+    return states

@@ -1,0 +1,236 @@
+"""A robot as a URDF describes it: links with their collision geometry, and the joints between them.
+
+Only what planning needs is read: of a link its ``collision`` elements, of a joint its type, origin, axis, limits and
+whether it mimics another. http://wiki.ros.org/urdf/XML
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import did_you_mean
+from hpop.models.serial_arm.xml import XmlFile, exact, pose_of
+from hpop.options import LEAST
+from hpop.text import printable, shown
+from hpop.world.solids import Box, Cylinder, Shape, Sphere
+
+KINDS = ("fixed", "revolute", "prismatic", "continuous", "floating", "planar")
+MOST_LINKS = 1000
+
+
+class Mesh(NamedTuple):
+    """A mesh file that a URDF names, and the factors (3,) of its coordinates."""
+
+    name: str
+    scale: FloatArray
+
+
+class Geometry(NamedTuple):
+    """A solid of a link.
+
+    shape  what it is, or the file that says it
+    pose   (4, 4)  in the link's frame
+    """
+
+    shape: Shape | Mesh
+    pose: FloatArray
+
+
+class Mimic(NamedTuple):
+    """The value of a joint as that of another, times a factor, plus an offset."""
+
+    joint: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """What joins a link to its parent.
+
+    kind    one of KINDS
+    origin  (4, 4)  its frame, which is the child's at value 0, in that of the parent
+    axis    (3,)    unit vector in its frame
+    low, high, speed  None where the file does not say them
+    mimic   the joint that it follows, or None
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: FloatArray
+    axis: FloatArray
+    low: float | None
+    high: float | None
+    speed: float | None
+    mimic: Mimic | None
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of links.
+
+    file    that describes it
+    root    its first link
+    links   solids of each
+    joints  by name
+    """
+
+    file: XmlFile
+    root: str
+    links: Mapping[str, tuple[Geometry, ...]]
+    joints: Mapping[str, Joint]
+
+    def ancestry(self, tip: str) -> list[Joint]:
+        """The joints from the root to a link, in this order."""
+        if tip not in self.links:
+            raise self.file.error(
+                f"it has no link {shown(tip)} for the tip; its links are {', '.join(map(shown, self.links))}."
+                + did_you_mean(tip, self.links)
+            )
+        above = {joint.child: joint for joint in self.joints.values()}
+        found = []
+        while tip in above:
+            found.append(above[tip])
+            tip = above[tip].parent
+        return found[::-1]
+
+
+def read_urdf(path: str | os.PathLike[str]) -> Robot:
+    """The robot in a URDF; ModelError for what is none, or cannot be trusted."""
+    file = XmlFile(path, "URDF", "robot")
+    if any(element.tag.startswith("xacro:") for element in file.root.iter()):
+        raise file.error(
+            f"it is xacro, which has to be expanded first: xacro {printable(file.path.name)[:80]} > arm.urdf (a "
+            "command of ROS, and of pip install xacro)"
+        )
+    links = {}
+    for element in file.root.findall("link"):
+        name = file.name(element)
+        if name in links:
+            raise file.error(f"two links are called {shown(name)}")
+        links[name] = tuple(_geometries(file, name, element))
+    joints = {}
+    for element in file.root.findall("joint"):
+        joint = _joint(file, element)
+        if joint.name in joints:
+            raise file.error(f"two joints are called {shown(joint.name)}")
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise file.error(f"joint {shown(joint.name)} names the link {shown(end)}, which there is not")
+        joints[joint.name] = joint
+    if len(links) > MOST_LINKS:
+        raise file.error(f"expected at most {MOST_LINKS:,} links, found {len(links):,}")
+    return Robot(file, _root(file, links, joints), links, joints)
+
+
+def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint]) -> str:
+    """The one link without a parent, from which a joint leads to every other."""
+    above: dict[str, Joint] = {}
+    for joint in joints.values():
+        if joint.child in above:
+            raise file.error(
+                f"the link {shown(joint.child)} has two parents, by joints {shown(above[joint.child].name)} and "
+                f"{shown(joint.name)}; arms with closed loops are not planned for"
+            )
+        above[joint.child] = joint
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        named = ", ".join(map(shown, roots[:8])) or "none"
+        raise file.error(f"expected one link without a parent joint, found {len(roots)}: {named}")
+    reached, below = 0, dict[str, list[str]]()
+    for joint in joints.values():
+        below.setdefault(joint.parent, []).append(joint.child)
+    rest = [roots[0]]
+    while rest:
+        reached += 1
+        rest += below.get(rest.pop(), [])
+    if reached != len(links):
+        raise file.error(
+            f"{len(links) - reached} links are not joined to {shown(roots[0])}, but to each other in a loop"
+        )
+    return roots[0]
+
+
+def _joint(file: XmlFile, element: Element) -> Joint:
+    name, kind = file.name(element), element.get("type")
+    what = f"joint {shown(name)}"
+    if kind not in KINDS:
+        raise file.error(f"{what} must be one of {', '.join(KINDS)}, got {shown(kind)}")
+    ends = [element.find(end) for end in ("parent", "child")]
+    if any(end is None for end in ends):
+        raise file.error(f"{what} needs a <parent link=...> and a <child link=...>")
+    parent, child = (file.name(end, "link") for end in ends if end is not None)
+    limit, mimic, direction = (element.find(tag) for tag in ("limit", "mimic", "axis"))
+    bounds = {
+        key: file.number(f"the {key} limit of {what}", limit.get(key)) if limit is not None and limit.get(key) else None
+        for key in ("lower", "upper", "velocity")
+    }
+    if limit is not None and kind in ("revolute", "prismatic"):  # an attribute that is left out is 0
+        bounds |= {key: bounds[key] or 0.0 for key in ("lower", "upper")}
+    axis = np.array([1.0, 0.0, 0.0])
+    if direction is not None and kind not in ("fixed", "floating"):
+        axis = file.numbers(f"the axis of {what}", direction.get("xyz"), 3)
+        length = float(np.linalg.norm(axis))
+        if length < LEAST:
+            raise file.error(f"the axis of {what} must be a direction, got {shown(direction.get('xyz'))}")
+        axis = np.array([exact(float(part) / length) for part in axis])
+    follows = None
+    if mimic is not None and kind != "fixed":
+        factor, offset = (
+            file.number(f"the {key} of {what}", mimic.get(key, otherwise))
+            for key, otherwise in (("multiplier", "1"), ("offset", "0"))
+        )
+        follows = Mimic(file.name(mimic, "joint"), factor, offset)
+    origin = _pose(file, what, element)
+    return Joint(name, kind, parent, child, origin, axis, bounds["lower"], bounds["upper"], bounds["velocity"], follows)
+
+
+def _pose(file: XmlFile, what: str, element: Element) -> FloatArray:
+    """Where the origin of an element lies; nothing said is no offset."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz, rpy = (file.numbers(f"the origin {key} of {what}", origin.get(key, "0 0 0"), 3) for key in ("xyz", "rpy"))
+    return pose_of(xyz, rpy)
+
+
+def _geometries(file: XmlFile, link: str, element: Element) -> Iterator[Geometry]:
+    what = f"the collision geometry of link {shown(link)}"
+    for collision in element.findall("collision"):
+        geometry = collision.find("geometry")
+        shapes = [] if geometry is None else list(geometry)
+        if len(shapes) != 1:
+            raise file.error(f"{what} needs one shape, found {len(shapes)}")
+        yield Geometry(_shape(file, what, shapes[0]), _pose(file, what, collision))
+
+
+def _shape(file: XmlFile, what: str, element: Element) -> Shape | Mesh:
+    def lengths(attribute: str, count: int = 1) -> list[float]:
+        found = file.numbers(f"the {attribute} of {what}", element.get(attribute), count)
+        if (found < LEAST).any():
+            raise file.error(f"the {attribute} of {what} must be above 0 m, got {shown(element.get(attribute))}")
+        return [float(length) for length in found]
+
+    match element.tag:
+        case "box":
+            x, y, z = lengths("size", 3)
+            return Box((x, y, z))
+        case "cylinder":
+            return Cylinder(*lengths("radius"), *lengths("length"))
+        case "sphere":
+            return Sphere(*lengths("radius"))
+        case "mesh":
+            scale = file.numbers(f"the scale of {what}", element.get("scale", "1 1 1"), 3)
+            if (np.abs(scale) < LEAST).any():
+                raise file.error(f"the scale of {what} must not be 0, got {shown(element.get('scale'))}")
+            return Mesh(file.name(element, "filename"), scale)
+    raise file.error(f"{what} must be a box, cylinder, sphere or mesh, got <{printable(element.tag)[:80]}>")

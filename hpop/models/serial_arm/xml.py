@@ -1,0 +1,152 @@
+"""XML that came from anybody: elements and attributes, of bounded size, without document types or entities.
+
+An entity may stand for a thousand others, or for a file of the computer that reads it; neither URDF nor SRDF needs one.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import ModelError
+from hpop.options import MOST
+from hpop.regular_file import read_regular
+from hpop.text import printable, shown
+
+MOST_BYTES = 10_000_000
+"""Largest file that is read."""
+MOST_ELEMENTS = 100_000
+MOST_NESTED = 50
+LONGEST_NAME = 200
+"""Characters of a link's or joint's name, at most."""
+NEARLY = 1e-11
+"""Sines and cosines that differ by less from 0 or ±1 are that."""
+
+
+class XmlFile:
+    """An XML file and what is said of it in messages.
+
+    path  where it is
+    data  its bytes
+    root  its elements
+    """
+
+    def __init__(self, path: str | os.PathLike[str], what: str, tag: str) -> None:
+        self.what = what
+        self.path = Path(checked_path(path, what))
+        self.data = file_bytes(self.path, what, MOST_BYTES)
+        self.root = self._parsed()
+        if self.root.tag != tag:
+            raise self.error(f"expected <{tag}> as its outermost element, got <{printable(self.root.tag)[:80]}>")
+
+    def error(self, said: str) -> ModelError:
+        """An error about this file."""
+        return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
+
+    def name(self, element: Element, attribute: str = "name") -> str:
+        """An attribute that names something."""
+        given = element.get(attribute)
+        if not given or len(given) > LONGEST_NAME:
+            raise self.error(
+                f"<{element.tag}> needs a {attribute} of 1 to {LONGEST_NAME} characters, got {shown(given)}"
+            )
+        return given
+
+    def number(self, where: str, given: str | None) -> float:
+        """A number of an attribute, ``where`` says of which."""
+        return float(self.numbers(where, given, 1)[0])
+
+    def numbers(self, where: str, given: str | None, count: int) -> FloatArray:
+        """Numbers of an attribute, with spaces between them."""
+        try:
+            values = [float(word) for word in (given or "").split()[: count + 1]]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(abs(value) <= MOST for value in values):
+            kind = "a number" if count == 1 else f"{count} numbers"
+            raise self.error(f"{where} must be {kind} of at most {MOST:,.0f}, got {shown(given)}")
+        return np.array(values)
+
+    def _parsed(self) -> Element:
+        builder, parser, nested, elements = TreeBuilder(), expat.ParserCreate(), 0, 0
+
+        def refuse(*_: Any) -> None:
+            raise self.error("it has a document type or entities, which are not read; write out what they stand for")
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            nonlocal nested, elements
+            nested, elements = nested + 1, elements + 1
+            if nested > MOST_NESTED or elements > MOST_ELEMENTS:
+                raise self.error(
+                    f"expected at most {MOST_ELEMENTS:,} elements, nested up to {MOST_NESTED} deep, found more"
+                )
+            builder.start(tag, attributes)
+
+        def end(tag: str) -> None:
+            nonlocal nested
+            nested -= 1
+            builder.end(tag)
+
+        parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+        parser.StartElementHandler, parser.EndElementHandler = start, end
+        try:
+            parser.Parse(self.data, True)
+        except (expat.ExpatError, ValueError, LookupError) as error:
+            if isinstance(error, ModelError):
+                raise
+            raise self.error(f"it is not XML that can be read ({printable(error)[:80]})") from None
+        return builder.close()
+
+
+def checked_path(path: Any, what: str) -> str:
+    """A path as text; ModelError for what is none."""
+    if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str) or not os.fspath(path):
+        raise ModelError(f"the {what} is named by its path, got {shown(path)}")
+    return str(os.fspath(path))
+
+
+def file_bytes(path: Path, what: str, most: int) -> bytes:
+    """What is in a regular file of bounded size, or a ModelError."""
+    try:
+        data = read_regular(path, most)
+    except OSError as error:
+        raise ModelError(
+            f"the {what} {shown(str(path), 400)} cannot be opened: {error.strerror or error}; check the path"
+        ) from None
+    if not data:
+        raise ModelError(f"the {what} {shown(str(path), 400)} is empty")
+    return data
+
+
+def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
+    """A pose (4, 4) from a place, m, and roll, pitch and yaw, rad, about the fixed axes x, y, z in this order.
+
+    What is 0 or ±1 but for decimals that a file left out (1.57079632679) is that: kinematics leave such terms out.
+    """
+    cosines, sines = (np.array([[exact(f(angle)) for angle in rpy]]) for f in (math.cos, math.sin))
+    (cr, cp, cy), (sr, sp, sy) = cosines[0], sines[0]
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    pose[:3, 3] = xyz
+    return pose
+
+
+def exact(value: float) -> float:
+    """0, 1 or -1 for what is so near that no pose is off by 1e-10 m; any other number as it is.
+
+    >>> exact(math.cos(1.57079632679)), exact(0.5)
+    (0.0, 0.5)
+    """
+    nearest = round(value)
+    return float(nearest) if abs(value - nearest) < NEARLY and abs(nearest) <= 1 else value
