@@ -1,0 +1,211 @@
+"""Distance of two convex bodies, between a lower bound that is proved and an upper one (compiled).
+
+The algorithm of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083): the point v nearest to the origin in ever
+other simplices of the difference of the bodies. Whatever direction v is, no two points of the bodies are nearer than
+v·w/|v|, where w is the support point of the difference against v: a plane separates them (the duality gap of van den
+Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any direction
+to begin with, for degenerate simplices and for round bodies; how well a simplex is handled only decides how soon it is
+close.
+
+Deviation from the source: the nearest point of a simplex is found region by region (Ericson 2004, Real-Time Collision
+Detection, 5.1), the projection on a triangle by its normal, which is precise where barycentric coordinates are not.
+
+Imported on first use only, because importing numba takes half a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hpop.arrays import FloatArray
+from hpop.compiled import lean
+from hpop.models.collision.convex import Bodies
+
+STEPS = 128  # at most; bodies without round parts take some 10
+TOUCHING = 1e-14  # of the size of the simplex: what is nearer to the origin holds it
+Point = tuple[float, float, float]
+Nearest = tuple[float, float, float, int]
+
+
+@lean
+def _support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
+    """The point of a body, but for its ball, that is farthest in a direction."""
+    points = bodies.points
+    best, at = -math.inf, bodies.first[b]
+    for i in range(bodies.first[b], bodies.first[b + 1]):
+        along = points[i, 0] * x + points[i, 1] * y + points[i, 2] * z
+        if along > best:
+            best, at = along, i
+    px, py, pz = points[at, 0], points[at, 1], points[at, 2]
+    if bodies.disc[b] > 0.0:
+        plane = bodies.plane
+        u = plane[b, 0, 0] * x + plane[b, 0, 1] * y + plane[b, 0, 2] * z
+        v = plane[b, 1, 0] * x + plane[b, 1, 1] * y + plane[b, 1, 2] * z
+        across = math.sqrt(u * u + v * v)
+        if across > 0.0:
+            u, v = u * bodies.disc[b] / across, v * bodies.disc[b] / across
+            px += u * plane[b, 0, 0] + v * plane[b, 1, 0]
+            py += u * plane[b, 0, 1] + v * plane[b, 1, 1]
+            pz += u * plane[b, 0, 2] + v * plane[b, 1, 2]
+    return px, py, pz
+
+
+@lean
+def _on_segment(simplex: FloatArray, i: int, j: int) -> Nearest:
+    """The point of a segment that is nearest to the origin, and of which corners it is made: bits of a number."""
+    ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+    dx, dy, dz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
+    square, along = dx * dx + dy * dy + dz * dz, -(ax * dx + ay * dy + az * dz)
+    if along <= 0.0:
+        return ax, ay, az, 1 << i
+    if along >= square:
+        return simplex[j, 0], simplex[j, 1], simplex[j, 2], 1 << j
+    share = along / square
+    return ax + share * dx, ay + share * dy, az + share * dz, 1 << i | 1 << j
+
+
+@lean
+def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> Nearest:
+    """The same of a triangle."""
+    found: Nearest
+    ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+    bx, by, bz = simplex[j, 0], simplex[j, 1], simplex[j, 2]
+    cx, cy, cz = simplex[k, 0], simplex[k, 1], simplex[k, 2]
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    ua, va = -(ux * ax + uy * ay + uz * az), -(vx * ax + vy * ay + vz * az)
+    if ua <= 0.0 and va <= 0.0:
+        return ax, ay, az, 1 << i
+    ub, vb = -(ux * bx + uy * by + uz * bz), -(vx * bx + vy * by + vz * bz)
+    if ub >= 0.0 and vb <= ub:
+        return bx, by, bz, 1 << j
+    if ua * vb - ub * va <= 0.0 and ua >= 0.0 and ub <= 0.0:
+        found = _on_segment(simplex, i, j)
+        return found
+    uc, vc = -(ux * cx + uy * cy + uz * cz), -(vx * cx + vy * cy + vz * cz)
+    if vc >= 0.0 and uc <= vc:
+        return cx, cy, cz, 1 << k
+    if uc * va - ua * vc <= 0.0 and va >= 0.0 and vc <= 0.0:
+        found = _on_segment(simplex, i, k)
+        return found
+    if ub * vc - uc * vb <= 0.0 and vb >= ub and uc >= vc:
+        found = _on_segment(simplex, j, k)
+        return found
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    square = nx * nx + ny * ny + nz * nz
+    if square == 0.0:
+        found = _on_segment(simplex, j, k)
+        return found
+    share = (nx * ax + ny * ay + nz * az) / square
+    return share * nx, share * ny, share * nz, 1 << i | 1 << j | 1 << k
+
+
+@lean
+def _is_beyond(simplex: FloatArray, i: int, j: int, k: int, opposite: int) -> bool:
+    """Whether the origin may lie beyond the plane of a face, seen from the corner opposite; if all is flat, it may."""
+    ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+    ux, uy, uz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
+    vx, vy, vz = simplex[k, 0] - ax, simplex[k, 1] - ay, simplex[k, 2] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    dx, dy, dz = simplex[opposite, 0] - ax, simplex[opposite, 1] - ay, simplex[opposite, 2] - az
+    height = nx * dx + ny * dy + nz * dz
+    origin = -(nx * ax + ny * ay + nz * az)
+    flat = 1e-24 * (nx * nx + ny * ny + nz * nz) * (dx * dx + dy * dy + dz * dz)
+    beyond: bool = height * height <= flat or height * origin < 0.0
+    return beyond
+
+
+@lean
+def _on_simplex(simplex: FloatArray, size: int) -> Nearest:
+    """The same of a simplex of some corners; all four are named only where it holds the origin."""
+    found: Nearest
+    if size == 1:
+        return simplex[0, 0], simplex[0, 1], simplex[0, 2], 1
+    if size == 2:
+        found = _on_segment(simplex, 0, 1)
+        return found
+    if size == 3:
+        found = _on_triangle(simplex, 0, 1, 2)
+        return found
+    x, y, z, corners, least = 0.0, 0.0, 0.0, 15, math.inf
+    for opposite in range(4):
+        i, j, k = (opposite + 1) & 3, (opposite + 2) & 3, (opposite + 3) & 3
+        if _is_beyond(simplex, i, j, k, opposite):
+            px, py, pz, some = _on_triangle(simplex, i, j, k)
+            square = px * px + py * py + pz * pz
+            if square < least:
+                x, y, z, corners, least = px, py, pz, some, square
+    return x, y, z, corners
+
+
+@lean
+def distance(
+    bodies: Bodies,
+    a: int,
+    b: int,
+    pose: FloatArray,
+    direction: FloatArray,
+    simplex: FloatArray,
+    near: float,
+    enough: float,
+    suffices: float,
+    gap: float,
+) -> tuple[float, float]:
+    """Bounds of the distance of two bodies, m: no two points are nearer than the first, two are as near as the second.
+
+    It ends as soon as the upper bound is below ``near``, the lower one reaches ``enough``, or ``suffices`` where the
+    upper one is below ``enough``, or they differ by no more than ``gap``, a share of the upper one; and where numbers
+    are no more precise.
+
+    Parameters
+    ----------
+    pose : (3, 4) frame of b in that of a: rotation and translation
+    direction : (3,) from b to a, to begin with, in the frame of a; left as that of the last step
+    simplex : (4, 3) scratch
+    """
+    margin = bodies.ball[a] + bodies.ball[b]
+    x, y, z = direction[0], direction[1], direction[2]
+    if not x * x + y * y + z * z > 0.0:
+        x, y, z = 1.0, 0.0, 0.0
+    size, lower, upper = 0, 0.0, math.inf
+    length = math.sqrt(x * x + y * y + z * z)
+    for _ in range(STEPS):
+        ax, ay, az = _support(bodies, a, -x, -y, -z)
+        bx, by, bz = _support(
+            bodies,
+            b,
+            pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z,
+            pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z,
+            pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z,
+        )
+        wx = ax - (pose[0, 0] * bx + pose[0, 1] * by + pose[0, 2] * bz + pose[0, 3])
+        wy = ay - (pose[1, 0] * bx + pose[1, 1] * by + pose[1, 2] * bz + pose[1, 3])
+        wz = az - (pose[2, 0] * bx + pose[2, 1] * by + pose[2, 2] * bz + pose[2, 3])
+        direction[0], direction[1], direction[2] = x, y, z
+        lower = max(lower, (x * wx + y * wy + z * wz) / length - margin)
+        if lower >= enough or (size and upper - lower <= gap * upper):
+            break
+        known = False
+        for i in range(size):
+            known |= simplex[i, 0] == wx and simplex[i, 1] == wy and simplex[i, 2] == wz
+        if known:
+            break
+        simplex[size, 0], simplex[size, 1], simplex[size, 2] = wx, wy, wz
+        x, y, z, corners = _on_simplex(simplex, size + 1)
+        left, largest = 0, 0.0
+        for i in range(size + 1):
+            largest = max(largest, abs(simplex[i, 0]) + abs(simplex[i, 1]) + abs(simplex[i, 2]))
+            if corners >> i & 1:
+                simplex[left, 0], simplex[left, 1], simplex[left, 2] = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+                left += 1
+        size = left
+        length = math.sqrt(x * x + y * y + z * z)
+        if size == 4 or length <= TOUCHING * largest:
+            upper = 0.0
+            break
+        if not length - margin < upper:
+            break
+        upper = max(0.0, length - margin)
+        if upper < near or (upper < enough and lower >= suffices):
+            break
+    return lower, upper
