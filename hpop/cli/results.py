@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
-PICTURES = ("map.png", "front.png", "trace.png", "where.png")
+PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png")
 
 
 @contextmanager

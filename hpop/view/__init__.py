@@ -14,7 +14,9 @@ matplotlib_folder.provide()
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.save import save_pictures
+from hpop.view.side import draw_side
+from hpop.view.states import draw_states
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
 
-__all__ = ["draw_front", "draw_map", "draw_trace", "draw_where", "save_pictures"]
+__all__ = ["draw_front", "draw_map", "draw_side", "draw_states", "draw_trace", "draw_where", "save_pictures"]

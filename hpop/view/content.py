@@ -115,7 +115,7 @@ def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Hand
                 _draw_way(axes, zone.path, side)
             if zone.limit is not None:
                 middle = zone.area.representative_point()
-                _write(axes, f"{zone.limit:g} m/s", middle.x, middle.y, (0, 0), SLOW, "center")
+                write(axes, f"{zone.limit:g} m/s", middle.x, middle.y, (0, 0), SLOW, "center")
         if any(zone.kind == kind for zone in zones):
             yield Patch(facecolor="none", edgecolor=colour, hatch=hatch, label=label)
 
@@ -134,14 +134,14 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
     """Names on the upper right of discs and stars, if they are few; of people where they are drawn to scale."""
     named = [mark for mark in landmarks if mark.name]
     for mark in named if len(named) <= MOST_NAMES else ():
-        _write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
+        write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
     known = [person for person in people if person.name and person.radius == _disc(person, side)]
     for person in known if len(known) <= MOST_NAMES else ():
         beside = 0.7 * person.radius
-        _write(axes, person.name, person.x + beside, person.y + beside, (2, 1), INK, "left")
+        write(axes, person.name, person.x + beside, person.y + beside, (2, 1), INK, "left")
 
 
-def _write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
+def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
     """Text beside a point, off by so many typographical points; on the map or not at all."""
     label = axes.annotate(
         printable(text),

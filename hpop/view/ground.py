@@ -13,17 +13,20 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
+from matplotlib.typing import ColorType
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria import Exposure, Obstruction
 from hpop.problem import Problem
 from hpop.view.ends import end_poses
+from hpop.view.paths import Heights
 from hpop.view.style import HALO, QUIET, SMALL
 from hpop.world import World
 from hpop.world.shapes import Raster
 
 OBSTACLE = "#4a4a4a"
+AT_SOME = "#8a8a8a"
 OFF_CAMERA = "#b4b4b4"
 KEEP_OUT = "#8c4a6b"
 # White to sand, one hue and evenly falling lightness: trajectories stand out on it.
@@ -35,6 +38,7 @@ CELLS = 2000  # of a raster along its longer side, more than a picture has pixel
 MARGIN = 0.4  # m round the free space
 SURROUNDINGS = 0.2  # round the paths where they are a small part of the map, as a share of their longer side
 LEAST_SURROUNDINGS = 4.0  # m
+ROUND_A_HAND = 0.4  # m: as LEAST_SURROUNDINGS, of a robot that drives nowhere
 SMALL_PART = 0.4  # of the longer side of the map
 
 
@@ -78,19 +82,26 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
     if not len(paths):
         return whole
     x0, y0, x1, y1 = shapely.total_bounds([ends, shapely.MultiPoint(np.concatenate(paths))])
-    border = max(SURROUNDINGS * max(x1 - x0, y1 - y0), LEAST_SURROUNDINGS)
+    drives = "base" in problem.model.provides
+    border = max(SURROUNDINGS * max(x1 - x0, y1 - y0), LEAST_SURROUNDINGS if drives else ROUND_A_HAND)
     part = View(
         max(x0 - border, whole.x_min),
         max(y0 - border, whole.y_min),
         min(x1 + border, whole.x_max),
         min(y1 + border, whole.y_max),
     )
-    return part if max(part.width, part.height) < SMALL_PART * max(whole.width, whole.height) else whole
+    share = SMALL_PART if drives else 1.0
+    return part if max(part.width, part.height) < share * max(whole.width, whole.height) else whole
 
 
-def ball_of(problem: Problem) -> Ball:
-    """Take the radius from the problem's obstruction criterion (else 2 m), the height from the camera."""
+def ball_of(problem: Problem) -> Ball | None:
+    """Take the radius from the problem's obstruction criterion (else 2 m), the height from the camera.
+
+    A robot that drives nowhere has no ball unless a criterion asks for one: its whole reach would be in it.
+    """
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
+    if not measured and "base" not in problem.model.provides:
+        return None
     radius = measured[0].radius if measured else Obstruction().radius
     camera = problem.model.pose("camera", problem.model.space.state(problem.start))
     return Ball(radius, float(camera.z[0]))
@@ -130,33 +141,54 @@ def draw_bare_floor(axes: Axes, world: World) -> None:
     axes.add_patch(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
 
 
-def draw_obstacles(axes: Axes, world: World, camera_z: float, view: View) -> list[Patch]:
+def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> list[Patch]:
     """Draw obstacles and keep-out zones, of cells those in view; returns the legend entries of what there is.
 
-    Obstacles at the camera's height are dark; those that it looks over or under are light and hatched.
+    Obstacles at the camera's height are dark; those that it looks over or under are light and hatched. Of a camera that
+    rises, some are between: obstacles at some of its heights.
     """
     axes.set_facecolor(OBSTACLE if world.outside_is_obstacle else "white")
-    below_or_above = f"obstacle below or above\nthe camera (at {camera_z:.3g} m)"
-    dark = Patch(facecolor=OBSTACLE, label="obstacle")
-    light = Patch(facecolor=OFF_CAMERA, edgecolor=OBSTACLE, hatch="////", label=below_or_above)
-    zone = Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="keep-out zone")
     entries: list[Patch] = []
-    for patch in (dark, light):
-        shapes = [o.polygon for o in world.obstacles if (o.z_min <= camera_z <= o.z_max) is (patch is dark)]
+    for layer, patch in _obstacle_looks(heights).items():
+        shapes = [o.polygon for o in world.obstacles if _layer(o.heights, heights) == layer]
         raster = world.raster
-        if raster is not None and (raster.z_min <= camera_z <= raster.z_max) is (patch is dark):
-            _draw_raster(axes, raster, OBSTACLE if patch is dark else OFF_CAMERA, view)
+        if raster is not None and _layer(raster.heights, heights) == layer:
+            _draw_raster(axes, raster, patch.get_facecolor(), view)
             entries.append(patch)
         if shapes:
-            _fill(axes, shapely.union_all(shapes), patch, zorder=2.0 if patch is dark else 1.8)
+            _fill(axes, shapely.union_all(shapes), patch, zorder=1.8 + 0.1 * layer)
             entries += [patch] * (patch not in entries)
     closed = shapely.union_all([world.keep_out, *(z.area for z in world.content.zones if z.kind == "keep-out")])
     if not closed.is_empty:
+        zone = Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="keep-out zone")
         _fill(axes, closed, zone, zorder=1.6)
         entries.append(zone)
     border = PathPatch(outline(world.extent), facecolor="none", edgecolor=QUIET, linewidth=0.6, zorder=2.2)
     axes.add_patch(border)
     return entries
+
+
+def _layer(obstacle: tuple[float, float], heights: Heights) -> int:
+    """Whether an obstacle is at all heights of a camera (2), at some of them (1), or at none (0)."""
+    if obstacle[1] < heights.low or heights.high < obstacle[0]:
+        return 0
+    return 2 if obstacle[0] <= heights.low and heights.high <= obstacle[1] else 1
+
+
+def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
+    """How obstacles look on a map, by layer, and what the legend says of them."""
+    if not heights.vary:
+        light = f"obstacle below or above\nthe camera (at {heights})"
+        return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched(OFF_CAMERA, "////", light)}
+    return {
+        2: Patch(facecolor=OBSTACLE, label=f"obstacle at all heights\nof the camera ({heights})"),
+        1: _hatched(AT_SOME, "....", "obstacle at some of them"),
+        0: _hatched(OFF_CAMERA, "////", "obstacle below or above all"),
+    }
+
+
+def _hatched(colour: str, hatch: str, label: str) -> Patch:
+    return Patch(facecolor=colour, edgecolor=OBSTACLE, hatch=hatch, label=label)
 
 
 def draw_scale_bar(axes: Axes, view: View) -> None:
@@ -208,7 +240,7 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
     axes.add_patch(patch)
 
 
-def _draw_raster(axes: Axes, raster: Raster, colour: str, view: View) -> None:
+def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:
     """Draw the cells in view; of more than a picture shows, some together, occupied where one of them is."""
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])

@@ -20,11 +20,16 @@ from hpop.problem import Problem
 from hpop.status import Budget
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
+from hpop.view.paths import camera_heights
+from hpop.view.side import draw_side
+from hpop.view.states import changing, draw_states
+from hpop.view.style import drawn_rows, marks
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
 from hpop.world import limits
 
 DPI = 200
+OTHERS = {"front.png", "trace.png", "where.png", "side.png", "states.png"}  # beside the map, which there always is
 COMPRESSION = 4  # of 9: a third of the time of zlib's usual 6, for a tenth of the bytes
 
 
@@ -39,6 +44,8 @@ def save_pictures(
 ) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
+    Where the camera rises or sinks there is ``side.png``, a view from the side; where states change that maps do not
+    show, such as joints, ``states.png``.
     The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes.
     A knee that stays where it is, since the start is the goal, has no trace and no places.
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
@@ -57,11 +64,15 @@ def save_pictures(
         if len(knee):
             figures["trace.png"] = draw_trace(problem, knee, name="the knee")
             figures["where.png"] = draw_where(problem, knee, name="the knee")
+        if camera_heights(problem, [front.trajectories[row] for row in drawn_rows(front)]).vary:
+            figures["side.png"] = draw_side(problem, front)
+        if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front)]):
+            figures["states.png"] = draw_states(front)
     pictures = {name: _png(figure, dpi) for name, figure in figures.items()}
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name in {"front.png", "trace.png", "where.png"} - pictures.keys():
+        for name in OTHERS - pictures.keys():
             (target / name).unlink(missing_ok=True)
         return [_write(target / name, data) for name, data in pictures.items()]
     except OSError as error:

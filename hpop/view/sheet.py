@@ -42,8 +42,7 @@ class Sheet:
     @classmethod
     def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> Sheet:
         """Lay out a map of a view with lines of legend and of what is claimed, and colour bars with so wide words."""
-        scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
-        map_width, map_height = max(LEAST, scale * view.width), max(LEAST, scale * view.height)
+        map_width, map_height = _size(view)
         offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
         with_bars = LEFT + map_width + offsets[-1]
         width = max(with_bars, LEGEND)
@@ -79,3 +78,15 @@ class Sheet:
 
     def _box(self, left: float, width: float) -> Box:
         return left / self.width, self.bottom / self.height, width / self.width, self.map_height / self.height
+
+
+def stretch_of(view: View) -> float:
+    """How many times as large as its width the height of a view is drawn that fills its place."""
+    width, height = _size(view)
+    return (height / view.height) / (width / view.width)
+
+
+def _size(view: View) -> tuple[float, float]:
+    """Width and height, inches, of the place of a view."""
+    scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
+    return max(LEAST, scale * view.width), max(LEAST, scale * view.height)

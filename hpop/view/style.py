@@ -196,9 +196,14 @@ def turns_in_place(trajectory: Trajectory) -> BoolArray:
     return turns
 
 
+def mapped_body(model: Model) -> str:
+    """The body that maps show: the base, or the camera of a robot without one."""
+    return "base" if "base" in model.provides else "camera"
+
+
 def mapped(model: Model, states: States) -> Pose:
-    """Where the body that maps show is: the base, or the camera of a robot without one."""
-    return model.pose("base" if "base" in model.provides else "camera", states)
+    """Where that body is."""
+    return model.pose(mapped_body(model), states)
 
 
 def mapped_points(model: Model, states: States) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -62,14 +62,14 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     trace = problem.trace(trajectory)
     for column, axes in enumerate(panels[:-2]):
         _draw_criterion(axes, trace, column)
-    for axes, what, unit, column in (
-        (panels[-2], "camera speed", "m/s", 0),
-        (panels[-1], "camera yaw rate", "rad/s", 1),
-    ):
-        for motion, look in ((trajectory, _look(PLANNED, 2.4)), (executed, _look(EXECUTED, 1.2))):
-            times = _moments(motion)
-            axes.plot(times, camera_rates(motion, times)[column], **look)
-        _name_row(axes, what, unit, "")
+    looks = ((trajectory, _look(PLANNED, 2.4)), (executed, _look(EXECUTED, 1.2)))
+    rates = [camera_rates(motion, _moments(motion)) for motion, _ in looks]
+    upright = all(each.upright for each in rates)
+    for (motion, look), each in zip(looks, rates, strict=True):
+        panels[-2].plot(_moments(motion), each.speed, **look)
+        panels[-1].plot(_moments(motion), each.yaw_rate if upright else each.rotation_rate, **look)
+    _name_row(panels[-2], "camera speed", "m/s", "")
+    _name_row(panels[-1], "camera yaw rate" if upright else "camera rotation rate", "rad/s", "")
     for axes in panels:
         _shade_turns(axes, trajectory)
         axes.tick_params(labelsize=SMALL)
@@ -90,12 +90,30 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     return figure
 
 
-def camera_rates(trajectory: Trajectory, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Speed (N,), m/s, and yaw rate (N,), rad/s, of the camera."""
+class CameraRates(NamedTuple):
+    """How fast a camera moves and turns at some moments (N,).
+
+    speed          m/s
+    yaw_rate       rad/s  counter-clockwise
+    rotation_rate  rad/s  about whatever axis, without a sign
+    """
+
+    speed: FloatArray
+    yaw_rate: FloatArray
+    rotation_rate: FloatArray
+
+    @property
+    def upright(self) -> bool:
+        """Whether it turns about the vertical alone."""
+        return bool((np.abs(self.yaw_rate) == self.rotation_rate).all())
+
+
+def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
+    """How fast the camera moves and turns at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
-    speed, rate = (np.broadcast_to(column, times.shape) for column in (norm(twist.velocity), twist.rotation[2]))
-    return speed, rate
+    columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))
+    return CameraRates(*(np.broadcast_to(column, times.shape) for column in columns))
 
 
 def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:

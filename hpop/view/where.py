@@ -23,8 +23,10 @@ from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends
-from hpop.view.ground import ball_of, draw_obstacles, outline, view_of
-from hpop.view.map import Handle, height_of, path_points, turn_dot
+from hpop.view.ground import draw_obstacles, outline, view_of
+from hpop.view.map import turn_dot
+from hpop.view.page import Handle, height_of
+from hpop.view.paths import camera_heights, motion_lines, path_points
 from hpop.view.sheet import LINE
 from hpop.view.style import (
     LARGE,
@@ -69,6 +71,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     """
     trace = problem.trace(trajectory)
     view, ends = view_of(problem, [path_points(trajectory)]), path_points(trajectory)[[0, -1]].tolist()
+    heights = camera_heights(problem, [trajectory])
     columns = min(COLUMNS, len(trace.criteria))
     rows = math.ceil(len(trace.criteria) / columns)
     height = np.clip(MAP_WIDTH * view.height / view.width, 1.0, 2.0 * MAP_WIDTH) + WORDS
@@ -86,7 +89,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
             *_turn_entry(trajectory),
             *draw_ends(axes, ends[0], ends[1:]),
-            *draw_obstacles(axes, problem.world, ball_of(problem).z, view),
+            *draw_obstacles(axes, problem.world, heights, view),
             *draw_content(axes, problem.world, view, small=True),
         ]
         axes.set_xlim(view.x_min, view.x_max)
@@ -131,10 +134,10 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     points = mapped_points(trace.trajectory.model, trace.states)
     norm = Normalize(0.0, float(shown.max(initial=0.0)) or 1.0)
     turning = turns_in_place(trace.trajectory)
-    pieces = np.stack([points[:-1], points[1:]], axis=1)[~turning]  # (moves, 2, 2)
+    pieces = [line for line, turns in zip(motion_lines(trace.trajectory), turning, strict=True) if not turns]
     axes.add_collection(
         LineCollection(
-            list(pieces),
+            pieces,
             array=shown[~turning],
             cmap=RATE_COLOURS,
             norm=norm,

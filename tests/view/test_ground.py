@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 import hpop
 from hpop.view.ground import CELLS, View, draw_obstacles
+from hpop.view.paths import Heights
 
 FINE = 0.002  # m
 THIN = 4321  # the one column of a wall
@@ -17,7 +18,7 @@ def drawn(view: View):
     cells[:, THIN] = True
     figure = Figure()
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_obstacles(axes, hpop.World.from_cells(cells, FINE), 1.2, view)
+    draw_obstacles(axes, hpop.World.from_cells(cells, FINE), Heights(1.2, 1.2), view)
     (image,) = axes.images
     left, right, bottom, top = image.get_extent()
     return ~np.ma.getmaskarray(image.get_array()), FINE * np.array([left, right, bottom, top])

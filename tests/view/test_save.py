@@ -66,7 +66,8 @@ def test_who_stays_where_he_is_has_no_trace(make_problem, tmp_path):
 
 
 def test_an_empty_front_gives_the_map_alone(problem, empty, tmp_path):
-    (tmp_path / "trace.png").write_text("of an earlier front")
+    for name in ("trace.png", "side.png", "states.png"):
+        (tmp_path / name).write_text("of an earlier front")
     assert [path.name for path in save_pictures(problem, empty, tmp_path, dpi=50)] == ["map.png"]
     assert os.listdir(tmp_path) == ["map.png"]
 

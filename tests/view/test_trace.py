@@ -122,7 +122,7 @@ def test_a_camera_off_the_axis_moves_in_turns():
     times = np.linspace(0.0, trajectory.duration, 20001)
     camera = model.pose("camera", trajectory.at(times))
     measured = np.hypot(np.gradient(camera.x, times), np.gradient(camera.y, times))
-    speed, rate = camera_rates(trajectory, times)
+    speed, rate, _ = camera_rates(trajectory, times)
     np.testing.assert_allclose(speed, measured, atol=2e-3)
     assert rate.max() == pytest.approx(model.turn_rate)
     assert speed.max() == pytest.approx(max(model.speed, 0.5 * model.turn_rate))

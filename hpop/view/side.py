@@ -1,0 +1,149 @@
+"""The view from the side: how the camera rises and sinks along the trajectories of a front, among what stands there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from hpop.arrays import FloatArray
+from hpop.front import Front
+from hpop.problem import Problem
+from hpop.trajectory import Trajectory
+from hpop.view.content import INK, MOST_NAMES, STAR, write
+from hpop.view.ends import draw_ends, end_positions, goal_words
+from hpop.view.ground import View
+from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
+from hpop.view.page import Handle, draw_caption, lay_out
+from hpop.view.paths import camera_path
+from hpop.view.section import Section
+from hpop.view.sheet import stretch_of
+from hpop.view.sight import draw_cones, sight_entry
+from hpop.view.silhouettes import Region, draw_silhouettes, spans, tallest
+from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, new_figure, plain, whole_ticks
+from hpop.world.content import Landmark
+
+BORDER = 0.1  # round the paths, as a share of the longer side of the picture
+LEAST_BORDER = 0.15  # m
+STRETCHED = 1.05  # heights that are drawn larger by less need no word
+EARTH = "#8a7a5c"
+
+
+@plain
+def draw_side(
+    problem: Problem,
+    front: Front,
+    *,
+    chosen: Mapping[str, int] | None = None,
+    colour: str | None = None,
+    figure: Figure | None = None,
+) -> Figure:
+    """Draw the camera's paths of a front from the side, among the obstacles that stand among them.
+
+    The picture looks along the ground, at right angles to the direction in which the paths spread most. What the map
+    shows of them (:func:`hpop.view.draw_map`), lines and colours, it shows too.
+
+    Parameters
+    ----------
+    problem : Problem
+        World, model, start and goal.
+    front : Front
+        Its trajectories, at least one; of more than 2,000 so many are drawn, evenly over the front.
+    chosen : mapping from label to row, optional
+        Trajectories to draw thick and name; by default the knee and the best of each criterion.
+    colour : str, optional
+        The criterion or reported value that colours the trajectories; by default the length, else the first.
+    figure : Figure, optional
+        Where to draw; by default a new figure that fits.
+
+    Raises
+    ------
+    UnknownColumnError
+        If the front has no criterion or reported value called ``colour``.
+    OptionError
+        If a chosen row is not one of the front's.
+    """
+    named, rows = marks(front, chosen), drawn_rows(front)
+    picked = [front.trajectories[mark.row] for mark in named]
+    paths = [camera_path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
+    start, goals = end_positions(problem, picked)
+    section = Section.along(paths)
+    region = Region.of(paths)
+    solid = spans(problem.world, section, region)
+    landmarks = problem.world.content.landmarks
+    near = [[(mark.x, mark.y, mark.z)] for mark in landmarks if shapely.intersects_xy(region.beside, mark.x, mark.y)]
+    view = _view(section.flattened(np.concatenate([*paths, [start], goals, *near])), tallest(solid))
+
+    def line(trajectory: Trajectory) -> FloatArray:
+        return section.flattened(camera_path(trajectory))
+
+    own = figure is None
+    figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="side")
+    symbols: list[Handle] = [
+        *draw_silhouettes(axes, solid, view),
+        *_draw_floor(axes, view),
+        *_draw_landmarks(axes, landmarks, section, view),
+        *planner_entries(front),
+    ]
+    bars = draw_all(axes, front, scale_of(front, colour), rows, line)
+    for layer, mark in enumerate(named):
+        at, gid = 3.5 + 0.1 * layer, f"views of {mark.label}"
+        trajectory = front.trajectories[mark.row]
+        draw_cones(axes, trajectory, mark.colour, view, section.flattened, zorder=at, gid=gid)
+    symbols.append(sight_entry(problem.model, cones=True))
+    lines = draw_named(axes, front, named, line)
+    places = [tuple(place) for place in section.flattened(goals).tolist()]
+    symbols += draw_ends(axes, section.flattened(start).tolist(), places, ("", goal_words(problem, len(goals))))
+    _draw_frame(axes, view, section)
+    lay_out(figure, axes, view, front, bars=bars, lines=lines, symbols=symbols, resize=own)
+    return figure
+
+
+def _view(points: FloatArray, top: float) -> View:
+    """What is shown: points (N, 2) with a border, down to the floor, and up to the obstacles' upper ends if near."""
+    (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
+    border = max(BORDER * max(b - a, high - min(low, 0.0)), LEAST_BORDER)
+    if top < high + 2.0 * border:
+        high = max(high, top)
+    return View(float(a - border), float(min(low, 0.0) - 0.5 * border), float(b + border), float(high + border))
+
+
+def _draw_floor(axes: Axes, view: View) -> Iterator[Handle]:
+    """The floor, at height 0."""
+    axes.axhspan(view.y_min - 1.0, 0.0, facecolor="white", edgecolor=EARTH, hatch="////", linewidth=0.0, zorder=1.1)
+    axes.axhline(0.0, color=EARTH, linewidth=1.4, zorder=2.0, gid="floor")
+    yield Patch(facecolor="none", edgecolor=EARTH, hatch="////", label="below the floor (height 0)")
+
+
+def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section, view: View) -> Iterator[Handle]:
+    """Stars at the landmarks' heights."""
+    look: dict[str, Any] = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
+    shown = 0
+    for mark in landmarks:
+        along, z = section.flattened(np.array([mark.x, mark.y, mark.z])).tolist()
+        if view.x_min < along < view.x_max and view.y_min < z < view.y_max:
+            shown += 1
+            axes.plot([along], [z], linestyle="none", markersize=11, zorder=5.7, gid="landmark", **look)
+            if len(landmarks) <= MOST_NAMES:
+                write(axes, mark.name, along, z, (6, 3), INK, "left")
+    if shown:
+        yield Line2D([], [], linestyle="none", markersize=9.5, label="landmark", **look)
+
+
+def _draw_frame(axes: Axes, view: View, section: Section) -> None:
+    stretch = stretch_of(view)
+    larger = f", drawn {stretch:.2g} times as large" if stretch > STRETCHED else ""
+    axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="auto")
+    axes.set_xlabel(section.label, fontsize=NORMAL)
+    axes.set_ylabel(f"height (m){larger}", fontsize=NORMAL)
+    axes.tick_params(labelsize=SMALL)
+    whole_ticks(axes.xaxis, False, most=9)
+    whole_ticks(axes.yaxis, False, most=6)
+    draw_caption(axes, "From the side: paths of the camera")
