@@ -5,7 +5,8 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,12 +26,17 @@ from hpop.text import shown
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
+if TYPE_CHECKING:
+    from hpop.motions.symbolic import SymbolicMotions
+
 KINDS = ("move", "turn", "drive")
 OF_HEAD = ("move", "turn", "pan", "tilt", "unwind")
 NEAR = 0.3  # share of the way to another state
 LEAST_CHANGE = 0.1  # m or rad: of what is drawn
 CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
+ALONE = 3  # one motion of so many is evaluated alone
+DIFFERENTIATED = 4  # motions of each batch: among many, one would lie at a kink
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
 FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
@@ -99,8 +105,9 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     if not jointed:
         yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
     if criterion.smooth:
-        yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, batches)))
-        yield Check("has the gradient of its differences", fault_of(lambda: _gradient(criterion, batches)))
+        functions = cache(lambda: list(_on_symbols(criterion, batches)))
+        yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, functions)))
+        yield Check("has the gradient of its differences", fault_of(lambda: _gradient(functions)))
 
 
 def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray]) -> str:
@@ -109,8 +116,9 @@ def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray]) -> st
 
 def _alone(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in batches:
-        together = motion_costs(criterion, motions)
-        apart = np.concatenate([motion_costs(criterion, _part(motions, slice(i, i + 1))) for i in range(len(motions))])
+        some = range(0, len(motions), ALONE)
+        together = motion_costs(criterion, motions)[::ALONE]
+        apart = np.concatenate([motion_costs(criterion, _part(motions, slice(i, i + 1))) for i in some])
         fault = differ(f"a {motions.kind} alone", together, apart, 1e-9)
         if fault:
             return fault
@@ -256,31 +264,36 @@ class _SampledWorld(World):
         return self.clearance_field(z=z)(x, y)
 
 
-def _symbolic(criterion: Criterion, batches: list[Motions]) -> str:
+def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[Motions, SymbolicMotions, Any]]:
+    """Batches, their symbols, and the function of the states that gives the costs and their Jacobian."""
     from hpop.motions.symbolic import SymbolicMotions
 
-    for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=3) for m in batches):
+    for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=1) for m in batches):
         symbols = SymbolicMotions.of(motions)
-        value, _ = symbols.values_and_jacobian(criterion.cost(symbols.motions))
+        yield motions, symbols, symbols.function(criterion.cost(symbols.motions))
+
+
+def _symbolic(criterion: Criterion, functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
+    for motions, symbols, function in functions():
+        value = np.array(function(symbols.point)[0]).ravel()
         fault = differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)
         if fault:
             return fault
     return ""
 
 
-def _gradient(criterion: Criterion, batches: list[Motions]) -> str:
-    from hpop.motions.symbolic import SymbolicMotions
-
-    for motions in (replace(_part(m, slice(0, 4)), panels=3) for m in batches if len(m) > 1):
-        symbols = SymbolicMotions.of(motions)
-        function = symbols.function(criterion.cost(symbols.motions))
-        value, jacobian = (np.array(part) for part in function(symbols.point))
+def _gradient(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
+    """Of a few motions of each batch, by one state after the other that changes in all motions at once."""
+    for motions, symbols, function in (one for one in functions() if len(one[0]) > 1):
+        value, jacobian = (np.array(part)[:DIFFERENTIATED] for part in function(symbols.point))
+        slopes = jacobian.reshape(len(value), -1, len(motions)).sum(axis=2)  # (M, states)
         least = GRADIENT_STEP / GRADIENT_TOLERANCE  # beside a kink differences are no more exact than their step
         scale = max(least, *(float(np.abs(part).max()) for part in (value, jacobian)))  # nor than the values
-        for column, step in enumerate(GRADIENT_STEP * np.eye(symbols.point.size)):
-            below, above = (np.array(function(symbols.point + ahead)[0]).ravel() for ahead in (-step, step))
+        for column, found in enumerate(slopes.T):
+            step = GRADIENT_STEP * np.repeat(np.arange(slopes.shape[1]) == column, len(motions))
+            below, above = (np.array(function(symbols.point + ahead)[0])[: len(value), 0] for ahead in (-step, step))
             slope = (above - below) / (2 * GRADIENT_STEP)
-            fault = differ(f"d cost/d state of a {motions.kind}", slope, jacobian[:, column], GRADIENT_TOLERANCE, scale)
+            fault = differ(f"d cost/d state of a {motions.kind}", slope, found, GRADIENT_TOLERANCE, scale)
             if fault:
                 return fault
     return ""
