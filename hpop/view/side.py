@@ -25,7 +25,7 @@ from hpop.view.paths import camera_path
 from hpop.view.section import Section
 from hpop.view.sheet import stretch_of
 from hpop.view.sight import draw_cones, sight_entry
-from hpop.view.silhouettes import Region, draw_silhouettes, spans, tallest
+from hpop.view.silhouettes import Surroundings, draw_silhouettes, tallest
 from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, new_figure, plain, whole_ticks
 from hpop.world.content import Landmark
 
@@ -74,10 +74,10 @@ def draw_side(
     paths = [camera_path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     start, goals = end_positions(problem, picked)
     section = Section.along(paths)
-    region = Region.of(paths)
-    solid = spans(problem.world, section, region)
+    around = Surroundings.of(paths)
+    solid = around.silhouettes(problem.world, section)
     landmarks = problem.world.content.landmarks
-    near = [[(mark.x, mark.y, mark.z)] for mark in landmarks if shapely.intersects_xy(region.beside, mark.x, mark.y)]
+    near = [[(mark.x, mark.y, mark.z)] for mark in landmarks if shapely.intersects_xy(around.beside, mark.x, mark.y)]
     view = _view(section.flattened(np.concatenate([*paths, [start], goals, *near])), tallest(solid))
 
     def line(trajectory: Trajectory) -> FloatArray:

@@ -86,7 +86,6 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None) -> Fig
         _draw_column(axes, Column.of(model.space, name), named, sampled)
     panels[0].set_xlim(0.0, max(trajectory.duration for trajectory in trajectories) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
-    figure.align_ylabels(panels.tolist())
     figure.suptitle(_title(model, names), fontsize=LARGE)
     handles = [Line2D([], [], label=mark.label, **_look(mark)) for mark in named]
     if any(Column.of(model.space, name).limits for name in names):
@@ -110,7 +109,8 @@ def _draw_column(
         axes.plot(times, values, gid=gid, zorder=at, **_look(mark))
     for limit in column.limits:
         axes.axhline(limit, gid=f"limit of {column.name}", zorder=1, **LIMIT)
-    axes.set_ylabel(printable(f"{column.name} ({column.unit})"), fontsize=NORMAL)
+    name = printable(f"{column.name} ({column.unit})")  # above the panel: joints have long names
+    axes.set_title(name, fontsize=NORMAL, loc="left", pad=3)
     axes.tick_params(labelsize=SMALL)
     axes.margins(y=0.08)
     axes.spines[["top", "right"]].set_visible(False)

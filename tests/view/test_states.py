@@ -16,7 +16,7 @@ from tests.view.test_sight import HEAD, trajectory
 
 
 def panels(figure):
-    return {axes.get_ylabel(): axes for axes in figure.axes}
+    return {axes.get_title(loc="left"): axes for axes in figure.axes}
 
 
 def by_gid(axes, gid):
