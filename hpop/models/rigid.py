@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -40,13 +39,13 @@ class RigidPose:
     mount: Mount
     states: States
 
-    @cached_property
+    @property
     def x(self) -> Column:
         if not self.mount.lever:
             return self.states.x
         return self.states.x + self.mount.ahead * np.cos(self.states.yaw) - self.mount.left * np.sin(self.states.yaw)
 
-    @cached_property
+    @property
     def y(self) -> Column:
         if not self.mount.lever:
             return self.states.y
@@ -68,7 +67,7 @@ class RigidPose:
     def roll(self) -> Column:
         return np.zeros(self.states.size)
 
-    @cached_property
+    @property
     def ahead(self) -> Vector:
         return np.cos(self.yaw), np.sin(self.yaw), 0.0
 

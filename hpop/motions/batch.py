@@ -247,10 +247,8 @@ class Motions:
         def pick(column: Column) -> Column:
             return column if owner is None else column[owner]
 
-        picked, start, end = phase, self.start, self.end
-        if owner is not None:
-            picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
-            start, end = picked_states(self.start, pick), picked_states(self.end, pick)
+        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
+        start, end = picked_states(self.start, pick), picked_states(self.end, pick)
         share = picked.share(u)
 
         def column(name: str) -> Column:
@@ -263,7 +261,6 @@ class Motions:
         def share_rates() -> tuple[Column, Column]:
             return picked.share_rates(u)
 
-        @cache
         def derivatives(name: str) -> tuple[Column, Column]:
             if name not in self.law.varies:
                 return 0.0 * picked.duration, 0.0 * picked.duration
