@@ -29,7 +29,7 @@ from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.page import Bar, Handle, draw_caption, lay_out
 from hpop.view.paths import Heights, camera_heights, path_points
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE
-from hpop.view.sight import draw_sight, looks_aside, sight_entry
+from hpop.view.sight import draw_sight, from_above, looks_aside, sight_entry
 from hpop.view.style import (
     NORMAL,
     QUIET,
@@ -43,6 +43,7 @@ from hpop.view.style import (
     turns_in_place,
     whole_ticks,
 )
+from hpop.view.targets import draw_targets, targets_of
 from hpop.world.limits import LimitPassed
 
 
@@ -86,7 +87,7 @@ def draw_map(
     picked = [front.trajectories[mark.row] for mark in named]
     shown = [front.trajectories[row] for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     if view is None:
-        view = view_of(problem, [path_points(trajectory) for trajectory in shown])
+        view = view_of(problem, [*(path_points(trajectory) for trajectory in shown), targets_of(problem)[:, :2]])
     scale = scale_of(front, colour) if len(front) else None
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
@@ -95,6 +96,7 @@ def draw_map(
     symbols: list[Handle] = [
         *draw_obstacles(axes, problem.world, heights, view),
         *draw_content(axes, problem.world, view),
+        *draw_targets(axes, problem, from_above),
     ]
     bars: list[Bar] = []
     if scale is not None:

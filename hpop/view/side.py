@@ -27,6 +27,7 @@ from hpop.view.sheet import stretch_of
 from hpop.view.sight import draw_cones, sight_entry
 from hpop.view.silhouettes import Surroundings, draw_silhouettes, tallest
 from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, new_figure, plain, whole_ticks
+from hpop.view.targets import draw_targets, targets_of
 from hpop.world.content import Landmark
 
 BORDER = 0.1  # round the paths, as a share of the longer side of the picture
@@ -77,8 +78,9 @@ def draw_side(
     around = Surroundings.of(paths)
     solid = around.silhouettes(problem.world, section)
     landmarks = problem.world.content.landmarks
-    near = [[(mark.x, mark.y, mark.z)] for mark in landmarks if shapely.intersects_xy(around.beside, mark.x, mark.y)]
-    view = _view(section.flattened(np.concatenate([*paths, [start], goals, *near])), tallest(solid))
+    points = np.array([*((mark.x, mark.y, mark.z) for mark in landmarks), *targets_of(problem)]).reshape(-1, 3)
+    near = points[shapely.intersects_xy(around.beside, points[:, 0], points[:, 1])]
+    view = _view(section.flattened(np.concatenate([*paths, [start], goals, near])), tallest(solid))
 
     def line(trajectory: Trajectory) -> FloatArray:
         return section.flattened(camera_path(trajectory))
@@ -90,6 +92,7 @@ def draw_side(
         *draw_silhouettes(axes, solid, view),
         *_draw_floor(axes, view),
         *_draw_landmarks(axes, landmarks, section, view),
+        *draw_targets(axes, problem, section.flattened),
         *planner_entries(front),
     ]
     bars = draw_all(axes, front, scale_of(front, colour), rows, line)

@@ -50,7 +50,7 @@ def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, z
     Where the robot stands, it is the view with which it goes on.
     """
     if "base" not in trajectory.model.provides:
-        draw_cones(axes, trajectory, colour, view, lambda points: points[..., :2], zorder=zorder, gid=gid)
+        draw_cones(axes, trajectory, colour, view, from_above, zorder=zorder, gid=gid)
         return
     reach = REACH * max(view.width, view.height)
     pose = trajectory.model.pose("camera", trajectory.at(_moments(trajectory, APART * reach)))
@@ -62,6 +62,11 @@ def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, z
     drawn = PatchCollection(wedges, **_look(colour))
     drawn.set(zorder=zorder, gid=gid)
     axes.add_collection(drawn, autolim=False)
+
+
+def from_above(points: FloatArray) -> FloatArray:
+    """Points in space (..., 3) as they are on a map (..., 2)."""
+    return points[..., :2]
 
 
 def draw_cones(

@@ -28,6 +28,7 @@ from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
 from hpop.view.paths import camera_heights, motion_lines, path_points
 from hpop.view.sheet import LINE
+from hpop.view.sight import from_above
 from hpop.view.style import (
     LARGE,
     NORMAL,
@@ -40,6 +41,7 @@ from hpop.view.style import (
     whole_ticks,
     written,
 )
+from hpop.view.targets import draw_targets
 
 COLUMNS = 2  # of maps
 ENTRIES = 3  # of the legend in a row, below two maps
@@ -91,6 +93,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
             *draw_ends(axes, ends[0], ends[1:]),
             *draw_obstacles(axes, problem.world, heights, view),
             *draw_content(axes, problem.world, view, small=True),
+            *draw_targets(axes, problem, from_above),
         ]
         axes.set_xlim(view.x_min, view.x_max)
         axes.set_ylim(view.y_min, view.y_max)

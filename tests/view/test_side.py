@@ -157,6 +157,19 @@ def test_a_goal_that_lists_no_states_is_where_trajectories_end():
         assert any(text.startswith("G: goal, where trajectories end") for text in legend_texts(figure))
 
 
+def test_what_a_criterion_looks_at_has_a_ring_in_every_view():
+    can = {"target": [0.6, 0.1, 0.4]}
+    problem, front = seen(Reacher(), REACHED, criteria=["duration", {"look_at": can}, {"view_distance": can}])
+    for figure, label, place in (
+        (draw_map(problem, front), "map", (0.6, 0.1)),
+        (draw_side(problem, front), "side", None),
+    ):
+        (rings,) = found(figure, label, "targets")
+        assert len(rings.get_xydata()) == 1
+        assert rings.get_xydata()[0][1] == pytest.approx(place[1] if place else 0.4)
+        assert "target of look_at, view_distance" in legend_texts(figure)
+
+
 # What is drawn of whom
 
 
