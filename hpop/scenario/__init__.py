@@ -3,7 +3,8 @@
 ::
 
     world:
-      ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons, a reader of an installed package
+      ros_map: {path: office/map.yaml}      # or movingai, geojson, image, polygons, moveit_scene, solids, a reader of
+                                            # an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
@@ -53,14 +54,18 @@ from hpop.scenario.faults import Faults, entries
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
+    CylinderSize,
     GeoJSON,
     Image,
     LandmarkEntry,
+    MoveItScene,
     MovingAI,
     PersonEntry,
     ReaderFile,
     RosMap,
     ScenarioFile,
+    SolidEntry,
+    Solids,
     WorldSection,
     ZoneEntry,
 )
@@ -71,6 +76,9 @@ from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.readers import read_world
 from hpop.world.shapes import check_coordinates
+from hpop.world.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+
+SHAPES = ("box", "cylinder", "sphere", "hull")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -115,9 +123,10 @@ def load_scenario(path: str | Path) -> Scenario:
     space = model.space if isinstance(model, Model) else None
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
     goal: Any = faults.goal(given["goal"], ("goal",), space) if "goal" in given else None
-    people = faults.made(given, "people", PersonEntry, partial(_person, faults))
-    landmarks = faults.made(given, "landmarks", LandmarkEntry, partial(_landmark, faults))
-    zones = faults.made(given, "zones", ZoneEntry, _zone)
+    people = faults.made(given.get("people"), ("people",), PersonEntry, partial(_person, faults))
+    landmarks = faults.made(given.get("landmarks"), ("landmarks",), LandmarkEntry, partial(_landmark, faults))
+    zones = faults.made(given.get("zones"), ("zones",), ZoneEntry, _zone)
+    solids = faults.made(_solid_entries(given), ("world", "solids", "obstacles"), SolidEntry, partial(_solid, faults))
     groups = _groups(faults, given.get("groups"), people)
     faults.raise_all()
     asked_quanta = given.get("quanta")
@@ -130,7 +139,7 @@ def load_scenario(path: str | Path) -> Scenario:
     given_as = reader or next(name for name, value in file.world if value is not None)
     with faults.collected(("world", given_as)), _reading(spending):
         bare = (
-            _bare_world(file.world, folder)
+            _bare_world(file.world, folder, cast(list[Solid], solids))
             if reader is None or to_read is None
             else read_world(reader, folder / to_read.path, **to_read.model_extra)
         )
@@ -167,6 +176,35 @@ def _person(faults: Faults, entry: PersonEntry, place: Place) -> Person:
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
     """A landmark as an entry says."""
     return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
+
+
+def _solid_entries(given: Any) -> Any:
+    """The entries of a world of solids, if the world is one."""
+    for key in ("world", "solids", "obstacles"):
+        given = given.get(key) if isinstance(given, dict) else None
+    return given
+
+
+def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
+    """A solid as an entry says."""
+    shapes = [name for name in SHAPES if getattr(entry, name) is not None]
+    if len(shapes) != 1:
+        faults.add(place, f"give exactly one of {', '.join(SHAPES)}; got {' and '.join(shapes) or 'none'}")
+        return None
+    if entry.rpy is not None and entry.quaternion is not None:
+        faults.add(place, "give rpy or quaternion, not both")
+        return None
+    angles = [faults.angle(angle, (*place, "rpy", i), "an angle") for i, angle in enumerate(entry.rpy or (0.0,) * 3)]
+    match entry:
+        case SolidEntry(box=(_, _, _) as size):
+            shape: Shape = Box(size)
+        case SolidEntry(cylinder=CylinderSize() as size):
+            shape = Cylinder(size.radius, size.length)
+        case SolidEntry(sphere=float() as radius):
+            shape = Sphere(radius)
+        case _:
+            shape = Hull(entry.hull)  # type: ignore[arg-type]  # it makes an array of them
+    return Solid(shape, pose_at(entry.position, rpy=angles, quaternion=entry.quaternion), entry.name)
 
 
 def _groups(faults: Faults, given: Any, people: list[Person | None]) -> list[list[int]]:
@@ -243,7 +281,7 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
     return noted if world.source is None else noted.read_from(world.source)
 
 
-def _bare_world(section: WorldSection, folder: Path) -> World:
+def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
     """The world of a section as its reader gives it; paths are relative to the folder."""
     match next(value for _, value in section if value is not None):
         case RosMap() as given:
@@ -265,6 +303,10 @@ def _bare_world(section: WorldSection, folder: Path) -> World:
                 origin=given.origin,
                 height=given.height,
             )
+        case MoveItScene() as given:
+            return World.from_moveit_scene(folder / given.path)
+        case Solids() as given:
+            return World.from_solids(solids, extent=None if given.extent is None else shapely.Polygon(given.extent))
         case given:
             prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
             closed = [shapely.Polygon(corners) for corners in given.keep_out]

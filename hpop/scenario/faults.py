@@ -194,10 +194,12 @@ class Faults:
         )
         return 0.0
 
-    def made(self, given: Any, key: str, schema: type[BaseModel], make: Callable[[Any, Place], T]) -> list[T | None]:
+    def made(
+        self, given: Any, within: Place, schema: type[BaseModel], make: Callable[[Any, Place], T]
+    ) -> list[T | None]:
         """What the entries of a list stand for; None after noting what is wrong with one."""
         things: list[T | None] = []
-        for place, entry in (((key, i), entry) for i, entry in enumerate(entries(given.get(key)))):
+        for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
             things.append(None)
             checked = self.validated(schema, entry, place) if isinstance(entry, dict) else None
             if checked is not None:

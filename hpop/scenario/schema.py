@@ -13,6 +13,8 @@ STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_buil
 DEFAULT_MODEL = "differential_drive"
 DEFAULT_PLANNER = "lattice"
 Paths = str | list[str]
+Named = dict[str, dict[str, Any] | None]
+Entry = dict[str, Any]
 
 
 def _form(what: str) -> WrapValidator:
@@ -29,6 +31,9 @@ def _form(what: str) -> WrapValidator:
 
 # A validator is given JSON's lists, which strictly are no tuples; what is in them stays strict.
 Pair = Annotated[tuple[float, float], Strict(False)]
+Triple = Annotated[tuple[float, float, float], Strict(False)]
+Angles = Annotated[tuple[float | str, float | str, float | str], Strict(False)]
+Quaternion = Annotated[tuple[float, float, float, float], Strict(False)]
 Origin = Annotated[tuple[float, float, float], Strict(False), _form("an origin [x, y, yaw] in m, m and rad")]
 Point = Annotated[Pair, _form("a point [x, y] in m")]
 Heights = Annotated[Pair, _form("heights [z_min, z_max] in m")]
@@ -96,6 +101,39 @@ class Polygons(_Strict):
     keep_out: list[list[Point]] = []
 
 
+class MoveItScene(_Strict):
+    """A planning scene of MoveIt or MotionBenchMaker, in YAML."""
+
+    path: str
+
+
+class CylinderSize(_Strict):
+    """A cylinder, m; its axis is z."""
+
+    radius: float = Field(gt=0)
+    length: float = Field(gt=0)
+
+
+class SolidEntry(_Strict):
+    """A solid in space, m, of exactly one shape; turned by angles in rad, or as text such as "90 deg"."""
+
+    box: Annotated[Triple, _form("a size [x, y, z] in m")] | None = None
+    cylinder: CylinderSize | None = None
+    sphere: float | None = Field(default=None, gt=0)
+    hull: list[Annotated[Triple, _form("a point [x, y, z] in m")]] | None = Field(default=None, min_length=4)
+    position: Annotated[Triple, _form("a position [x, y, z] in m")] = (0.0, 0.0, 0.0)
+    rpy: Annotated[Angles, _form("[roll, pitch, yaw] in rad or as '90 deg'")] | None = None
+    quaternion: Annotated[Quaternion, _form("a quaternion [x, y, z, w]")] | None = None
+    name: str = ""
+
+
+class Solids(_Strict):
+    """Solids in space written out; robots in the plane stay in ``extent``."""
+
+    obstacles: list[Entry] = []
+    extent: list[Point] | None = Field(default=None, min_length=3)
+
+
 class WorldSection(_Strict):
     """Exactly one of the ways to give a world."""
 
@@ -104,6 +142,8 @@ class WorldSection(_Strict):
     geojson: GeoJSON | None = None
     image: Image | None = None
     polygons: Polygons | None = None
+    moveit_scene: MoveItScene | None = None
+    solids: Solids | None = None
 
 
 class ReaderFile(BaseModel):
@@ -143,10 +183,6 @@ class ZoneEntry(_Strict):
     limit: float | None = Field(default=None, gt=0)
     path: list[Point] | None = Field(default=None, min_length=2)
     name: str = ""
-
-
-Named = dict[str, dict[str, Any] | None]
-Entry = dict[str, Any]
 
 
 class ScenarioFile(_Strict):

@@ -23,6 +23,7 @@ from hpop.text import shown
 from hpop.world.content import Content
 from hpop.world.ground import Ground, Heights
 from hpop.world.shapes import Obstacle, Raster, check_size
+from hpop.world.solids import Solid
 from hpop.world.world import World
 
 
@@ -31,10 +32,12 @@ def describe(world: World) -> dict[str, Any]:
     content = {"content": _lists(world.content.describe())} if world.content.present or world.content.zones else {}
     if world.source is not None:
         return {**_lists(world.source), **content}
-    raster = world.raster
+    raster, solids = world.raster, [solid.describe() for solid in world.ground.solids]
+    prisms = [obstacle for obstacle in world.obstacles if obstacle.solid is None]
     return {
         "kind": "geometry",
-        "obstacles": [{"polygon": _geometry(o.polygon), "z": _heights(o.heights)} for o in world.obstacles],
+        "obstacles": [{"polygon": _geometry(o.polygon), "z": _heights(o.heights)} for o in prisms],
+        **({"solids": solids} if solids else {}),
         "raster": None if raster is None else _raster(raster),
         "keep_out": _geometry(world.keep_out),
         "extent": _geometry(world.extent),
@@ -52,8 +55,10 @@ def summary(world: World) -> str:
         rows, columns = world.raster.cells.shape
         parts.append(f"{columns} x {rows} cells of {world.raster.resolution:g} m")
     content = world.content
-    things = (world.obstacles, content.people, content.landmarks, content.zones)
-    names = ("obstacles", "people", "landmarks", "zones")
+    solids = world.ground.solids
+    prisms = world.obstacles[: len(world.obstacles) - len(solids)]
+    things = (prisms, solids, content.people, content.landmarks, content.zones)
+    names = ("obstacles", "solids", "people", "landmarks", "zones")
     parts += [f"{name}: {len(some)}" for name, some in zip(names, things, strict=True) if some]
     if world.source is not None:
         parts.append(str(world.source["path"]))
@@ -187,6 +192,7 @@ def _from_geometry(data: Mapping[str, Any]) -> World:
         raster=None if raster is None else _build_raster(raster),
         extent=_polygons(data["extent"]),
         outside_is_obstacle=bool(data["outside_is_obstacle"]),
+        solids=tuple(Solid.build(solid) for solid in data.get("solids", ())),
     )
     return World(ground, _polygons(data["keep_out"]), tuple(str(note) for note in data["notes"]))
 

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError, OptionError
 from hpop.text import shown
+from hpop.world.bodies import solid_bodies
 from hpop.world.cache import Cache
 from hpop.world.crossings import check_joinable
 from hpop.world.extent import check_area, check_size, extent_of
@@ -20,6 +21,7 @@ from hpop.world.field import Field
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import sample_clearance, sample_obstruction
 from hpop.world.shapes import Obstacle, Raster, check_prisms, overlaps
+from hpop.world.solids import Solid, check_solids, not_upright
 
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
@@ -44,12 +46,13 @@ class Layer(NamedTuple):
 class Ground:
     """Obstacles, and where a robot must stay, in metres: a world without its content.
 
-    obstacles            upright prisms
+    obstacles            upright prisms; those round the solids are the last of them
     raster               occupancy cells, or None
     extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
                          bounding box of the obstacles
     outside_is_obstacle  whether the camera counts all beyond the extent as obstacle (as high as the raster's
                          cells; the whole height without a raster)
+    solids               boxes, cylinders, spheres and hulls in space; those whose prisms are among ``obstacles`` too
     path                 the file that all this was read from, or None
 
     Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled. They
@@ -60,12 +63,19 @@ class Ground:
     raster: Raster | None = None
     extent: BaseGeometry = field(default_factory=MultiPolygon)
     outside_is_obstacle: bool = False
+    solids: tuple[Solid, ...] = ()
     path: str | None = field(default=None, init=False)
     cache: Cache = field(default_factory=Cache, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Fill in the extent and check the geometries."""
-        object.__setattr__(self, "obstacles", check_prisms(self.obstacles))
+        prisms = check_prisms(self.obstacles)
+        around = {
+            prism.solid: prism for prism in prisms if prism.solid is not None
+        }  # of a ground of which this is made
+        around |= {solid: Obstacle.around(solid) for solid in check_solids(self.solids) if solid not in around}
+        object.__setattr__(self, "solids", tuple(around))
+        object.__setattr__(self, "obstacles", (*(p for p in prisms if p.solid is None), *around.values()))
         if not isinstance(self.raster, Raster | None):
             raise MapError(
                 f"raster must be a hpop.world.Raster; got {shown(self.raster)}. See World.from_cells(cells)."
@@ -104,7 +114,21 @@ class Ground:
         x0, y0, x1, y1 = self.bounds
         return min(CELL, min(x1 - x0, y1 - y0) / 50)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a robot in the plane meets otherwise than it is, in words."""
+        return not_upright(self.solids)
+
     # What is solid
+
+    @property
+    def bodies(self) -> tuple[Solid, ...]:
+        """All that is solid, as convex solids: the given ones, pieces of prisms that were given as such, and cells.
+
+        Prisms and cells without a lower or upper end are cut 10 m below or above the floor (z = 0), or that far from
+        the end that they have. Raises MapError where there are more than 5,000.
+        """
+        return self.derived(("bodies",), lambda: solid_bodies(self.obstacles, self.raster))
 
     @property
     def has_heights(self) -> bool:

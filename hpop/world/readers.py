@@ -17,12 +17,13 @@ from typing import Any
 
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.registry import readers
-from hpop.world import geojson, image, movingai, ros_map
+from hpop.world import geojson, image, moveit_scene, movingai, ros_map
 from hpop.world.limits import LimitPassed
 from hpop.world.world import World
 
 readers.add("geojson", geojson.read)
 readers.add("image", image.read)
+readers.add("moveit_scene", moveit_scene.read)
 readers.add("movingai", movingai.read)
 readers.add("ros_map", ros_map.read)
 

@@ -1,4 +1,4 @@
-"""What a world is made of: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
+"""What a world is in the plane: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from hpop.options import FARTHEST, MOST, real
 from hpop.text import shown
 from hpop.world.crossings import check_joinable
 from hpop.world.outlines import outlined
+from hpop.world.solids import Solid
 
 MAX_CELLS = 100_000_000
 """Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
@@ -122,16 +123,20 @@ class Obstacle:
 
     polygon       shapely Polygon   m   outline in the world frame, holes allowed
     z_min, z_max  float             m   -inf and inf mean "the whole height"
+    solid         Solid or None     what this is the prism round; None where the prism itself was given
     """
 
     polygon: Polygon
     z_min: float = -math.inf
     z_max: float = math.inf
+    solid: Solid | None = None
 
     def __post_init__(self) -> None:
         """Check the outline and the heights."""
         if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
             raise MapError(f"an obstacle must be a shapely Polygon with an area; got {shown(self.polygon)}.")
+        if not isinstance(self.solid, Solid | None):
+            raise MapError(f"an obstacle's solid must be a hpop.world.Solid; got {shown(self.solid)}.")
         check_coordinates(self.polygon, "an obstacle")
         check_joinable([self.polygon], "an obstacle")
         if not self.polygon.is_valid:
@@ -140,6 +145,11 @@ class Obstacle:
         z_min, z_max = check_heights((self.z_min, self.z_max))
         object.__setattr__(self, "z_min", z_min)
         object.__setattr__(self, "z_max", z_max)
+
+    @classmethod
+    def around(cls, solid: Solid) -> Obstacle:
+        """The upright prism round a solid."""
+        return cls(solid.outline, *solid.heights, solid)
 
     @property
     def heights(self) -> tuple[float, float]:

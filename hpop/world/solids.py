@@ -6,9 +6,10 @@ A robot in the plane meets the upright prism round each: `Solid.outline` between
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ from shapely.geometry import Polygon
 
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import MapError
+from hpop.math import not_radians
 from hpop.options import FARTHEST, LEAST, MOST, real
-from hpop.text import shown
+from hpop.text import printable, shown
 
 SAGITTA = 1e-3
 """By how much an outline of straight edges leaves a circle, m, or radii where the radius is more than 1 m."""
@@ -26,6 +28,10 @@ ORTHONORMAL = 1e-6
 """By how much the axes of a pose may miss length 1 and right angles."""
 TILT = 1e-9
 """Sine of the angle to the vertical below which an axis is upright."""
+MOST_SOLIDS = 5_000
+"""Solids of a world."""
+MARGIN = 1.0
+"""How far a world without an extent goes beyond its solids, m: that a robot has room beside them."""
 MOST_POINTS = 100_000
 """Points of which a hull is made: some tenths of a second."""
 
@@ -224,7 +230,7 @@ class Solid:
     @cached_property
     def is_upright(self) -> bool:
         """Whether the solid is the upright prism round it, but for the edges of a circle."""
-        vertical = np.abs(self.pose[2, :3]) >= math.sqrt(1 - TILT**2)
+        vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
         match self.shape:
             case Box():
                 return bool(vertical.any())
@@ -258,6 +264,31 @@ class Solid:
         return cls(shape, [*data["pose"], [0.0, 0.0, 0.0, 1.0]], data["name"])  # type: ignore[arg-type]  # made an array
 
 
+def check_solids(solids: Any) -> tuple[Solid, ...]:
+    """The solids of a world as a tuple, or `MapError` where that is something else, or too many."""
+    found = tuple(islice(solids, MOST_SOLIDS + 1)) if isinstance(solids, Iterable) else (solids,)
+    if not all(isinstance(solid, Solid) for solid in found):
+        raise MapError(
+            f"solids must be a list of hpop.world.Solid, each a shape with its pose; got {shown(solids)}. See "
+            "World.from_solids(solids) and World.from_moveit_scene(path)."
+        )
+    if len(found) > MOST_SOLIDS:
+        raise MapError(f"a world has at most {MOST_SOLIDS:,} solids; got more. Give a part of it.")
+    return found
+
+
+def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
+    """A note on those that are more in the plane than they are; none where all are upright."""
+    names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
+    if not names:
+        return ()
+    listed = ", ".join([*(printable(name)[:40] for name in names[:8]), *["..."] * (len(names) > 8)])
+    return (
+        f"{len(names):,} of {len(solids):,} solids ({listed}) are no upright prisms: a robot in the plane, its "
+        "clearance and obstruction take the prism round each.",
+    )
+
+
 def pose_at(
     position: Sequence[float] = (0.0, 0.0, 0.0),
     *,
@@ -279,6 +310,8 @@ def pose_at(
         pose[:3, :3] = Rotation.from_quat(turned).as_matrix()
     else:
         angles = _numbers("roll, pitch and yaw", rpy, 3)
+        if advice := next(filter(None, map(not_radians, angles)), ""):
+            raise MapError(f"each of roll, pitch and yaw {advice}.")
         if any(angles):  # none leaves the numbers exactly as they are
             pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
     return pose

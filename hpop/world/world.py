@@ -18,6 +18,7 @@ from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
 from hpop.options import LEAST, MOST, real
 from hpop.text import shown
+from hpop.world.bodies import closed_bodies
 from hpop.world.cache import Cache
 from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
@@ -27,6 +28,7 @@ from hpop.world.ground import WHOLE, Ground, Heights, union
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed
 from hpop.world.shapes import Obstacle, Raster, check_heights
+from hpop.world.solids import MARGIN, Solid, check_solids
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -41,7 +43,7 @@ class World:
 
     ground    obstacles, and the extent where the robot must stay: all that is solid
     keep_out  shapely geometry, m: closed to the robot, invisible to the camera
-    notes     what a reader left out or mended
+    notes     what a reader left out or mended, and which solids are not upright
     content   people, landmarks and zones; see `with_content`
     source    how to build the same world again, see `describe`
 
@@ -64,6 +66,7 @@ class World:
                 "World.from_geojson(path) and World.from_polygons(polygons)."
             )
         check_area("keep_out", self.keep_out)
+        object.__setattr__(self, "notes", tuple(dict.fromkeys((*self.notes, *self.ground.notes))))
         areas = [self.keep_out, *(zone.area for zone in self.content.zones)]
         if not all(area.is_empty for area in areas):
             check_joinable([*(o.polygon for o in self.obstacles), self.extent, *areas], "the world")
@@ -149,6 +152,35 @@ class World:
         return cls(Ground(raster=raster, outside_is_obstacle=outside_is_obstacle), _or_nothing(keep_out))
 
     @classmethod
+    def from_solids(cls, solids: Iterable[Solid], *, extent: BaseGeometry | None = None) -> World:
+        """Build a world from solids in space; without an extent, their bounding box and 1 m more on each side.
+
+        There is no floor but what is given as one. In the plane each solid is the upright prism round it.
+
+        >>> from hpop.world import Box, pose_at
+        >>> world = World.from_solids([Solid(Box((2.0, 3.0, 1.0)), pose_at((5.0, 1.5, 0.5)))])
+        >>> world.bounds, world.clearance(np.array([3.25]), np.array([1.0]))
+        ((3.0, -1.0, 7.0, 4.0), array([0.25]))
+        """
+        given = check_solids(solids)
+        if extent is None:
+            if not given:
+                raise MapError("a world without solids needs extent=, where the robot must stay.")
+            bounds = np.stack([solid.bounds for solid in given])
+            (x0, y0), (x1, y1) = bounds[:, 0, :2].min(axis=0) - MARGIN, bounds[:, 1, :2].max(axis=0) + MARGIN
+            extent = shapely.box(x0, y0, x1, y1)
+        elif isinstance(extent, BaseGeometry) and extent.is_empty:
+            raise MapError("extent is empty: the robot would have nowhere to be.")
+        return cls(Ground(extent=extent, solids=given))
+
+    @classmethod
+    def from_moveit_scene(cls, path: str | Path) -> World:
+        """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.moveit_scene.read`."""
+        from hpop.world import moveit_scene
+
+        return moveit_scene.read(path)
+
+    @classmethod
     def from_ros_map(
         cls,
         path: str | Path,
@@ -216,8 +248,17 @@ class World:
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """Upright prisms."""
+        """Upright prisms, those round solids included."""
         return self.ground.obstacles
+
+    @property
+    def bodies(self) -> tuple[Solid, ...]:
+        """What a robot in space must not touch, as convex solids: `Ground.bodies`, and what content closes to it.
+
+        A person who stands is a column, as in the plane, and a keep-out zone is closed over the whole height: both
+        from 10 m below the floor to 10 m above. The border of the extent is none: it is where a base must stay.
+        """
+        return self.derived(("bodies",), lambda: self.ground.bodies + closed_bodies(self.content, self.keep_out))
 
     @property
     def raster(self) -> Raster | None:

@@ -1,0 +1,180 @@
+"""What a world has in space, as convex solids: what an arm meets, whatever it was given as."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.errors import MapError
+from hpop.options import LEAST
+from hpop.world import limits
+from hpop.world.content import Content
+from hpop.world.shapes import Obstacle, Raster
+from hpop.world.solids import Box, Cylinder, Hull, Solid
+
+ENDLESS = 10.0
+"""How far what has no end goes up and down from the floor, m; no further than so from what end it has."""
+MOST_BODIES = 5_000
+"""Bodies of a world."""
+MOST_RUNS = 1_000_000
+"""Rows of neighbouring cells that are joined to rectangles."""
+EXACT = 1e-12
+"""Share of an area by which convex outlines may differ from what they are made of: rounding."""
+SLIVER = 10 * LEAST
+"""Width of a piece, m, below which the rectangle round it is taken for it."""
+
+MAKING = "the bodies of the world were made"
+
+
+def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
+    """Solids as given, convex pieces of prisms, and rectangles of cells; MapError where there are too many."""
+    bodies: list[Solid] = []
+    for place, obstacle in enumerate(obstacles):
+        limits.check(MAKING)
+        if obstacle.solid is not None:
+            bodies.append(obstacle.solid)
+        else:
+            bodies += prisms(obstacle.polygon, obstacle.heights, f"obstacle {place}")
+        _check_count(len(bodies), "obstacles")
+    return (*bodies, *(_boxes(raster) if raster is not None else ()))
+
+
+def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
+    """What is closed though nothing solid is there, at all heights: people who stand, as columns; keep-out zones."""
+    bodies = []
+    for place, person in enumerate(content.people):
+        if not person.moves:
+            pose = np.eye(4)
+            pose[:2, 3] = person.x, person.y
+            bodies.append(Solid(Cylinder(person.radius, 2 * ENDLESS), pose, person.name or f"person {place}"))
+    zones = [(zone.area, zone.name) for zone in content.zones if zone.kind == "keep-out"]
+    for area, name in [(keep_out, ""), *zones]:
+        for polygon in shapely.get_parts(area):
+            bodies += prisms(polygon, (-math.inf, math.inf), name or "keep-out zone")
+            _check_count(len(bodies), "keep-out zones")
+    return tuple(bodies)
+
+
+def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterator[Solid]:
+    """Convex prisms that together are one over a polygon; endless ones are cut, see `ENDLESS`."""
+    low, high = heights
+    bottom = low if math.isfinite(low) else min(-ENDLESS, high - ENDLESS)
+    top = high if math.isfinite(high) else max(ENDLESS, low + ENDLESS)
+    for piece in convex_pieces(polygon):
+        yield _prism(piece, bottom, top, name)
+
+
+def convex_pieces(polygon: Polygon) -> list[Polygon]:
+    """Convex polygons that together are a polygon: triangles, joined across their longest sides first.
+
+    >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
+    [2.5, 8.5]
+    """
+    hull = shapely.convex_hull(polygon)
+    if hull.area <= polygon.area * (1 + EXACT):
+        return [hull]  # type: ignore[list-item]  # a polygon's hull is one
+    triangles: list[Any] = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)).tolist()
+    pieces: dict[int, Any] = dict(enumerate(triangles))
+    owner = list(range(len(triangles)))
+
+    def piece_of(triangle: int) -> int:
+        while owner[triangle] != triangle:
+            owner[triangle] = triangle = owner[owner[triangle]]
+        return triangle
+
+    for one, other in _neighbours(triangles):
+        a, b = piece_of(one), piece_of(other)
+        joined = shapely.convex_hull(shapely.GeometryCollection([pieces[a], pieces[b]]))
+        if a != b and joined.area <= (pieces[a].area + pieces[b].area) * (1 + EXACT):
+            owner[b] = a
+            pieces[a] = joined
+            del pieces[b]
+    return list(pieces.values())
+
+
+def _neighbours(triangles: Sequence[Polygon]) -> list[tuple[int, int]]:
+    """Pairs of triangles that share a side, those with the longest side first."""
+    first: dict[tuple[tuple[float, ...], ...], int] = {}
+    shared: list[tuple[float, int, int]] = []
+    for number, triangle in enumerate(triangles):
+        corners = triangle.exterior.coords[:3]
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            side = tuple(sorted((corners[a], corners[b])))
+            if side in first:
+                shared.append((math.dist(*side), first[side], number))
+            first[side] = number
+    return [(one, other) for _, one, other in sorted(shared, key=lambda found: -found[0])]
+
+
+def _prism(piece: Polygon, bottom: float, top: float, name: str) -> Solid:
+    """An upright prism over a convex polygon: a box where that is a rectangle, or too thin to have a volume."""
+    corners = shapely.get_coordinates(shapely.convex_hull(piece))[:-1]
+    pose = np.eye(4)
+    pose[2, 3] = (bottom + top) / 2
+    height = max(top - bottom, LEAST)
+    if not _is_rectangle(corners):
+        around = shapely.get_coordinates(shapely.minimum_rotated_rectangle(piece))[:-1]
+        if not np.hypot(*np.diff(around[:3], axis=0).T).min() < SLIVER:
+            pose[:2, 3] = middle = corners.mean(axis=0)
+            ends = [np.c_[corners - middle, np.full(len(corners), z)] for z in (-height / 2, height / 2)]
+            return Solid(Hull(np.concatenate(ends)), pose, name)
+        corners = around
+    ahead, left = corners[1] - corners[0], corners[2] - corners[1]
+    length, width = float(np.hypot(*ahead)), float(np.hypot(*left))
+    cos, sin = ahead / length
+    pose[:2, :2] = (cos, -sin), (sin, cos)
+    pose[:2, 3] = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return Solid(Box((max(length, LEAST), max(width, LEAST), height)), pose, name)
+
+
+def _is_rectangle(corners: FloatArray) -> bool:
+    if len(corners) != 4:
+        return False
+    ahead, left = corners[1] - corners[0], corners[3] - corners[0]
+    size = EXACT * (np.abs(corners).max() + np.hypot(*ahead))
+    square = abs(ahead @ left) <= size * np.hypot(*left)
+    return bool(square and (np.abs(corners[0] + ahead + left - corners[2]) <= size).all())
+
+
+def _boxes(raster: Raster) -> Iterator[Solid]:
+    """Boxes of the occupied cells."""
+    rectangles = _rectangles(raster.cells)
+    _check_count(len(rectangles), "cells")
+    bottom = max(raster.z_min, min(-ENDLESS, raster.z_max - ENDLESS))
+    top = min(raster.z_max, max(ENDLESS, raster.z_min + ENDLESS))
+    for left, low, right, high in rectangles.tolist():
+        corners = [raster.to_world(*corner) for corner in ((left, low), (right, low), (right, high), (left, high))]
+        yield _prism(Polygon(corners), bottom, top, "cells")
+
+
+def _rectangles(cells: BoolArray) -> IntArray:
+    """Occupied cells as rectangles (n, 4), left, low, right, high: rows of neighbours that repeat from row to row."""
+    limits.check(MAKING)
+    padded = np.pad(cells, ((0, 0), (1, 1)))
+    begins, ends = padded[:, 1:] & ~padded[:, :-1], padded[:, :-1] & ~padded[:, 1:]
+    runs = int(np.count_nonzero(begins))
+    if runs > MOST_RUNS:
+        _check_count(runs, "rows of neighbouring cells")
+    (row, left), right = np.nonzero(begins), np.nonzero(ends)[1]
+    order = np.lexsort((row, right, left))
+    row, left, right = row[order], left[order], right[order]
+    new = (np.diff(left) != 0) | (np.diff(right) != 0) | (np.diff(row) != 1)
+    first, last = np.flatnonzero(np.append(True, new)), np.flatnonzero(np.append(new, True))
+    if not runs:
+        return np.empty((0, 4), dtype=np.int64)
+    return np.stack([left[first], row[first], right[first], row[last] + 1], axis=1).astype(np.int64)
+
+
+def _check_count(count: int, what: str) -> None:
+    if count > MOST_BODIES:
+        raise MapError(
+            f"the {what} of this world are {count:,} convex bodies in space, expected at most {MOST_BODIES:,}. Give "
+            "fewer: a part of the map, larger cells, or simpler outlines."
+        )

@@ -1,0 +1,201 @@
+"""Planning scenes of MoveIt: all primitives of the benchmark's, forms of messages, and all that is refused by name."""
+
+import copy
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+import hpop
+from hpop.errors import MapError
+from hpop.problem import Problem
+from hpop.scenario import load_scenario
+from hpop.world import Box, Cylinder, Hull, Sphere, World
+
+CUBE = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+FACES = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6)]
+FACES += [(1, 3, 5), (3, 7, 5)]
+SCENE = {
+    "name": "kitchen",
+    "robot_state": {"joint_state": {"name": ["a"], "position": [0]}, "attached_collision_objects": []},
+    "world": {
+        "octomap": {"header": {"frame_id": "world"}, "octomap": {"data": []}},
+        "collision_objects": [
+            {
+                "id": "table",
+                "header": {"frame_id": "world"},
+                "primitives": [{"type": "box", "dimensions": [2, 1, 0.1]}, {"type": 3, "dimensions": [0.7, 0.05]}],
+                "primitive_poses": [
+                    {"position": [0, 0, 0.75], "orientation": [0, 0, 0, 1]},
+                    {"position": {"x": 0, "y": 0, "z": 0.35}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 0}},
+                ],
+                "pose": {"position": [3, 2, 0], "orientation": [0, 0, math.sin(0.4), math.cos(0.4)]},
+            },
+            {
+                "id": "ball",
+                "header": {"frame_id": "world"},
+                "primitives": [{"type": "sphere", "dimensions": [0.2]}],
+                "pose": {"position": [1, 1, 1]},
+                "operation": 0,
+            },
+            {
+                "id": "block",
+                "header": {"frame_id": "world"},
+                "meshes": [{"vertices": CUBE, "triangles": [{"vertex_indices": list(face)} for face in FACES]}],
+                "mesh_poses": [{"position": [-1, 0, 0]}],
+            },
+        ],
+    },
+}
+
+
+def written(folder: Path, scene: object) -> Path:
+    path = folder / "scene.yaml"
+    path.write_text(scene if isinstance(scene, str) else yaml.safe_dump(scene))
+    return path
+
+
+def changed(*place, to):
+    """The scene with something else in a place."""
+    scene = copy.deepcopy(SCENE)
+    inside = scene
+    for key in place[:-1]:
+        inside = inside[key]
+    if to is None:
+        del inside[place[-1]]
+    else:
+        inside[place[-1]] = to
+    return scene
+
+
+def test_all_40_scenes_of_the_benchmark_are_read_as_an_independent_reading_has_them(shared_data):
+    scenes = sorted(shared_data("mbm_panda").glob("problems/*/scene*.yaml"))
+    assert len(scenes) == 40
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    for path in scenes:
+        world = World.from_moveit_scene(path)
+        expected = [
+            (thing["id"], shape, pose)
+            for thing in yaml.load(path.read_text(), Loader=loader)["world"]["collision_objects"]
+            for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True)
+        ]
+        assert len(expected) == (7 if "bookshelf" in str(path) else 12)
+        assert [solid.name for solid in world.bodies] == [name for name, _, _ in expected]
+        for solid, (_, shape, pose) in zip(world.bodies, expected, strict=True):
+            size = shape["dimensions"]
+            assert solid.shape == (Box(tuple(size)) if shape["type"] == "box" else Cylinder(size[1], size[0]))
+            np.testing.assert_array_equal(solid.pose[:3, 3], pose["position"])
+            turned = Rotation.from_quat(pose["orientation"]).as_matrix()
+            np.testing.assert_allclose(solid.pose[:3, :3], turned, atol=1e-12)
+        assert not world.notes
+        x0, y0, x1, y1 = world.bounds
+        assert x0 < 0 < x1
+        assert y0 < 0 < y1
+
+
+def test_shapes_are_placed_in_their_object_and_named_by_it(tmp_path):
+    table, leg, ball, block = World.from_moveit_scene(written(tmp_path, SCENE)).bodies
+    assert [solid.name for solid in (table, leg, ball, block)] == ["table", "table", "ball", "block"]
+    assert (table.shape, leg.shape, ball.shape) == (Box((2.0, 1.0, 0.1)), Cylinder(0.05, 0.7), Sphere(0.2))
+    np.testing.assert_allclose(table.pose[:3, 3], (3, 2, 0.75))
+    np.testing.assert_allclose(leg.pose[:3, 3], (3, 2, 0.35))
+    np.testing.assert_allclose(table.pose[:2, 0], (math.cos(0.8), math.sin(0.8)))
+    np.testing.assert_allclose(ball.pose[:3, 3], (1, 1, 1))
+    assert isinstance(block.shape, Hull)
+    np.testing.assert_allclose(block.bounds, [(-1, 0, 0), (0, 1, 1)])
+
+
+def test_a_scene_is_described_by_its_file_and_refused_when_that_has_changed(tmp_path):
+    path = written(tmp_path, SCENE)
+    world = World.from_moveit_scene(path)
+    described = world.describe()
+    assert described["kind"] == "moveit_scene"
+    assert len(described["sha256"][0]) == 64
+    assert [s.describe() for s in World.from_description(described).bodies] == [s.describe() for s in world.bodies]
+    written(tmp_path, changed("name", to="bathroom"))
+    with pytest.raises(MapError, match="has changed since this was saved"):
+        World.from_description(described)
+
+
+def test_a_scenario_reads_a_scene_beside_it_and_plans_in_it(tmp_path):
+    written(tmp_path, SCENE)
+    (tmp_path / "plan.yaml").write_text(
+        "world: {moveit_scene: {path: scene.yaml}}\nmodel: {differential_drive: {radius: 0.2}}\n"
+        "start: [0.5, 2.5, 0]\ngoal: [4.5, 0.2, any]\ncriteria: [turns, length]\nplanner: {lattice: {step: 0.5}}\n"
+    )
+    problem = load_scenario(tmp_path / "plan.yaml").problem
+    front = problem.solve("lattice", step=0.5)
+    assert front.costs.size
+    front.save(tmp_path / "front.json")
+    again = Problem.from_description(hpop.Front.load(tmp_path / "front.json").problem)
+    assert [solid.name for solid in again.world.bodies] == ["table", "table", "ball", "block"]
+    assert again.world.notes == problem.world.notes != ()
+
+
+OBJECTS = ("world", "collision_objects")
+TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        ("", "is empty"),
+        ("3", r"must be a yaml mapping; got 3"),
+        ("world: {}", r"must be a planning scene, with world: \{collision_objects"),
+        ("world: {collision_objects: []}", "no collision object with a shape"),
+        ("world: &a {collision_objects: *a}", "aliases are not read"),
+        ("a: " + "[" * 50, "more than 20 deep"),
+        (changed(*OBJECTS, to=3), "collision_objects must be a list; got 3"),
+        (changed(*OBJECTS, to=[3]), "collision_objects 0 must be a yaml mapping; got 3"),
+        (changed(*BALL, "id", to=None), "collision_objects 1: id must be the name of an object; got None"),
+        (changed(*BALL, "id", to="table"), "object 'table' is there twice, the second time as number 1"),
+        (
+            changed(*BALL, "primitives", 0, "type", to="cone"),
+            "object 'ball': primitives 0: type .*one of box, .*'cone'",
+        ),
+        (changed(*BALL, "primitives", 0, "type", to=4), "object 'ball': primitives 0: type must be one of"),
+        (changed(*BALL, "primitives", 0, "type", to=True), "object 'ball': primitives 0: type must be one of"),
+        (
+            changed(*BALL, "primitives", 0, "dimensions", to=[1, 2]),
+            r"must be \[radius\] in m, of a sphere; got \[1, 2\]",
+        ),
+        (changed(*TABLE, "primitives", 1, "dimensions", to=[1]), r"must be \[height, radius\] in m, of a cylinder"),
+        (changed(*BALL, "primitives", 0, "dimensions", to=[-1]), "dimensions: a sphere's radius must be a length"),
+        (changed(*BALL, "primitives", 0, "dimensions", to=["1e-3"]), "YAML reads 1e-3 as text"),
+        (changed(*TABLE, "primitive_poses", 1, to=None), "object 'table' has 2 primitive shapes and 1 primitive_poses"),
+        (changed(*BALL, "pose", "position", to=[1, 2]), r"'ball': pose: position must be \[x, y, z\]; got \[1, 2\]"),
+        (changed(*BALL, "pose", "position", to=[1, 2, math.nan]), "'ball': pose: position must be a number"),
+        (changed(*BALL, "pose", "orientation", to=[0, 0, 0, 1e-9]), "'ball': pose: a quaternion .* has length 1"),
+        (changed(*BALL, "pose", to="here"), "'ball': pose must be a yaml mapping"),
+        (
+            changed(*BALL, "header", "frame_id", to="camera"),
+            "'table' is given in frame 'world', object 'ball' in frame",
+        ),
+        (changed(*BALL, "header", "frame_id", to=3), "frame_id must be the name of a frame; got 3"),
+        (changed(*BALL, "operation", to=1), "'ball': operation must be 0, add"),
+        (changed(*BALL, "planes", to=[{"coef": [0, 0, 1, 0]}]), "'ball': planes have no end and are not read"),
+        (
+            changed(*BLOCK, "meshes", 0, to={"resource": "package://a/b.dae"}),
+            "'block': meshes 0: resource .* no file is read",
+        ),
+        (changed(*BLOCK, "meshes", 0, "vertices", 7, to=[0.2, 0.2, 0.2]), "'block': meshes 0 is not convex"),
+        (changed(*BLOCK, "meshes", 0, "triangles", to=[]), "'block': meshes 0: a hull is made of points"),
+        (
+            changed(*BLOCK, "meshes", 0, "triangles", 3, to=None),
+            "'block': meshes 0 is not convex, or .* no closed surface",
+        ),
+        (changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2, 8]), "must be a place of a vertex from 0 to 7, got 8"),
+        (changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2]), "triangles 3 must be three places of vertices"),
+        (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
+        (
+            changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
+            "attached_collision_objects are not read: give what the robot holds as a part of the robot",
+        ),
+    ],
+)
+def test_what_is_not_read_is_refused_with_the_object_and_what_was_expected(tmp_path, scene, message):
+    with pytest.raises(MapError, match=message):
+        World.from_moveit_scene(written(tmp_path, scene))
