@@ -20,12 +20,14 @@ from hpop.models.files import is_record, record
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.body import ArmBody
 from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.collision import ArmCollision
+from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.levers import levers
 from hpop.models.serial_arm.reach import Reach
 from hpop.models.serial_arm.srdf import Pair
 from hpop.models.serial_arm.xml import pose_of
-from hpop.motions import Body, Collision, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
+from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import MOST, Angle, BesideScenario, real
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -264,13 +266,13 @@ class SerialArm(Model):
 
     # Where it collides
 
-    def collision(self, world: World) -> Collision:
+    def collision(self, world: World) -> ArmCollision:
         """Convex hulls, and certificates that whole motions are free: never too kind."""
-        raise NotImplementedError
+        return ArmCollision(self.chain, self.parts, self.apart, world)
 
-    def judge(self, world: World) -> Collision:
+    def judge(self, world: World) -> ArmJudge:
         """By python-fcl, at states between which no part moves farther than 1 mm."""
-        raise NotImplementedError
+        return ArmJudge(self.chain, self.parts, self.apart, world)
 
     def describe(self) -> dict[str, Any]:
         """JSON-able parameters, enough to build the same arm: its files by path and SHA-256."""

@@ -1,0 +1,291 @@
+"""Proof that an arm is free of collisions all along motions, and how near it comes (compiled).
+
+On the segment q(s) = start + s Δ, s in [0, 1], no point of a body moves faster than Λ = Σ ρ_k |Δ_k| a unit of s, where
+ρ_k bounds its distance from the axis of joint k (1 for a joint that slides), and of two bodies only the joints between
+them count. So where their distance at s is d, they are apart wherever |s' - s| Λ < d. Distances are lower bounds that
+are proved (:mod:`hpop.models.collision.gjk`): what is called free is.
+
+An interval is looked at in its middle; what that proves is cut out of it, and the rest looked at later, for those
+pairs alone that are not proved yet. Each look proves some of it, or finds the arm nearer than it may be: all motions
+are decided.
+
+ρ_k is bounded twice, for the whole motion by the lengths of the links between (``Scene.levers``), and near a look by
+the distance there and what that can grow to: Σ |Δ_k| (r_k h + Λ_k h²/2) within h, Λ_k the speed relative to joint k.
+
+Imported on first use only, because importing numba takes half a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import kernel, lean
+from hpop.models.collision.gjk import distance
+from hpop.models.serial_arm.scene import Scene
+
+GAP = 0.25  # relative: a distance that does not prove the whole interval need not be more precise
+POOL = 1 << 14  # places for lists of pairs; where they are full, what is proved is looked at again
+
+
+@lean
+def _place(scene: Scene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
+    """Frames (n + 1, 3, 4) of joint values (n,), the first that of the world, and centres (B, 3) of the bodies."""
+    for k in range(q.size):
+        at, before, origin = poses[k + 1], poses[k], scene.origins[k]
+        for row in range(3):
+            x, y, z = before[row, 0], before[row, 1], before[row, 2]
+            for column in range(4):
+                at[row, column] = x * origin[0, column] + y * origin[1, column] + z * origin[2, column]
+            at[row, 3] += before[row, 3]
+        if scene.sliding[k]:
+            for row in range(3):
+                at[row, 3] += q[k] * at[row, 2]
+        else:
+            cos, sin = math.cos(q[k]), math.sin(q[k])
+            for row in range(3):
+                x, y = at[row, 0], at[row, 1]
+                at[row, 0], at[row, 1] = cos * x + sin * y, cos * y - sin * x
+    for b in range(scene.frames.size):
+        at, centre = poses[scene.frames[b]], scene.bodies.centre[b]
+        for row in range(3):
+            x, y, z = at[row, 0], at[row, 1], at[row, 2]
+            centres[b, row] = x * centre[0] + y * centre[1] + z * centre[2] + at[row, 3]
+
+
+@lean
+def _relative(a: FloatArray, b: FloatArray, pose: FloatArray) -> None:
+    """Write the pose of frame b in frame a; all (3, 4)."""
+    for row in range(3):
+        x, y, z = a[0, row], a[1, row], a[2, row]
+        for column in range(4):
+            pose[row, column] = x * b[0, column] + y * b[1, column] + z * b[2, column]
+        pose[row, 3] -= x * a[0, 3] + y * a[1, 3] + z * a[2, 3]
+
+
+@lean
+def _outside(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
+    """Distance of a point from the box round a body whose frame has a pose in the world."""
+    box, centre = scene.bodies.box, scene.bodies.centre
+    x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
+    u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z - centre[b, 0]
+    v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z - centre[b, 1]
+    w = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z - centre[b, 2]
+    square = 0.0
+    for i in range(3):
+        off = abs(box[b, i, 0] * u + box[b, i, 1] * v + box[b, i, 2] * w) - box[b, 3, i]
+        if off > 0.0:
+            square += off * off
+    return math.sqrt(square)
+
+
+@lean
+def _apart(scene: Scene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
+    """A lower bound of the distance of two bodies by spheres round them, and if that is not enough by a box."""
+    reach, x, y, z = scene.bodies.reach, centres[b, 0], centres[b, 1], centres[b, 2]
+    dx, dy, dz = x - centres[a, 0], y - centres[a, 1], z - centres[a, 2]
+    bound: float = math.sqrt(dx * dx + dy * dy + dz * dz) - reach[a] - reach[b]
+    if bound >= enough:
+        return bound
+    if reach[a] < reach[b]:
+        a, b = b, a
+    by_box: float = _outside(scene, a, poses[scene.frames[a]], centres[b, 0], centres[b, 1], centres[b, 2]) - reach[b]
+    return max(bound, by_box)
+
+
+@lean
+def _measure(
+    scene: Scene,
+    pair: int,
+    poses: FloatArray,
+    centres: FloatArray,
+    directions: FloatArray,
+    scratch: FloatArray,
+    near: float,
+    enough: float,
+    suffices: float,
+    gap: float,
+) -> tuple[float, float]:
+    """Bounds of the distance of a pair of bodies, from the direction that parted them last."""
+    a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
+    first, second = poses[scene.frames[a]], poses[scene.frames[b]]
+    pose, simplex, direction = scratch[:3], scratch[3:, :3], directions[pair]
+    _relative(first, second, pose)
+    if direction[0] == 0.0 and direction[1] == 0.0 and direction[2] == 0.0:
+        x, y, z = centres[a, 0] - centres[b, 0], centres[a, 1] - centres[b, 1], centres[a, 2] - centres[b, 2]
+        for i in range(3):
+            direction[i] = first[0, i] * x + first[1, i] * y + first[2, i] * z
+    bounds: tuple[float, float] = distance(scene.bodies, a, b, pose, direction, simplex, near, enough, suffices, gap)
+    return bounds
+
+
+@lean
+def _speeds(scene: Scene, moved: FloatArray, slides: FloatArray, speeds: FloatArray) -> None:
+    """Bounds (B, n + 1), m, of how far the points of each body move relative to each frame, given |Δ| (n,).
+
+    slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
+    """
+    for b in range(scene.frames.size):
+        frame = scene.frames[b]
+        longer, total = 0.0, 0.0
+        for k in range(frame, moved.size + 1):
+            speeds[b, k] = 0.0
+        for k in range(frame - 1, -1, -1):
+            if scene.sliding[k]:
+                total += moved[k]
+                longer += slides[k]
+            else:
+                total += moved[k] * (scene.levers[b, k] + longer)
+            speeds[b, k] = total
+
+
+@lean
+def _speeds_here(
+    scene: Scene,
+    b: int,
+    poses: FloatArray,
+    centres: FloatArray,
+    moved: FloatArray,
+    slides: FloatArray,
+    speeds: FloatArray,
+    here: FloatArray,
+    growth: FloatArray,
+) -> None:
+    """The same (n + 1,) of one body where the frames are, and half of what these bounds grow by a unit of s."""
+    longer, total, more = 0.0, 0.0, 0.0
+    for k in range(scene.frames[b] - 1, -1, -1):
+        if scene.sliding[k]:
+            total += moved[k]
+            longer += slides[k]
+        else:
+            frame = poses[k + 1]
+            x, y, z = centres[b, 0] - frame[0, 3], centres[b, 1] - frame[1, 3], centres[b, 2] - frame[2, 3]
+            u = y * frame[2, 2] - z * frame[1, 2]
+            v = z * frame[0, 2] - x * frame[2, 2]
+            w = x * frame[1, 2] - y * frame[0, 2]
+            lever = math.sqrt(u * u + v * v + w * w) + scene.bodies.reach[b]
+            total += moved[k] * min(lever, scene.levers[b, k] + longer)
+            more += 0.5 * moved[k] * speeds[b, k + 1]
+        here[b, k], growth[b, k] = total, more
+
+
+@kernel
+def blocked_by(
+    scene: Scene,
+    start: FloatArray,
+    end: FloatArray,
+    deviation: FloatArray,
+    near: float,
+    kept: float,
+    found: IntArray,
+) -> int:
+    """Write to found (M,) the pair that blocks each segment of joint values, -1 where it is proved free.
+
+    Free: no pair comes nearer than ``kept`` anywhere. Blocked: where it was looked at, a pair is nearer than ``near``,
+    or than ``kept`` and what the deviations may take. Returns the number of looks.
+
+    Parameters
+    ----------
+    start, end : (M, n) of each segment
+    deviation : (M, n) by how much each joint may be off the segment
+    near, kept : m, 0 < kept <= near
+    """
+    count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
+    poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
+    poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
+    speeds, offs = np.empty((bodies, joints + 1)), np.empty((bodies, joints + 1))
+    directions, scratch = np.empty((count, 3)), np.empty((7, 4))
+    moved, off, slides, q = np.empty(joints), np.empty(joints), np.empty(joints), np.empty(joints)
+    pool = np.empty(POOL + count, np.int64)
+    low, high = np.empty(256), np.empty(256)
+    begins, ends = np.empty(256, np.int64), np.empty(256, np.int64)
+    here, growth, known = np.empty((bodies, joints + 1)), np.empty((bodies, joints + 1)), np.full(bodies, -1)
+    looks = 0
+    for m in range(start.shape[0]):
+        for k in range(joints):
+            moved[k], off[k] = abs(end[m, k] - start[m, k]), deviation[m, k]
+            slides[k] = max(abs(start[m, k]), abs(end[m, k])) + off[k]
+        _speeds(scene, moved, slides, speeds)
+        _speeds(scene, off, slides, offs)
+        for pair in range(count):
+            pool[pair] = pair
+            directions[pair, 0] = directions[pair, 1] = directions[pair, 2] = 0.0
+        found[m] = -1
+        used, head, tail = count, 0, 1
+        low[0], high[0], begins[0], ends[0] = 0.0, 1.0, 0, count
+        while head < tail and found[m] < 0:
+            middle, half = 0.5 * (low[head] + high[head]), 0.5 * (high[head] - low[head])
+            for k in range(joints):
+                q[k] = start[m, k] + middle * (end[m, k] - start[m, k])
+            _place(scene, q, poses, centres)
+            looks += 1
+            proved, first, fits = half, used, used + ends[head] - begins[head] <= pool.size
+            for place in range(begins[head], ends[head]):
+                pair = pool[place]
+                a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
+                frame = scene.frames[a]
+                speed, least = speeds[b, frame], kept + offs[b, frame]
+                enough = least + speed * half
+                apart = _apart(scene, a, b, poses, centres, enough)
+                if apart >= enough:
+                    continue
+                if known[b] != looks:
+                    _speeds_here(scene, b, poses, centres, moved, slides, speeds, here, growth)
+                    known[b] = looks
+                enough = min(enough, least + (here[b, frame] + growth[b, frame] * half) * half)
+                if apart >= enough:
+                    continue
+                suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
+                lower, upper = _measure(scene, pair, poses, centres, directions, scratch, near, enough, suffices, GAP)
+                if lower >= enough:
+                    continue
+                if upper < near or lower <= least:
+                    found[m] = pair
+                    break
+                room, slow = lower - least, here[b, frame]
+                further = 2.0 * room / (slow + math.sqrt(slow * slow + 4.0 * growth[b, frame] * room))
+                proved = min(proved, max(room / speed, further))
+                if fits:
+                    pool[used] = pair
+                    used += 1
+            if found[m] < 0 and proved < half:
+                if tail + 2 > low.size:
+                    low, high = np.append(low, np.empty(low.size)), np.append(high, np.empty(low.size))
+                    begins = np.append(begins, np.empty(begins.size, np.int64))
+                    ends = np.append(ends, np.empty(ends.size, np.int64))
+                if not fits:
+                    first, used = begins[head], used
+                last = used if fits else ends[head]
+                low[tail], high[tail], begins[tail], ends[tail] = low[head], middle - proved, first, last
+                low[tail + 1], high[tail + 1], begins[tail + 1], ends[tail + 1] = (
+                    middle + proved,
+                    high[head],
+                    first,
+                    last,
+                )
+                tail += 2
+            head += 1
+    return looks
+
+
+@kernel
+def nearest(scene: Scene, states: FloatArray, most: float, gap: float, least: FloatArray) -> None:
+    """Write to least (N,) a lower bound of the smallest distance of any pair in each state (N, n); at most ``most``.
+
+    The smallest distance is no more than a share ``gap`` above it.
+    """
+    count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
+    poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
+    poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
+    directions, scratch = np.empty((count, 3)), np.empty((7, 4))
+    for i in range(states.shape[0]):
+        _place(scene, states[i], poses, centres)
+        least[i] = most
+        for pair in range(count):
+            directions[pair, 0] = directions[pair, 1] = directions[pair, 2] = 0.0
+            a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
+            if _apart(scene, a, b, poses, centres, least[i]) < least[i]:
+                lower, _ = _measure(scene, pair, poses, centres, directions, scratch, 0.0, least[i], least[i], gap)
+                least[i] = min(least[i], lower)

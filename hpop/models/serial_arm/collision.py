@@ -1,0 +1,211 @@
+"""Collisions of an arm, proved: with what stands in the world, and with itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.scene import Scene, paired, scene_of, within_reach
+from hpop.motions import Law, Motions, States, is_coupled, slopes
+from hpop.world.solids import Solid
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+Pair = tuple[str, str]
+"""Names of two links, in alphabetical order."""
+
+NEAR = 1e-3  # m: a motion is blocked only if it comes nearer than this
+KEPT = 5e-4  # m: what is free is no nearer than this anywhere
+ROUNDING = 1e-6  # m: taken off what is proved, as floating point is not bounded
+AT_ONCE = 256  # motions in one call of a kernel, which Ctrl-C waits for
+BEND = 1e-4  # m: a curve is cut into pieces that leave their chords by no more
+MOST_PIECES = 4096  # of a curve; beyond, its chords are farther from it, which is taken off the distances as well
+CLOSE = 1e-6  # relative: how far clearances may be below the distance
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCollision:
+    """Tells which states and motions of an arm are free in a world.
+
+    chain
+    parts  solids that its links carry
+    apart  pairs of links that may touch
+    world
+
+    A state is free where all joints are within their limits and no two solids are nearer than 0.5 mm. A motion that is
+    called free is so all along, which is proved and not sampled (:mod:`hpop.models.serial_arm.certificate`); one that
+    is blocked comes nearer than 1 mm somewhere, and between these it may be either. So where a motion is free, so is
+    each of its states. Laws whose states do not change evenly are looked at in pieces, by how far a piece leaves its
+    chord: exact bounds where second derivatives by the share change linearly, as those of cubic splines do.
+
+    What never moves, as the base of the arm, is not held against what stands where it stands.
+    """
+
+    chain: Chain
+    parts: tuple[Part, ...]
+    apart: frozenset[Pair]
+    world: World
+
+    @cached_property
+    def _solids(self) -> tuple[Solid, ...]:
+        return self.world.bodies
+
+    @cached_property
+    def _scene(self) -> Scene:
+        """All pairs that may touch and shall not; kept with the world, as models are asked for collisions again."""
+        return self.world.derived(("arm", self.chain, self.parts, self.apart), self._with_pairs)
+
+    def _with_pairs(self) -> Scene:
+        scene = scene_of(self.chain, self.parts, self._solids)
+        inside = within_reach(scene, self.chain)
+        own = [
+            (a, b)
+            for (a, one), (b, other) in combinations(enumerate(self.parts), 2)
+            if one.frame != other.frame and tuple(sorted((one.link, other.link))) not in self.apart
+        ]
+        return paired(scene, [*own, *((a, b) for a, b in self._outer_pairs() if inside[a, b])])
+
+    def _outer_pairs(self) -> Iterator[tuple[int, int]]:
+        """Parts that move, and what stands in the world."""
+        size = len(self.parts)
+        return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
+
+    @cached_property
+    def _outer_scene(self) -> Scene:
+        """The same with what is out of reach, without own links: what clearance is of."""
+        return paired(self._scene, [*self._outer_pairs()])
+
+    def states_free(self, states: States) -> BoolArray:
+        """Whether the arm is free in each state (N,)."""
+        rows = self._rows(states)
+        free = self._within(rows)
+        rows = rows[free]
+        free[free] = self._blocking(rows, rows, np.zeros_like(rows), KEPT, KEPT) < 0
+        return free
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether the arm is free all along each motion (M,), ends included."""
+        if is_coupled(motions.law):
+            return self._curves_free(motions)
+        start, end = self._rows(motions.start), self._rows(motions.end)
+        free = self._within(start) & self._within(end)
+        start, end = start[free], end[free]
+        free[free] = self._blocking(start, end, np.zeros_like(start), NEAR, KEPT + ROUNDING) < 0
+        return free
+
+    def clearance(self, states: States) -> FloatArray:
+        """Distance (N,), m, of the arm from what stands in the world: a lower bound, exact to a millionth and 1e-6 m.
+
+        Its own links do not count; inf where nothing stands in the world.
+        """
+        from hpop.models.serial_arm.certificate import nearest
+
+        rows = self._rows(states)
+        least = np.empty(len(rows))
+        for part in _slices(len(rows)):
+            nearest(self._outer_scene, rows[part], np.inf, CLOSE, least[part])
+        return np.maximum(0.0, least - ROUNDING)
+
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        row = self._rows(state)
+        if not self._within(row)[0]:
+            return self._beyond(row[0])
+        (pair,) = self._blocking(row, row, np.zeros_like(row), KEPT, KEPT).tolist()
+        if pair < 0:
+            return ""
+        names = [self._named(b) for b in self._scene.pairs[pair].tolist()]
+        return f"{names[1]} touches {names[0]}, or is nearer than {1000 * KEPT:g} mm. Take another posture"
+
+    def _named(self, body: int) -> str:
+        if body < len(self.parts):
+            return f"the link {self.parts[body].link!r}"
+        solid = self._solids[body - len(self.parts)]
+        x, y, z = solid.pose[:3, 3]
+        return f"the obstacle {solid.name!r}" if solid.name else f"an obstacle at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+
+    def _beyond(self, row: FloatArray) -> str:
+        """Which joint is beyond its limits, in words."""
+        chain = self.chain
+        k = int(np.flatnonzero(~self._each_within(row[None])[0])[0])
+        unit = "m" if chain.sliding[k] else "rad"
+        return (
+            f"joint {chain.names[k]!r} is at {row[k]:.4g} {unit}, beyond its limits of {chain.low[k]:.4g} to "
+            f"{chain.high[k]:.4g} {unit}. Move it back"
+        )
+
+    # Rows of joint values
+
+    def _rows(self, states: States) -> FloatArray:
+        """Joint values (N, n) of states."""
+        return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
+
+    def _each_within(self, rows: FloatArray) -> BoolArray:
+        """Whether each joint is within its limits in each row (N, n)."""
+        ranged = (rows >= self.chain.low - 1e-9) & (rows <= self.chain.high + 1e-9)
+        return np.asarray(ranged | (self.chain.turning & np.isfinite(rows)), np.bool_)
+
+    def _within(self, rows: FloatArray) -> BoolArray:
+        return np.asarray(self._each_within(rows).all(axis=1))
+
+    def _blocking(
+        self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
+    ) -> IntArray:
+        """The pair that blocks each segment (M,), -1 where it is free."""
+        from hpop.models.serial_arm.certificate import blocked_by
+
+        found = np.full(len(start), -1)
+        for part in _slices(len(start)):
+            blocked_by(self._scene, start[part], end[part], deviation[part], near, kept, found[part])
+        return found
+
+    # Curves
+
+    def _curves_free(self, motions: Motions) -> BoolArray:
+        """Cut each motion into pieces by how far it bends, and look at their chords."""
+        law, start, end = motions.law, motions.start, motions.end
+        most = np.max([self._bends(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)], axis=0)
+        farthest = np.where(self.chain.sliding, 1.0, self._scene.levers.max(axis=0, initial=0.0))
+        pieces = np.ceil(np.sqrt(most @ farthest / (8.0 * BEND))).astype(np.int64).clip(1, MOST_PIECES)
+        owner = np.repeat(np.arange(len(motions)), pieces)
+        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        begin, stop, count = start.take(owner), end.take(owner), pieces[owner]
+        knots = [piece / count, (piece + 1) / count]
+        first, last = (self._on_curve(law, begin, stop, share) for share in knots)
+        bends = np.maximum(*(self._bends(law, begin, stop, share) for share in knots))
+        deviation = bends / (8.0 * count[:, None] ** 2)
+        free = self._within(first) & self._within(last)
+        first, last, deviation = first[free], last[free], deviation[free]
+        free[free] = self._blocking(first, last, deviation, NEAR, KEPT + ROUNDING) < 0
+        return np.asarray(np.bincount(owner, ~free, minlength=len(motions)) == 0)
+
+    def _on_curve(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
+        """Joint values (M, n) where a share of each motion is done."""
+        return self._rows(
+            States(
+                **{
+                    name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
+                    for name in self.chain.names
+                }
+            )
+        )
+
+    def _bends(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
+        """Absolute second derivatives (M, n) of the joints by the share."""
+        bends = np.zeros((share.size, len(self.chain)))
+        for k, name in enumerate(self.chain.names):
+            if name in law.varies:
+                bends[:, k] = np.abs(slopes(law, name, start, end, share)[1])
+        return bends
+
+
+def _slices(size: int) -> Iterator[slice]:
+    return (slice(i, i + AT_ONCE) for i in range(0, size, AT_ONCE))

@@ -1,0 +1,225 @@
+"""Collisions of an arm by python-fcl, step by step: what verifies a result.
+
+Shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`: frames are products of
+SciPy's rotation matrices, and how far a body moves from a step to the next is measured on the corners of a box round
+it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hpop.arrays import BoolArray, FloatArray
+from hpop.models.serial_arm.chain import Chain, Part
+from hpop.motions import Motions, States
+from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+STEP = 1e-3  # m: no point of the arm moves farther from a step to the next
+FIRST_STEPS = 32  # at which it is measured how many are needed
+MOST_STEPS = 100_000  # of one motion, whatever its length
+LIMIT = 1e-6  # rad or m, by which a joint may be beyond its limits
+SURE = 0.9  # share of a distance by fcl that is relied on, less a step
+
+
+class _Steps(NamedTuple):
+    """An arm step by step.
+
+    rows   (S, n)        joint values
+    poses  (P, S, 3, 4)  of the parts' shapes
+    moved  (P, S - 1)    m, no point of each part moves farther from a step to the next, on a straight line
+    """
+
+    rows: FloatArray
+    poses: FloatArray
+    moved: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ArmJudge:
+    """Tells which states and motions of an arm collide.
+
+    chain
+    parts  solids that its links carry
+    apart  pairs of links that may touch
+    world
+
+    Motions are looked at in steps in which no point of the arm moves more than 1 mm. A pair is asked about again as
+    soon as the steps since it was last add up to nine tenths of the distance that fcl found there; in between it
+    cannot touch.
+    """
+
+    chain: Chain
+    parts: tuple[Part, ...]
+    apart: frozenset[tuple[str, str]]
+    world: World
+
+    def states_free(self, states: States) -> BoolArray:
+        """Whether the arm is free in each state (N,)."""
+        rows = self._rows(states)
+        return np.array([self._touching(self._at(row[None])) == "" for row in rows], dtype=np.bool_)
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether the arm is free at all steps along each motion (M,), both ends included."""
+        each = (self._along(motions, i) for i in range(len(motions)))
+        return np.array([self._touching(steps) == "" for steps in each], dtype=np.bool_)
+
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        reason = self._touching(self._at(self._rows(state)))
+        return reason and f"{reason}. Take another posture"
+
+    # Places
+
+    def _rows(self, states: States) -> FloatArray:
+        return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
+
+    def _frames(self, rows: FloatArray) -> list[FloatArray]:
+        """Poses (S, 4, 4) of the frames 0 to n at joint values (S, n)."""
+        frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
+        for k, (origin, axis) in enumerate(zip(self.chain.origins, self.chain.axes, strict=True)):
+            moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
+            along = rows[:, k, None] * axis
+            if self.chain.sliding[k]:
+                moved[:, :3, 3] = along
+            else:
+                moved[:, :3, :3] = Rotation.from_rotvec(along).as_matrix()
+            frames.append(frames[-1] @ origin @ moved)
+        return frames
+
+    def _at(self, rows: FloatArray) -> _Steps:
+        frames = self._frames(rows)
+        poses = np.stack([frames[part.frame] @ part.solid.pose for part in self.parts])[:, :, :3]
+        ways = np.linalg.norm(np.diff(poses, axis=1) @ self._corners[:, None], axis=2)  # (P, S - 1, 8)
+        return _Steps(rows, poses, ways.max(axis=2))
+
+    def _along(self, motions: Motions, i: int) -> _Steps:
+        """One motion in steps so small that no corner moves more than STEP."""
+        law, start, end = motions.law, motions.start.take([i]), motions.end.take([i])
+        count = FIRST_STEPS
+        while True:
+            share = np.linspace(0.0, 1.0, count + 1)
+            columns = {
+                name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
+                for name in self.chain.names
+            }
+            rows = self._rows(States(**{name: np.broadcast_to(c, share.shape) for name, c in columns.items()}))
+            steps = self._at(rows)
+            longest = float(steps.moved.max(initial=0.0))
+            if longest <= STEP or count >= MOST_STEPS:
+                return steps
+            count = min(MOST_STEPS, int(count * max(1.1 * longest / STEP, 1.01)) + 1)
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """Corners (P, 4, 8), homogeneous, of a box round each part, in axes of its shape."""
+        signs = np.array(list(product((-1.0, 1.0), repeat=3)))
+        corners = [np.c_[signs * _half_sides(part.solid), np.ones(8)].T for part in self.parts]
+        return np.array(corners).reshape(-1, 4, 8)
+
+    # Collisions
+
+    @cached_property
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Parts that may not touch, and of parts that move with solids of the world: numbered after the parts."""
+        size = len(self.parts)
+        own = [
+            (a, b)
+            for (a, one), (b, other) in combinations(enumerate(self.parts), 2)
+            if one.frame != other.frame and tuple(sorted((one.link, other.link))) not in self.apart
+        ]
+        return own + [(a, b) for a in range(size) if self.parts[a].frame for b in range(size, len(self._objects))]
+
+    @cached_property
+    def _solids(self) -> tuple[Solid, ...]:
+        return self.world.bodies
+
+    @cached_property
+    def _objects(self) -> list[Any]:
+        """Of fcl: those of the parts, to be placed, and of the world."""
+        import fcl
+
+        parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
+        return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
+
+    def _touching(self, steps: _Steps) -> str:
+        """What touches at some steps, in words; nothing where nothing does."""
+        beyond = ~((steps.rows >= self.chain.low - LIMIT) & (steps.rows <= self.chain.high + LIMIT))
+        beyond &= ~(self.chain.turning & np.isfinite(steps.rows))
+        if beyond.any():
+            return f"joint {self.chain.names[int(np.argmax(beyond.any(axis=0)))]!r} is beyond its limits"
+        come = np.zeros((len(self._objects), len(steps.rows)))  # how far each object has come at each step
+        come[: len(self.parts), 1:] = np.cumsum(steps.moved, axis=1)
+        pair = next((pair for pair in self._pairs if self._touches(*pair, steps.poses, come)), None)
+        return "" if pair is None else f"{self._named(pair[0])} touches {self._named(pair[1])}"
+
+    def _touches(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
+        """Whether two objects touch at some steps."""
+        import fcl
+
+        one, other = self._objects[a], self._objects[b]
+        together, step = come[a] + come[b], 0
+        while step < together.size:
+            one.setTransform(_transform(poses[a, step]))
+            if b < len(poses):
+                other.setTransform(_transform(poses[b, step]))
+            distance = fcl.distance(one, other, self._request, fcl.DistanceResult())
+            if distance <= 0.0:
+                return True
+            step = max(step + 1, int(np.searchsorted(together, together[step] + SURE * distance - STEP)))
+        return False
+
+    @cached_property
+    def _request(self) -> Any:
+        import fcl
+
+        return fcl.DistanceRequest()
+
+    def _named(self, body: int) -> str:
+        if body < len(self.parts):
+            return f"the link {self.parts[body].link!r}"
+        return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
+
+
+def _half_sides(solid: Solid) -> FloatArray:
+    """Of a box round a shape, centred at its origin."""
+    match solid.shape:
+        case Box(size=size):
+            return np.array(size) / 2
+        case Cylinder(radius=radius, length=length):
+            return np.array([radius, radius, length / 2])
+        case Sphere(radius=radius):
+            return np.full(3, radius)
+        case Hull(points=points):
+            sides: FloatArray = np.abs(points).max(axis=0)
+            return sides
+
+
+def _transform(pose: FloatArray) -> Any:
+    import fcl
+
+    return fcl.Transform(pose[:3, :3], pose[:3, 3])
+
+
+def _geometry(solid: Solid) -> Any:
+    """A shape as fcl has it."""
+    import fcl
+
+    match solid.shape:
+        case Box(size=size):
+            return fcl.Box(*size)
+        case Cylinder(radius=radius, length=length):
+            return fcl.Cylinder(radius, length)
+        case Sphere(radius=radius):
+            return fcl.Sphere(radius)
+        case Hull(points=points, triangles=triangles):
+            faces = np.column_stack([np.full(len(triangles), 3), triangles])
+            return fcl.Convex(np.array(points), len(triangles), faces.ravel())

@@ -1,0 +1,193 @@
+"""What an arm may not touch: the world, itself, the limits of its joints; and how far it is from the world."""
+
+from dataclasses import replace
+
+import fcl
+import numpy as np
+import pytest
+import shapely
+
+from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.collision import KEPT
+from hpop.models.serial_arm.self_collision import always_touching
+from hpop.world import World
+from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
+from tests.models.serial_arm.cluttered import Cluttered, cluttered
+
+
+def planar(*, lengths=(0.5, 0.5), solids=(), turning=False) -> Cluttered:
+    """Links as bars in a row along x at 0, that turn about z in one plane."""
+    count = len(lengths)
+    starts = np.array([pose_at((x, 0.0, 0.0)) for x in (0.0, *lengths[:-1])])
+    chain = Chain(
+        names=tuple(f"q{k}" for k in range(count)),
+        sliding=np.zeros(count, bool),
+        turning=np.full(count, turning),
+        axes=np.tile([0.0, 0.0, 1.0], (count, 1)),
+        origins=starts,
+        low=np.full(count, -2.3),
+        high=np.full(count, 2.3),
+        speed=np.ones(count),
+        acceleration=np.ones(count),
+    )
+    parts = [
+        Part(f"bar{k}", k + 1, Solid(Box((length - 0.06, 0.02, 0.02)), pose_at((length / 2, 0.0, 0.0))))
+        for k, length in enumerate(lengths)
+    ]
+    parts.append(Part("base", 0, Solid(Cylinder(0.02, 0.5), pose_at((0.0, 0.0, -0.26)))))
+    far = Solid(Sphere(0.1), pose_at((50.0, 0.0, 0.0)), "far away")
+    return Cluttered(chain, tuple(parts), World.from_solids([*solids, far]), frozenset())
+
+
+CAN = Solid(Cylinder(0.05, 0.2), pose_at((0.9, 0.0, 0.0)), "can")
+
+
+def test_why_blocked_names_the_link_and_the_obstacle():
+    arm = planar(solids=[CAN])
+    state = arm.states([[0.0, 0.0]])
+    for asked in (arm.collision, arm.judge):
+        assert not asked.states_free(state)[0]
+        assert "the link 'bar1'" in asked.why_blocked(state)
+        assert "the obstacle 'can'" in asked.why_blocked(state)
+    free = arm.states([[1.5, 0.0]])
+    assert [asked.why_blocked(free) for asked in (arm.collision, arm.judge)] == ["", ""]
+
+
+def test_why_blocked_says_where_an_obstacle_without_a_name_is():
+    arm = planar(solids=[replace(CAN, name="")])
+    assert "an obstacle at (0.90, 0.00, 0.00) m" in arm.collision.why_blocked(arm.states([[0.0, 0.0]]))
+
+
+def test_why_blocked_names_two_links():
+    """Three bars as a triangle: the last one comes back to the first."""
+    arm = planar(lengths=(0.5, 0.5, 0.5))
+    state = arm.states([[0.0, 2.2, 2.2]])
+    for asked in (arm.collision, arm.judge):
+        assert "the link 'bar0'" in asked.why_blocked(state)
+        assert "the link 'bar2'" in asked.why_blocked(state)
+    apart = replace(arm, apart=frozenset({("bar0", "bar2")}))
+    assert apart.collision.states_free(state)[0]
+    assert apart.judge.states_free(state)[0]
+
+
+def test_why_blocked_names_the_joint_beyond_its_limits():
+    arm = planar()
+    state = arm.states([[0.0, 2.31]])
+    assert "joint 'q1' is at 2.31 rad, beyond its limits of -2.3 to 2.3 rad" in arm.collision.why_blocked(state)
+    assert "joint 'q1'" in arm.judge.why_blocked(state)
+    turns = planar(turning=True)
+    assert turns.collision.states_free(state)[0]
+    assert turns.judge.states_free(state)[0]
+
+
+def test_motions_that_end_beyond_a_limit_are_blocked():
+    arm = planar()
+    motions = arm.motions([[0.0, 0.0], [0.0, 0.0]], [[0.0, 2.31], [0.0, 2.29]])
+    assert arm.collision.motions_free(motions).tolist() == [False, True]
+    assert arm.judge.motions_free(motions).tolist() == [False, True]
+
+
+def test_a_state_with_a_joint_left_free_is_not_free():
+    arm = planar()
+    assert not arm.collision.states_free(arm.states([[0.0, np.nan]]))[0]
+
+
+def test_what_stands_where_the_base_stands_is_no_collision():
+    arm = planar(solids=[Solid(Box((1.0, 1.0, 0.1)), pose_at((0.0, 0.0, -0.55)), "table")])
+    state = arm.states([[0.0, 0.0]])
+    assert arm.collision.states_free(state)[0]
+    assert arm.judge.states_free(state)[0]
+
+
+def test_clearance_is_the_distance_of_the_hand_to_the_can():
+    arm = planar(solids=[CAN])
+    rows = np.array([[np.pi / 2, 0.0], [0.0, 0.0], [0.1, 0.0]])
+    clearance = arm.collision.clearance(arm.states(rows))
+    assert clearance[1] == 0.0
+    assert clearance[0] == pytest.approx(np.hypot(0.89, 0.03) - 0.05, abs=3e-6)
+
+
+def distances(judge, pairs, rows):
+    """Least distance (N,), m, of pairs of the judge's objects by python-fcl; 0 where they touch."""
+    frames, least = judge._frames(rows), np.full(len(rows), np.inf)
+    for i in range(len(rows)):
+        for a, part in enumerate(judge.parts):
+            pose = frames[part.frame][i] @ part.solid.pose
+            judge._objects[a].setTransform(fcl.Transform(pose[:3, :3], pose[:3, 3]))
+        for a, b in pairs:
+            one, other = judge._objects[a], judge._objects[b]
+            least[i] = min(least[i], fcl.distance(one, other, fcl.DistanceRequest(), fcl.DistanceResult()))
+    return np.maximum(least, 0.0)
+
+
+@pytest.mark.seeds(2, of=40)
+def test_clearance_is_what_python_fcl_finds_and_no_more(seed):
+    arm, rng = cluttered(seed), np.random.default_rng(seed)
+    rows = rng.uniform(arm.chain.low, arm.chain.high, (20, len(arm.chain)))
+    outer = [(a, b) for a, b in arm.judge._pairs if b >= len(arm.parts)]
+    found = distances(arm.judge, outer, rows)
+    assert arm.collision.clearance(arm.states(rows)) == pytest.approx(found, rel=3e-3, abs=1e-5)
+
+
+def test_clearance_is_that_of_what_is_out_of_reach_too():
+    arm = planar()
+    assert arm.collision.clearance(arm.states([[0.0, 0.0]]))[0] == pytest.approx(50.0 - 0.1 - 0.97, abs=1e-4)
+    nothing = replace(arm, world=World.from_solids([], extent=shapely.box(-1, -1, 1, 1)))
+    assert nothing.collision.clearance(arm.states([[0.0, 0.0]])).tolist() == [np.inf]
+
+
+@pytest.mark.seeds(2, of=40)
+def test_states_are_free_where_python_fcl_finds_half_a_millimetre(seed):
+    arm, rng = cluttered(seed), np.random.default_rng(seed)
+    rows = rng.uniform(arm.chain.low, arm.chain.high, (60, len(arm.chain)))
+    free = arm.collision.states_free(arm.states(rows))
+    least = distances(arm.judge, arm.judge._pairs, rows)
+    assert (least[free] >= KEPT - 1e-5).all()
+    assert (least[~free] <= KEPT + 1e-5).all()
+    assert arm.judge.states_free(arm.states(rows)).tolist() == (least > 0).tolist()
+
+
+def test_links_that_always_touch_are_found_and_others_are_not():
+    """Bars without gaps: 0 and 1 share their joint, and 0 stands on the base; 0 and 2 meet now and then."""
+    arm = planar(lengths=(0.5, 0.5, 0.5))
+    long = tuple(
+        Part(part.link, part.frame, Solid(Box((0.5, 0.02, 0.02)), part.solid.pose)) if part.frame else part
+        for part in arm.parts
+    )
+    assert always_touching(arm.chain, long, frozenset()) == {("bar0", "bar1"), ("bar0", "base"), ("bar1", "bar2")}
+    assert always_touching(arm.chain, long, frozenset({("bar0", "bar1"), ("bar0", "base")})) == {("bar1", "bar2")}
+
+
+@pytest.mark.seeds(1, of=10)
+def test_the_judge_says_what_python_fcl_says_at_every_step_of_1_mm(seed):
+    arm, rng = cluttered(seed, joints=4, solids=20), np.random.default_rng(seed)
+    judge, rows = arm.judge, rng.uniform(arm.chain.low, arm.chain.high, (20, 4))
+    motions = arm.motions(rows[:-1], rows[:-1] + 0.1 * (rows[1:] - rows[:-1]))
+    found = judge.motions_free(motions)
+    for i in range(len(motions)):
+        steps = judge._along(motions, i)
+        assert steps.moved.max(initial=0.0) <= 1e-3
+        touching = False
+        for a, b in judge._pairs:
+            one, other = judge._objects[a], judge._objects[b]
+            for step in range(len(steps.rows)):
+                for body, thing in ((a, one), (b, other)):
+                    if body < len(arm.parts):
+                        pose = steps.poses[body, step]
+                        thing.setTransform(fcl.Transform(pose[:, :3], pose[:, 3]))
+                if fcl.collide(one, other, fcl.CollisionRequest(), fcl.CollisionResult()):
+                    touching = True
+                    break
+            if touching:
+                break
+        assert found[i] != touching
+
+
+def test_hulls_of_many_corners_are_links_too():
+    rng = np.random.default_rng(0)
+    arm = planar(solids=[CAN])
+    points = rng.normal(size=(200, 3))
+    round_ = Hull(0.04 * points / np.linalg.norm(points, axis=1)[:, None])
+    arm = replace(arm, parts=(*arm.parts, Part("hand", 2, Solid(round_, pose_at((0.5, 0.0, 0.1))))))
+    rows = np.array([[np.pi / 2, 0.0]])
+    assert arm.collision.clearance(arm.states(rows))[0] == pytest.approx(np.hypot(0.89, 0.03) - 0.05, abs=3e-6)
