@@ -247,3 +247,18 @@ def agrees_everywhere(criterion, model, world, *, some=True):
             assert np.isfinite(jacobian).all()
     np.testing.assert_allclose(costs.sum(), value, rtol=1e-9)
     return value
+
+
+def jacobian(model, body, row, step=1e-6):
+    """Jacobian (6, n) of a body by its states, velocity above rotation, by differences of its poses."""
+    columns = []
+    for j in range(len(row)):
+        moved = step * (np.arange(len(row)) == j)
+        ends = [model.pose(body, states_of(model, [np.array(row) + sign * moved])) for sign in (-1, 1)]
+        places = [np.concatenate([pose.x, pose.y, pose.z]) for pose in ends]
+        axes = [
+            np.array([[np.ravel(part)[0] for part in axis] for axis in (pose.ahead, pose.left, pose.up)])
+            for pose in ends
+        ]
+        columns.append(np.concatenate([places[1] - places[0], 0.5 * np.cross(*axes).sum(axis=0)]) / (2 * step))
+    return np.array(columns).T

@@ -7,9 +7,10 @@ from hpop.registry import criteria
 
 NAMES = tuple(name for name, cls in criteria.items() if cls.__module__.startswith("hpop."))
 TARGET = (5.0, 4.5, 1.0)
+FINE = {"occlusion": {"radius": 1.0, "rays": 300}}  # the share of few rays jumps within a motion
 
 
 def own_criterion(name: str) -> Criterion:
-    """The criterion of a name with what must be given, all else as it is by default."""
+    """The criterion of a name with what must be given, all else as it is by default but where that is coarse."""
     targeted = "target" in criteria[name].__dataclass_fields__  # type: ignore[attr-defined]
-    return make_criterion({name: {"target": TARGET}} if targeted else name)
+    return make_criterion({name: {"target": TARGET, **FINE.get(name, {})}} if targeted else name)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.landmark_visibility import LandmarkBlindness, LandmarkVisibility
     from hpop.criteria.performance.look_at import LookAt
     from hpop.criteria.performance.obstruction import Exposure, Obstruction, WorstObstruction
+    from hpop.criteria.performance.occlusion import Occlusion
     from hpop.criteria.performance.openness import Enclosure, Openness
     from hpop.criteria.performance.orientation_retention import NetMisalignment, OrientationRetention
     from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks
@@ -82,6 +83,7 @@ _HOMES = {
     "OSpace": "hpop.criteria.others.o_space",
     "Obstruction": "hpop.criteria.performance.obstruction",
     "Openness": "hpop.criteria.performance.openness",
+    "Occlusion": "hpop.criteria.performance.occlusion",
     "OpticFlow": "hpop.criteria.comfort.optic_flow",
     "OrientationRetention": "hpop.criteria.performance.orientation_retention",
     "PassingDistance": "hpop.criteria.comfort.passing_distance",
@@ -134,6 +136,7 @@ __all__ = [
     "NetWinding",
     "OSpace",
     "Obstruction",
+    "Occlusion",
     "Openness",
     "OpticFlow",
     "OrientationRetention",

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 
 
 class Collision(Protocol):
-    """A robot among what blocks it in a world: obstacles, keep-out zones, people who stand, the border of the map."""
+    """A robot among what blocks it in a world: obstacles, keep-out zones, people who stand, the border of the map.
+
+    It may have a method ``clearance(states)``: how far (N,), m, the whole robot is from that.
+    """
 
     def states_free(self, states: States) -> BoolArray:
         """Whether the robot is free in each state (N,)."""

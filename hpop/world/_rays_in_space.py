@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 
@@ -17,7 +19,7 @@ def _inside(
 ) -> tuple[float, float]:
     """From where to where the line o + t d, |d| = 1, is inside a body; the end is before the beginning if nowhere.
 
-    See `Bodies` for what planes (P, 4) and round_ (8,) are.
+    See `Surfaces` for what planes (P, 4) and round_ (8,) are.
     """
     mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
     along = mx * d[0] + my * d[1] + mz * d[2]
@@ -57,6 +59,37 @@ def _inside(
 
 
 @kernel
+def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
+    """Write to found the bodies that are no farther than reach from a place, and give their number."""
+    count = 0
+    for b in range(len(rounds)):
+        x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+        if math.sqrt(x * x + y * y + z * z) < reach + rounds[b, 7]:
+            found[count] = b
+            count += 1
+    return count
+
+
+@kernel
+def _first(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    some: IntArray,
+    o: tuple[float, ...],
+    d: tuple[float, ...],
+    reach: float,
+) -> float:
+    """How far a ray gets until it enters one of some bodies; at most reach."""
+    best = reach
+    for b in some:
+        low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+        if low <= high and 0.0 <= low < best:
+            best = low
+    return best
+
+
+@kernel
 def first_hits(
     planes: FloatArray,
     begin: IntArray,
@@ -70,24 +103,57 @@ def first_hits(
 
     What contains the origin is left, not entered.
     """
-    near = [0] * len(rounds)
+    near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
         o = (origins[n, 0], origins[n, 1], origins[n, 2])
-        count = 0
-        for b in range(len(rounds)):
-            x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
-            if math.sqrt(x * x + y * y + z * z) < reach + rounds[b, 7]:
-                near[count] = b
-                count += 1
+        some = near[: _near(rounds, o, reach, near)]
         for k in range(directions.shape[1]):
             d = (directions[n, k, 0], directions[n, k, 1], directions[n, k, 2])
-            best = reach
-            for i in range(count):
-                b = near[i]
-                low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
-                if low <= high and 0.0 <= low < best:
-                    best = low
-            out[n, k] = best
+            out[n, k] = _first(planes, begin, rounds, some, o, d, reach)
+
+
+@kernel
+def flow(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    places: FloatArray,
+    axes: FloatArray,
+    velocity: FloatArray,
+    rotation: FloatArray,
+    view: FloatArray,
+    reach: float,
+    nearest: float,
+    largest: bool,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the mean, or the largest, angular speed at which a camera sees the bodies move, rad/s.
+
+    places, velocity, rotation (N, 3): of the camera, world frame; axes (N, 3, 3): ahead, left and up, one a row; view
+    (K, 3): unit vectors along these axes in which it looks. A surface at distance r in direction d shifts by
+    w x d + (v - (v d) d) / r, where r is at least nearest, and at most reach.
+    """
+    near = np.empty(len(rounds), np.int64)
+    for n in range(len(places)):
+        o = (places[n, 0], places[n, 1], places[n, 2])
+        some = near[: _near(rounds, o, reach, near)]
+        vx, vy, vz = velocity[n]
+        wx, wy, wz = rotation[n]
+        total = worst = 0.0
+        for k in range(len(view)):
+            a, b, c = view[k]
+            dx = a * axes[n, 0, 0] + b * axes[n, 1, 0] + c * axes[n, 2, 0]
+            dy = a * axes[n, 0, 1] + b * axes[n, 1, 1] + c * axes[n, 2, 1]
+            dz = a * axes[n, 0, 2] + b * axes[n, 1, 2] + c * axes[n, 2, 2]
+            near_by = 1.0 / max(_first(planes, begin, rounds, some, o, (dx, dy, dz), reach), nearest)
+            along = vx * dx + vy * dy + vz * dz
+            x = wy * dz - wz * dy + (vx - along * dx) * near_by
+            y = wz * dx - wx * dz + (vy - along * dy) * near_by
+            z = wx * dy - wy * dx + (vz - along * dz) * near_by
+            speed = math.sqrt(x * x + y * y + z * z)
+            total += speed
+            worst = max(worst, speed)
+        out[n] = worst if largest else total / len(view)
 
 
 @kernel
@@ -104,23 +170,16 @@ def filled(
 
     The mean over directions (K, 3) of what the bodies fill of a ray's cone: t³ / radius³ grows evenly with the volume.
     """
-    size = len(rounds)
-    near = [0] * size
-    lows, highs = [0.0] * size, [0.0] * size
+    near = np.empty(len(rounds), np.int64)
+    lows, highs = np.empty(len(rounds)), np.empty(len(rounds))
     for n in range(len(centres)):
         o = (centres[n, 0], centres[n, 1], centres[n, 2])
-        count = 0
-        for b in range(size):
-            x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
-            if math.sqrt(x * x + y * y + z * z) < radius + rounds[b, 7]:
-                near[count] = b
-                count += 1
+        some = near[: _near(rounds, o, radius, near)]
         total = 0.0
         for k in range(len(directions)):
             d = (directions[k, 0], directions[k, 1], directions[k, 2])
             hits = 0
-            for i in range(count):
-                b = near[i]
+            for b in some:
                 low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
                 low, high = max(low, 0.0), min(high, radius)
                 if low < high:  # keep them in the order in which they begin

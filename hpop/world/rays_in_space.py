@@ -10,12 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.errors import OptionError
+from hpop.math import is_symbolic
 from hpop.world import limits
 from hpop.world.solids import Box, Cylinder, Hull, Shape, Solid, Sphere
+
+if TYPE_CHECKING:
+    from hpop.motions.states import Vector
+    from hpop.world.world import World
 
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 """Angle, rad, from one point to the next of a spiral that covers a disc or a sphere evenly (Vogel 1979)."""
@@ -25,7 +32,7 @@ RAYS = "rays were cast"
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
+class Surfaces:
     """Convex bodies, as rays ask for them: each is what is behind all of its planes and within its round part.
 
     planes  (P, 4)    outward unit normal and distance from the origin along it, m; of one body after the other
@@ -33,7 +40,7 @@ class Bodies:
     rounds  (B, 8)    centre, m; axis of a cylinder, 0 of a ball; radius, 0 if nothing is round; and radius of a ball
                       round the centre that holds the body, m
 
-    >>> can = Bodies.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
+    >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
     >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     >>> can.first_hits(np.array([[-1.0, 0.0, 0.0]]), np.array([[ahead, up]]), 9.0).round(9)
     array([[0.9, 9. ]])
@@ -44,8 +51,8 @@ class Bodies:
     rounds: FloatArray
 
     @classmethod
-    def of(cls, solids: Sequence[Solid]) -> Bodies:
-        """Bodies from solids in space."""
+    def of(cls, solids: Sequence[Solid]) -> Surfaces:
+        """Surfaces from solids in space."""
         planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
         for solid in solids:
             faces, centre, axis, radius, bound = _form(solid.shape)
@@ -71,8 +78,31 @@ class Bodies:
             for begin in range(0, len(origins), CAST):
                 limits.check(RAYS)
                 part = slice(begin, begin + CAST)
-                o, d = (np.ascontiguousarray(rows[part], dtype=np.float64) for rows in (origins, directions))
+                o, d = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (origins, directions))
                 first_hits(self.planes, self.begin, self.rounds, o, d, float(reach), out[part])
+        return out
+
+    def flow(
+        self,
+        places: FloatArray,
+        axes: FloatArray,
+        velocity: FloatArray,
+        rotation: FloatArray,
+        view: FloatArray,
+        reach: float,
+        nearest: float,
+        *,
+        largest: bool,
+    ) -> FloatArray:
+        """Mean or largest angular speed (N,), rad/s, of what a camera sees: see the kernel of the same name."""
+        from hpop.world._rays_in_space import flow
+
+        out = np.empty(len(places))
+        for begin in range(0, len(places), CAST):
+            limits.check(RAYS)
+            part = slice(begin, begin + CAST)
+            camera = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (places, axes, velocity, rotation))
+            flow(self.planes, self.begin, self.rounds, *camera, view, reach, nearest, largest, out[part])
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
@@ -90,11 +120,29 @@ class Bodies:
         return out
 
 
-def over_sphere(count: int, lowest: float = -1.0, highest: float = 1.0) -> FloatArray:
-    """Unit vectors (count, 3), evenly spread over the sphere between two values of z."""
+def surfaces_of(world: World) -> Surfaces:
+    """All that is solid in a world; kept with its ground."""
+    ground = world.ground
+    return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
+
+
+def rows(vector: Vector, size: int) -> FloatArray:
+    """Three columns, or numbers in their place, as vectors (N, 3); OptionError for symbols."""
+    if any(map(is_symbolic, vector)):
+        raise OptionError(
+            "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
+        )
+    return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
+
+
+def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
+    """Unit vectors (count, 3), evenly spread over the directions within half the angles, rad, of the x axis.
+
+    They are ``width`` round the z axis and ``height`` up and down: all round where nothing else is asked for.
+    """
     number = np.arange(count) + 0.5
-    z = lowest + (highest - lowest) * number / count
-    across, angle = np.sqrt(1.0 - z * z), GOLDEN * number
+    z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)
+    across, angle = np.sqrt(1.0 - z * z), width * (number * GOLDEN % (2.0 * math.pi) / (2.0 * math.pi) - 0.5)
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
 

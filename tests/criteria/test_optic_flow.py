@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria import OpticFlow, PeakOpticFlow, motion_costs, trajectory_cost
+from hpop.criteria import OpticFlow, PeakOpticFlow, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.motions import Motions, States
 from hpop.trajectory import Trajectory
 from hpop.world import World
 
@@ -97,22 +96,6 @@ def test_a_narrow_camera_sees_the_walls_of_a_corridor_flow_where_it_looks():
 def test_a_turn_flows_alike_in_every_view():
     path = Trajectory.from_poses(DifferentialDrive(field_of_view=(1.0, 1.0)), [(0, 0, 0), (0, 0, -2.0)])
     assert trajectory_cost(OpticFlow(), path, CORRIDOR) == pytest.approx(2.0)
-
-
-def test_a_camera_that_goes_up_and_down_is_refused():
-    class Lift(DifferentialDrive):
-        def pose(self, body, states):
-            pose = super().pose(body, states)
-
-            class Raised:
-                x, y, yaw, pitch, z = pose.x, pose.y, pose.yaw, pose.pitch, pose.z + states.x
-
-            return Raised()
-
-    robot = Lift()
-    start, end = (States(x=np.array([0.0, 1.0]) + d, y=np.zeros(2), yaw=np.zeros(2)) for d in (0.0, 0.5))
-    with pytest.raises(CriterionError, match="one camera height"):
-        motion_costs(OpticFlow(), Motions(CORRIDOR, robot, robot.laws["move"], start, end))
 
 
 @pytest.mark.parametrize("kind", [OpticFlow, PeakOpticFlow])

@@ -11,23 +11,9 @@ from hpop.criteria import Singularity, trajectory_cost
 from hpop.criteria.robot.singularity import manipulability
 from hpop.errors import CriterionError
 from hpop.motions import States
-from tests.jointed import Jointed, agrees_everywhere, moments, states_of, tour
+from tests.jointed import Jointed, agrees_everywhere, jacobian, moments, states_of, tour
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(-5, -5, 5, 5))
-STEP = 1e-6
-
-
-def jacobian(model, row):
-    """Jacobian (6, n) of the camera by differences of its places and axes."""
-    columns = []
-    for j in range(len(row)):
-        ends = [states_of(model, [np.array(row) + sign * STEP * (np.arange(len(row)) == j)]) for sign in (-1, 1)]
-        poses = [model.pose("camera", end) for end in ends]
-        places = [np.array([p.x[0], p.y[0], p.z[0]]) for p in poses]
-        axes = [np.array([[c[0] for c in axis] for axis in (p.ahead, p.left, p.up)]) for p in poses]
-        turned = 0.5 * np.cross(axes[0], axes[1]).sum(axis=0)
-        columns.append(np.concatenate([places[1] - places[0], turned]) / (2 * STEP))
-    return np.array(columns).T
 
 
 def test_manipulability_is_the_root_of_the_determinant_of_the_jacobian_by_differences():
@@ -35,7 +21,7 @@ def test_manipulability_is_the_root_of_the_determinant_of_the_jacobian_by_differ
     model = Jointed()
     rows = rng.uniform(-1.1, 1.1, (30, 3))
     found = manipulability(model, states_of(model, rows))
-    expected = [math.sqrt(np.linalg.det(j.T @ j)) for j in (jacobian(model, row) for row in rows)]
+    expected = [math.sqrt(np.linalg.det(j.T @ j)) for j in (jacobian(model, "camera", row) for row in rows)]
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from hpop.world.rays_in_space import Bodies, over_disc, over_sphere
+from hpop.world.rays_in_space import Surfaces, over_disc, over_sphere
 from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
 
 REACH = 9.0
@@ -54,7 +54,7 @@ def test_a_ray_ends_where_points_along_it_are_inside_for_the_first_time(which):
         if contains(solid, origin[None])[0]:
             continue
         inside = contains(solid, origin + steps[:, None] * direction)
-        found = Bodies.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
+        found = Surfaces.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
         if inside.any():
             assert steps[np.argmax(inside)] - 1e-3 <= found <= steps[np.argmax(inside)]
             hits += 1
@@ -81,7 +81,7 @@ def test_rays_agree_with_solids_of_python_fcl():
             origin = solid.pose[:3, 3] + 3.0 * over_sphere(100)[rng.integers(100)]
             direction = solid.pose[:3, 3] + rng.uniform(-0.15, 0.15, 3) - origin
             direction /= np.linalg.norm(direction)
-            found = Bodies.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
+            found = Surfaces.of([solid]).first_hits(origin[None], direction[None, None], REACH)[0, 0]
             assert found < REACH
             for length, meets in ((found - 2e-3, False), (found + 2e-3, True)):
                 turn, _ = Rotation.align_vectors(direction[None], [[0.0, 0.0, 1.0]])
@@ -95,20 +95,20 @@ def test_many_bodies_and_rays_are_the_nearest_of_each_alone():
     rng = np.random.default_rng(7)
     solids = drawn(rng) + drawn(rng)
     origins, directions = rng.uniform(-3, 3, (30, 3)), np.tile(over_sphere(40), (30, 1, 1))
-    together = Bodies.of(solids).first_hits(origins, directions, 4.0)
-    alone = [Bodies.of([solid]).first_hits(origins, directions, 4.0) for solid in solids]
+    together = Surfaces.of(solids).first_hits(origins, directions, 4.0)
+    alone = [Surfaces.of([solid]).first_hits(origins, directions, 4.0) for solid in solids]
     np.testing.assert_array_equal(together, np.minimum.reduce(alone))
     assert (together < 4.0).any()
 
 
 def test_what_contains_the_origin_is_left_and_not_entered():
     eye = np.eye(4)
-    shell = Bodies.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])
+    shell = Surfaces.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])
     assert shell.first_hits(np.zeros((1, 3)), np.array([[[1.0, 0, 0], [0, 1, 0]]]), REACH).tolist() == [[2.5, REACH]]
 
 
 def test_nothing_is_hit_where_nothing_is():
-    nothing = Bodies.of([])
+    nothing = Surfaces.of([])
     assert nothing.first_hits(np.zeros((2, 3)), np.ones((2, 1, 3)), 5.0).tolist() == [[5.0], [5.0]]
     assert nothing.filled(np.zeros((2, 3)), 1.0, 50).tolist() == [0.0, 0.0]
 
@@ -119,7 +119,7 @@ def test_the_share_of_a_ball_beyond_a_wall_is_that_of_the_cap():
     wall[:3, :3] = Rotation.from_euler("xyz", [0.3, -0.4, 0.9]).as_matrix()
     normal = wall[:3, 0]
     wall[:3, 3] = 50.0 * normal
-    bodies, r = Bodies.of([Solid(Box((98.0, 900.0, 900.0)), wall)]), 2.0  # its face is 1 m away
+    bodies, r = Surfaces.of([Solid(Box((98.0, 900.0, 900.0)), wall)]), 2.0  # its face is 1 m away
     offsets = np.array([-2.0, -0.5, 0.0, 0.3, 0.8])
     expected = [(r - d) ** 2 * (2 * r + d) / (4 * r**3) if d < r else 0.0 for d in 1.0 - offsets]
     np.testing.assert_allclose(bodies.filled(offsets[:, None] * normal, r, 500), expected, atol=2e-3)
@@ -127,7 +127,7 @@ def test_the_share_of_a_ball_beyond_a_wall_is_that_of_the_cap():
 
 def test_what_two_bodies_fill_counts_once():
     can, ball = Solid(Cylinder(0.4, 0.6), np.eye(4)), Solid(Sphere(0.7), np.eye(4))
-    share = Bodies.of([can, ball, ball]).filled(np.zeros((1, 3)), 1.0, 50)[0]
+    share = Surfaces.of([can, ball, ball]).filled(np.zeros((1, 3)), 1.0, 50)[0]
     assert share == pytest.approx(0.7**3, rel=1e-12)  # the can is inside the ball
 
 
@@ -137,5 +137,8 @@ def test_points_of_spirals_are_even():
     np.testing.assert_allclose(disc.mean(axis=0), 0.0, atol=2e-3)
     np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 1.0)
     np.testing.assert_allclose(sphere.T @ sphere / 2000, np.eye(3) / 3, atol=2e-3)
-    cap = over_sphere(500, math.cos(0.3), 1.0)
-    assert (cap[:, 2] > math.cos(0.3)).all()
+    view = over_sphere(500, 1.2, 0.6)
+    assert (np.abs(np.arctan2(view[:, 1], view[:, 0])) < 0.6).all()
+    assert (np.abs(np.arcsin(view[:, 2])) < 0.3).all()
+    ahead = math.sin(0.6) / 0.6 * (0.3 + 0.5 * math.sin(0.6)) / (2 * math.sin(0.3))  # ∫∫ cos² over the view
+    assert view.mean(axis=0) == pytest.approx([ahead, 0.0, 0.0], abs=2e-3)

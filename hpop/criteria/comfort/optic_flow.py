@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
+from hpop.criteria.comfort._flow_in_space import flow_in_space, rays_of_view
 from hpop.errors import CriterionError
-from hpop.math import is_symbolic
+from hpop.models.camera_height import camera_height, rises
 from hpop.models.field_of_view import field_of_view
 from hpop.motions import Instants, Motions, Rate
 from hpop.options import set_reals, set_wholes
-from hpop.world.bearings import Bearings, Seen, bearings
+from hpop.world.bearings import Seen, bearings
 from hpop.world.in_view import ALL_ROUND
-
-Flow = Callable[..., Column]
+from hpop.world.rays_in_space import surfaces_of
 
 
 @dataclass(frozen=True)
 class _Flow:
-    """Flow along horizontal bearings round the camera."""
+    """Flow round the camera: along horizontal bearings, or in all directions in view where its height changes."""
 
     nearest: float = 0.3
     bearings: int = 16
@@ -31,18 +30,27 @@ class _Flow:
         set_reals(self, "nearest", least=0.01, most=19.99, kind="a distance in m", error=CriterionError)
         set_wholes(self, "bearings", least=4, most=360, kind="a number of directions", error=CriterionError)
 
-    def _around(self, m: Motions, flow: Flow) -> Rate:
-        """Rate of a flow: what the camera sees round it, as it moves and turns."""
+    def _rate(self, m: Motions, *, largest: bool) -> Rate:
+        """What streams past the camera as it moves and turns: the mean, or the largest."""
+        if rises(m.model):
+            view = rays_of_view(field_of_view(m.model), self.bearings)
+            return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)
         around = bearings(m.world, camera_height(m), self.bearings)
+        flow = around.peak_flow if largest else around.mean_flow
         horizontal, _ = field_of_view(m.model)
 
         def rate(s: Instants) -> Column:
             twist = s.twist("camera")
             rotation = (0.0, 0.0, 0.0) if m.camera.steady else twist.rotation
             seen = None if horizontal >= ALL_ROUND else Seen(s.camera.yaw, horizontal)
-            return flow(around, s.camera.x, s.camera.y, twist.velocity, rotation, self.nearest, seen)
+            return flow(s.camera.x, s.camera.y, twist.velocity, rotation, self.nearest, seen)
 
         return rate
+
+    @staticmethod
+    def _turns_alone(m: Motions) -> bool:
+        """Whether a camera turns about the vertical where it is, and does no more, so that all flow is its rate."""
+        return m.camera.stays and m.camera.upright and not rises(m.model)
 
 
 @criterion("optic_flow", group="C", unit="rad", aggregate="sum", requires=("camera",))
@@ -64,13 +72,18 @@ class OpticFlow(_Flow):
 
     The mean is over the bearings that the model's ``field_of_view`` holds, those within h/2 of the camera's yaw, each
     of the ``bearings`` weighted by how much of the sector about it is in view; all, if the model has none.
+
+    Of a camera whose height changes (in the hand of an arm, on a lift) it is the mean over all directions d in view, in
+    its own frame, as far apart as two bearings: |ω × d + (v - (v·d) d) / r(d)|, r by rays in space against all solids,
+    floor and ceiling left out. A rotation all round then costs π/4 of its angle, for what is near its axis hardly
+    moves. Such flow has no symbols.
     """
 
     def cost(self, m: Motions) -> Column:
         """Flow (M,), rad."""
-        if m.camera.stays and m.camera.upright:
+        if self._turns_alone(m):
             return m.camera.turned
-        return m.integrate(self._around(m, Bearings.mean_flow))
+        return m.integrate(self._rate(m, largest=False))
 
 
 @criterion("peak_optic_flow", group="C", unit="rad/s", aggregate="max", requires=("camera",))
@@ -81,14 +94,15 @@ class PeakOpticFlow(_Flow):
     In the middle of a corridor of half-width w it is v / w, at a right angle to the motion. Between two of 16 bearings
     lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow. Where a bearing
     leaves one surface for another the change is blurred over four steps of the field, so a peak as short as that is
-    blunted: by 5 % on average among boxes, by 30 % for the worst of 60 moves.
+    blunted: by 5 % on average among boxes, by 30 % for the worst of 60 moves. Where the camera's height changes it is
+    the largest over the directions that `OpticFlow` takes there.
     """
 
     def cost(self, m: Motions) -> Column:
         """Fastest flow (M,), rad/s."""
-        if m.camera.stays and m.camera.upright:
+        if self._turns_alone(m):
             return fastest_turn(m)
-        return m.worst(self._around(m, Bearings.peak_flow))
+        return m.worst(self._rate(m, largest=True))
 
 
 def fastest_turn(m: Motions) -> Column:
@@ -98,16 +112,3 @@ def fastest_turn(m: Motions) -> Column:
         for u in (0.0, 1.0):
             fastest = np.maximum(fastest, m.camera.turned * phase.share_rates(u)[0])
     return fastest
-
-
-def camera_height(m: Motions) -> float:
-    """Height of the camera above the floor, m: the same for all motions of a batch.
-
-    Raises CriterionError where it is not.
-    """
-    ends = m.camera.start.z, m.camera.end.z
-    if any(map(is_symbolic, ends)) or np.ptp(np.concatenate(ends)) > 1e-6:
-        raise CriterionError(
-            "surfaces round the camera are found at one camera height, but this camera goes up and down"
-        )
-    return float(np.round(ends[0][0], 6))

@@ -8,9 +8,9 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort.optic_flow import camera_height
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
+from hpop.models.camera_height import camera_height
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
 from hpop.world.bearings import MARGIN, as_seen

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
+from hpop.models.camera_height import rises
 from hpop.models.field_of_view import check_fov, field_of_view
 from hpop.motions import Motions
 from hpop.options import MOST, set_reals
+from hpop.world import sight_in_space
 from hpop.world.visibility import landmarks_unseen
 
 
@@ -37,6 +39,8 @@ class _Unseen:
         """Time integral (M,) of the unseen share, s."""
         horizontal, vertical = field_of_view(m.model, self.fov)
         limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
+        if rises(m.model):
+            return m.integrate(lambda s: sight_in_space.landmarks_unseen(m.world, s.camera, s.state.size, **limits))
         return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits))
 
 
@@ -63,6 +67,9 @@ class LandmarkVisibility(_Unseen):
     All factors but the view's are one smooth field of the plane: the border of a shadow is about two cells wide. The
     edges of the view are sharp, and smoothed on symbols only, so a landmark that comes into view within a motion is
     timed to half a quadrature node (2.5 degrees, a quarter of a cell). Weights are the landmarks'.
+
+    Of a camera whose height changes (in the hand of an arm, on a lift) the lines of sight are rays against solids in
+    space, and β_i and ε_i are the angles off its own axes, rolled as it is; there are no symbols for that.
     """
 
     @property

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
+from hpop.models.camera_height import rises
 from hpop.motions import Motions
 from hpop.options import LEAST, set_reals
+from hpop.world import sight_in_space
 from hpop.world.visibility import openness
 
 
@@ -23,6 +25,8 @@ class _Enclosed:
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the closed share, s."""
+        if rises(m.model):
+            return m.integrate(lambda s: 1.0 - sight_in_space.openness(m.world, s.camera, s.state.size, self.radius))
         return m.integrate(lambda s: 1.0 - openness(m.world, s.camera, self.radius))
 
 
@@ -42,7 +46,7 @@ class Openness(_Enclosed):
 
     R is the distance to the nearest obstacle that reaches the camera's height. The isovist is Benedikt's (1979), cut
     off at r. 0 in the open. Unlike obstruction, what stands behind a wall does not count, and a thin wall counts as
-    much as a thick one.
+    much as a thick one. Of a camera whose height changes it is taken by rays at the height at which the camera is.
     """
 
     @property

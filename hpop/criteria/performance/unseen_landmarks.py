@@ -10,8 +10,10 @@ from hpop.arrays import BoolArray, Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History, Track
+from hpop.models.camera_height import rises
 from hpop.models.field_of_view import check_fov, field_of_view
 from hpop.options import LEAST, MOST, set_reals
+from hpop.world import sight_in_space
 from hpop.world.content import Landmark
 from hpop.world.in_view import in_view
 from hpop.world.visibility import sees
@@ -36,7 +38,8 @@ class UnseenLandmarks:
 
     Two paths to one place with equal shares may have seen different landmarks, so the share does not add up: a search
     would need the set of those seen in its labels. It is judged on the execution, looked at every 0.05 s: what is in
-    view for less may be missed.
+    view for less may be missed. Of a camera whose height changes, sight and view are those of
+    :class:`~hpop.criteria.performance.landmark_visibility.LandmarkVisibility` in space.
     """
 
     least: float = 0.0
@@ -60,8 +63,12 @@ class UnseenLandmarks:
         return unseen / total
 
     def _sees(self, m: History, track: Track, landmark: Landmark) -> BoolArray:
-        seen = sees(m.world, track.camera, landmark, far=self.far)
-        viewed = in_view(track.camera, landmark, *field_of_view(m.model, self.fov))
+        camera, size, view = track.camera, track.times.size, field_of_view(m.model, self.fov)
+        if rises(m.model):
+            visible = sight_in_space.sees(m.world, camera, landmark, size, far=self.far)
+            return np.asarray(visible * sight_in_space.in_view(camera, landmark, size, *view) > 0.0)
+        seen = sees(m.world, camera, landmark, far=self.far)
+        viewed = in_view(camera, landmark, *view)
         return np.asarray(seen & (viewed > 0.0), dtype=bool)
 
     def _seen_at(self, track: Track, seen: BoolArray) -> float:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
-from hpop.errors import CriterionError
-from hpop.motions import Motions
+from hpop.errors import CriterionError, UnsupportedCriterion
+from hpop.math import is_symbolic
+from hpop.motions import Motions, Rate
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("clearance", group="R", unit="m", aggregate="max", requires=("base",), quantum=1e-3)
+@criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)
 @dataclass(frozen=True)
 class Clearance:
     """max over t of (enough - d(p(t)))₊: by how much the base's axis comes nearer than ``enough`` metres.
 
     d is the distance to the nearest obstacle at any height, keep-out zone, person who stands, or border of the extent;
     the cost of a path with least clearance c is ``enough`` - c, and 0 beyond.
+
+    Of a model whose collision measures a ``clearance`` it is that of the whole robot: of every link of an arm from what
+    stands in the world. That has no symbols. A model needs either this or a base.
     """
 
     enough: float = 1.0
@@ -30,8 +35,21 @@ class Clearance:
 
     def cost(self, m: Motions) -> Column:
         """Worst shortfall (M,), m."""
-        return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))
+        clearance = _clearance(m)
+        return m.worst(lambda s: np.maximum(self.enough - clearance(s), 0.0))
 
     def convex(self, path: ConvexPath) -> ConvexCost:
         """A bound: the distance to half-planes that hold all obstacles."""
         return ConvexCost(path.shortfall(self.enough, path.world.free_space(), "base"), exact=False)
+
+
+def _clearance(m: Motions) -> Rate:
+    """How far the robot is from what blocks it, m: all of it, if its collision knows; else its base's axis."""
+    collision: Any = m.model.collision(m.world)
+    if hasattr(collision, "clearance"):
+        if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):
+            raise UnsupportedCriterion("distances of a whole robot have no symbols; take a planner on a graph")
+        return lambda s: collision.clearance(s.state)
+    if "base" not in m.model.provides:
+        raise UnsupportedCriterion("it needs a base, or a model whose collision measures its clearance")
+    return lambda s: m.world.clearance(s.base.x, s.base.y)

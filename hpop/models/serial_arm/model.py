@@ -21,6 +21,7 @@ from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.body import ArmBody
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.collision import ArmCollision
+from hpop.models.serial_arm.frames import frames
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.levers import levers
@@ -34,6 +35,7 @@ from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
+    from hpop.world.solids import Shape
 
 NEAR = 1e-9  # m or rad: an end that is so near to a state is that state
 BEYOND = 1e-6  # rad or m: so far beyond a limit is still at it
@@ -161,6 +163,11 @@ class SerialArm(Model):
         """The bodies, and joints."""
         return frozenset({"camera", "tool", "joints"})
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All states."""
+        return self.chain.names
+
     @cached_property
     def space(self) -> StateSpace:
         """The joints, and the states that the SRDF names."""
@@ -208,6 +215,11 @@ class SerialArm(Model):
         if not isinstance(motions.law, Reach):
             return integrated(name, motions)
         return ArmBody(name, self._kinematics, motions)
+
+    def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
+        """What may stand in the way of the camera: the shapes of the parts, and their poses (N, 4, 4)."""
+        placed = frames(self.chain, states)
+        return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """How far (M,), m and rad, no body moves or turns farther: the ways of the joints times their levers."""

@@ -1,0 +1,90 @@
+"""Occlusion: how much of a target is hidden from the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray
+from hpop.criteria.base import criterion
+from hpop.criteria.performance.target import Targeted
+from hpop.errors import CriterionError
+from hpop.motions import Instants, Model, Motions
+from hpop.options import LEAST, set_reals, set_wholes
+from hpop.world.rays_in_space import Surfaces, over_disc, rows, surfaces_of
+from hpop.world.solids import Solid
+
+BLOCK = 1 << 14  # rays at once: they stay in the processor's cache
+
+
+@criterion("occlusion", group="P", unit="s", aggregate="sum", requires=("camera",), smooth=False, world_frame=True)
+@dataclass(frozen=True)
+class Occlusion(Targeted):
+    """∫ share of rays from the camera to the target that are blocked dt: the time for which not seeing it is as bad.
+
+    target  (x, y, z)  m, world frame
+    radius  m          of a ball that holds the target
+    rays               evenly over the ball as the camera sees it
+
+    The occlusion objective of Rakita, Mutlu and Gleicher (RSS 2019). A ray is blocked where it enters a solid of the
+    world, or a body of the robot itself (:meth:`bodies` of a model that has some), before it gets to the ball; what is
+    within the ball, the target itself, hides nothing, and neither does what contains the camera, such as the hand that
+    carries it. The share jumps from ray to ray, and each jump is timed to half a node of the quadrature. Whether the
+    camera looks there is for ``look_at`` to say.
+    """
+
+    radius: float = 0.1
+    rays: int = 37
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        set_reals(self, "radius", least=LEAST, most=999, kind="a length in m", error=CriterionError)
+        set_wholes(self, "rays", least=1, most=10_000, kind="a number of rays", error=CriterionError)
+
+    def cost(self, m: Motions) -> Column:
+        """Time integral (M,) of the blocked share, s."""
+        surfaces = surfaces_of(m.world)
+        return m.integrate(lambda s: self._blocked(m.model, surfaces, s))
+
+    def _blocked(self, model: Model, surfaces: Surfaces, s: Instants) -> FloatArray:
+        """Blocked share (N,) of the rays."""
+        size = s.state.size
+        place = rows((s.camera.x, s.camera.y, s.camera.z), size)
+        bodies: Any = getattr(model, "bodies", None)
+        own = [] if bodies is None else [(Surfaces.of([Solid(shape, np.eye(4))]), at) for shape, at in bodies(s.state)]
+        share = np.empty(size)
+        step = max(1, BLOCK // self.rays)
+        for begin in range(0, size, step):
+            part = slice(begin, begin + step)
+            directions, reach = self._rays_from(place[part])
+            farthest = float(reach.max(initial=0.0))
+            hits = surfaces.first_hits(place[part], directions, farthest)
+            for surface, poses in own:
+                axes = poses[part, :3, :3]
+                there = np.einsum("ni,nij->nj", place[part] - poses[part, :3, 3], axes)
+                hits = np.minimum(hits, surface.first_hits(there, directions @ axes, farthest))
+            share[part] = np.mean(hits < reach, axis=1)
+        return share
+
+    def _rays_from(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Unit vectors (N, K, 3) from places (N, 3) towards points of the ball, and how far (N, K), m, it is to it.
+
+        It is 0 for cameras in the ball.
+        """
+        offset = np.array(self.target) - place
+        distance = np.linalg.norm(offset, axis=1)
+        ahead = offset / np.where(distance > 0, distance, 1.0)[:, None]
+        least = np.eye(3)[np.argmin(np.abs(ahead), axis=1)]  # the axis that is most across
+        aside = np.cross(ahead, least)
+        aside /= np.where(distance > 0, np.linalg.norm(aside, axis=1), 1.0)[:, None]
+        disc = self.radius * over_disc(self.rays)
+        across = disc[:, 0, None] * aside[:, None] + disc[:, 1, None] * np.cross(ahead, aside)[:, None]  # (N, K, 3)
+        towards = offset[:, None] + across
+        lengths = np.linalg.norm(towards, axis=2)
+        directions = towards / np.where(lengths > 0, lengths, 1.0)[..., None]
+        along = np.einsum("nkj,nj->nk", directions, offset)
+        beside = np.maximum(distance[:, None] ** 2 - along * along, 0.0)  # squared distance of the ball's centre
+        enters = along - np.sqrt(np.maximum(self.radius**2 - beside, 0.0))
+        return directions, np.where(distance[:, None] > self.radius, enters, 0.0)
