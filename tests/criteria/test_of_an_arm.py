@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria import Occlusion, motion_costs, trajectory_cost
+from hpop.criteria import Clearance, Occlusion, motion_costs, trajectory_cost
 from hpop.criteria.robot.singularity import manipulability
 from hpop.models.serial_arm.frames import frames
 from hpop.motions import lacking
@@ -39,7 +39,7 @@ def test_frames_are_those_of_its_bodies():
     np.testing.assert_allclose(found[:, :3, :3], np.moveaxis(axes, (0, 1, 2), (2, 1, 0)), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", [name for name in EVALUATED if name not in ("clearance", "passing_distance")])
+@pytest.mark.parametrize("name", [name for name in EVALUATED if name != "passing_distance"])
 def test_costs_of_edges_alone_add_up_to_the_trajectorys(name):
     criterion = own_criterion(name)
     value = trajectory_cost(criterion, TOUR, WORLD)
@@ -51,6 +51,13 @@ def test_costs_of_edges_alone_add_up_to_the_trajectorys(name):
     costs = np.concatenate([motion_costs(criterion, part(motions, i)) for i in range(len(motions))])
     total = {"sum": costs.sum(), "max": costs.max(), "time-mean": costs.sum() / TOUR.duration}[criterion.aggregate]
     assert value == pytest.approx(total, rel=1e-9, abs=1e-12)
+
+
+def test_its_clearance_is_that_of_all_its_links_at_the_worst_moment():
+    nearest = ARM.collision(WORLD).clearance(TOUR.at(np.linspace(0.0, TOUR.duration, 400))).min()
+    found = trajectory_cost(Clearance(enough=0.6), TOUR, WORLD)
+    assert found == pytest.approx(0.6 - nearest, abs=WORLD.cell / 4)
+    assert found > 0.0
 
 
 def part(motions, i):
