@@ -70,6 +70,7 @@ def test_what_no_path_can_be_is_an_error_of_reading(path):
     "read",
     [
         World.from_geojson,
+        World.from_moveit_scene,
         World.from_movingai,
         World.from_ros_map,
         lambda path: World.from_image(path, 0.05),
@@ -81,7 +82,7 @@ def test_no_reader_takes_what_is_no_file(read, path):
         read(path)
 
 
-@pytest.mark.parametrize("read", [World.from_geojson, World.from_movingai, World.from_ros_map, load_scenario])
+@pytest.mark.parametrize("read", [World.from_geojson, World.from_moveit_scene, World.from_ros_map, load_scenario])
 def test_no_reader_waits_for_a_fifo(read, fifo):
     with pytest.raises((MapError, ScenarioError), match="FIFO"):
         read(fifo)

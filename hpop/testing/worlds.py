@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hpop.world import World
+from hpop.world import Ground, Obstacle, World, pose_at
 from hpop.world.content import Landmark, Person, Zone
 
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
@@ -35,7 +35,7 @@ def random_world(rng: np.random.Generator) -> World:
 
 
 def reframed(world: World) -> World:
-    """A polygon world turned and shifted by ``FRAME``, content and all."""
+    """A world of polygons and solids turned and shifted by ``FRAME``, content and all."""
 
     def place(geometry: Any) -> Any:
         return shapely.transform(geometry, lambda points: np.stack(in_frame(points[:, 0], points[:, 1]), axis=1))
@@ -46,9 +46,10 @@ def reframed(world: World) -> World:
         return {"x": float(x), "y": float(y), facing: None if angle is None else angle + FRAME[2]}
 
     content = world.content
-    return World.from_polygons(
-        [(place(obstacle.polygon), obstacle.heights) for obstacle in world.obstacles], extent=place(world.extent)
-    ).with_content(
+    prisms = [Obstacle(place(prism.polygon), *prism.heights) for prism in world.obstacles if prism.solid is None]
+    frame = pose_at((*FRAME[:2], 0.0), rpy=(0.0, 0.0, FRAME[2]))
+    solids = [replace(solid, pose=frame @ solid.pose) for solid in world.ground.solids]
+    return World(Ground(tuple(prisms), extent=place(world.extent), solids=tuple(solids))).with_content(
         people=[replace(person, **pose(person, "yaw")) for person in content.people],
         groups=content.groups,
         landmarks=[replace(landmark, **pose(landmark, "facing")) for landmark in content.landmarks],

@@ -22,7 +22,7 @@ from hpop.world.limits import READING
 from hpop.world.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.world import World
 
-MOST_BYTES = 10_000_000
+MOST_BYTES = 5_000_000
 """Largest scene, bytes: some seconds."""
 PARSED = 60
 """Bytes for each of a file, of Python's objects while it is read."""

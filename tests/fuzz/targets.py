@@ -76,6 +76,39 @@ ROS_MAP = {
     "free_thresh": 0.196,
     "mode": "trinary",
 }
+SOLIDS = {
+    "extent": [[0, 0], [6, 0], [6, 4], [0, 4]],
+    "obstacles": [
+        {"box": [1.0, 1.0, 0.75], "position": [2.5, 1.5, 0.375], "rpy": [0, 0, "30 deg"], "name": "table"},
+        {"cylinder": {"radius": 0.1, "length": 1.0}, "position": [4, 1, 0.5], "quaternion": [0, 0.1, 0, 1]},
+        {"sphere": 0.2, "position": [4, 3, 1]},
+        {"hull": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "position": [5, 2, 0]},
+    ],
+}
+BLOCK: dict[str, Any] = {
+    "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "triangles": [{"vertex_indices": list(face)} for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))],
+}
+SCENE = {
+    "robot_state": {"attached_collision_objects": []},
+    "world": {
+        "octomap": {"octomap": {"data": []}},
+        "collision_objects": [
+            {
+                "id": "table",
+                "header": {"frame_id": "world"},
+                "primitives": [
+                    {"type": "box", "dimensions": [2, 1, 0.1]},
+                    {"type": "cylinder", "dimensions": [1, 0.1]},
+                ],
+                "primitive_poses": [{"position": [0, 0, z], "orientation": [0, 0.3, 0, 1]} for z in (0.75, 0.35)],
+                "pose": {"position": {"x": 1, "y": 2, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}},
+            },
+            {"id": "ball", "header": {"frame_id": "world"}, "primitives": [{"type": 2, "dimensions": [0.2]}]},
+            {"id": "block", "header": {"frame_id": "world"}, "meshes": [BLOCK], "operation": 0},
+        ],
+    },
+}
 
 
 # Readers
@@ -108,6 +141,7 @@ def _looked_at(world: hpop.World) -> None:
     world.clearance(np.linspace(x0, x1, 5), np.linspace(y0, y1, 5))
     json.dumps(world.describe(), allow_nan=False)
     repr(world)
+    asked(lambda: world.bodies)
 
 
 def geojson(rng: Rng, folder: Path) -> str:
@@ -131,6 +165,11 @@ def movingai(rng: Rng, folder: Path) -> str:
     return verdict(lambda: _looked_at(hpop.World.from_movingai(path)))
 
 
+def moveit_scene(rng: Rng, folder: Path) -> str:
+    path = _written(folder / "scene.yaml", SCENE, rng, _yaml)
+    return verdict(lambda: _looked_at(hpop.World.from_moveit_scene(path)))
+
+
 def image(rng: Rng, folder: Path) -> str:
     buffer = io.BytesIO()
     kind = ("PNG", "PPM", "BMP", "GIF")[rng.integers(4)]
@@ -145,7 +184,10 @@ def image(rng: Rng, folder: Path) -> str:
 
 
 def scenario(rng: Rng, folder: Path) -> str:
-    path = _written(folder / "room.yaml", ROOM | {"planner": PLANNERS[rng.integers(len(PLANNERS))]}, rng, _yaml)
+    tree = ROOM | {"planner": PLANNERS[rng.integers(len(PLANNERS))]}
+    if rng.random() < 0.3:
+        tree["world"] = {"solids": SOLIDS}
+    path = _written(folder / "room.yaml", tree, rng, _yaml)
 
     def read() -> None:
         loaded = load_scenario(path)
@@ -376,7 +418,7 @@ def warm(folder: Path) -> None:
 
 
 EVERY: list[Attempt] = [
-    *(geojson, ros_map, movingai, image, scenario, plan, front, show, checkpoint),
+    *(geojson, ros_map, movingai, moveit_scene, image, scenario, plan, front, show, checkpoint),
     *(python, problem, graph, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}

@@ -14,6 +14,7 @@ import hpop
 from hpop.errors import MapError
 from hpop.motions import States
 from hpop.problem import Problem
+from hpop.testing.worlds import in_frame, reframed
 from hpop.world import Box, Cylinder, Ground, Hull, Obstacle, Solid, Sphere, World, pose_at
 from hpop.world import bodies as made_bodies
 from hpop.world.bodies import ENDLESS, convex_pieces
@@ -132,6 +133,16 @@ def test_solids_stay_what_they_are_when_a_world_is_saved_sent_furnished_or_chang
     assert "obstacles: 1, solids: 4" in repr(world)
     emptied = replace(world.ground, obstacles=(pillar,))
     assert emptied.solids == world.ground.solids
+
+
+def test_the_same_world_in_another_frame_has_its_solids_there():
+    leaning = Solid(Cylinder(0.2, 1.0), pose_at((1.0, 3.0, 0.6), rpy=(0.3, 0.2, 0.1)))
+    world = World.from_solids([*GIVEN, leaning], extent=HALL)
+    x, y = np.random.default_rng(0).uniform((0, 0), (6, 4), (100, 2)).T
+    other = reframed(world)
+    np.testing.assert_allclose(other.clearance(*in_frame(x, y)), world.clearance(x, y), atol=2 * SAGITTA)
+    assert [body.heights for body in other.bodies] == [body.heights for body in world.bodies]
+    assert apart(*other.bodies[1:]) == pytest.approx(apart(*world.bodies[1:]), abs=1e-6)
 
 
 def test_worlds_without_solids_are_described_as_ever():

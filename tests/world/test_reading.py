@@ -79,6 +79,13 @@ def grid(folder: Path) -> Path:
     return path
 
 
+def scene(folder: Path) -> Path:
+    path = folder / "scene.yaml"
+    things = [{"id": f"ball {i}", "primitives": [{"type": "sphere", "dimensions": [0.2 + i]}]} for i in range(SIDE)]
+    path.write_text(yaml.safe_dump({"world": {"collision_objects": things}}))
+    return path
+
+
 def cells(world: World) -> list[object]:
     assert world.raster is not None
     return world.raster.cells.tolist()
@@ -90,6 +97,7 @@ READ: dict[str, Callable[[Path], list[object]]] = {
     "image": lambda folder: cells(World.from_image(image(folder), 0.1)),
     "ros_map": lambda folder: cells(World.from_ros_map(ros_map(folder))),
     "movingai": lambda folder: cells(World.from_movingai(grid(folder))),
+    "moveit_scene": lambda folder: [o.describe() for o in World.from_moveit_scene(scene(folder)).bodies],
 }
 
 
