@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -86,8 +87,9 @@ def draw_map(
     model, named, rows = problem.model, marks(front, chosen), drawn_rows(front)
     picked = [front.trajectories[mark.row] for mark in named]
     shown = [front.trajectories[row] for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
+    line = cache(path_points)
     if view is None:
-        view = view_of(problem, [*(path_points(trajectory) for trajectory in shown), targets_of(problem)[:, :2]])
+        view = view_of(problem, [*map(line, shown), targets_of(problem)[:, :2]])
     scale = scale_of(front, colour) if len(front) else None
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
@@ -100,7 +102,7 @@ def draw_map(
     ]
     bars: list[Bar] = []
     if scale is not None:
-        bars += draw_all(axes, front, scale, rows, path_points)
+        bars += draw_all(axes, front, scale, rows, line)
     try:
         bars += _draw_floor(axes, problem, view, heights)
     except LimitPassed:
@@ -112,7 +114,7 @@ def draw_map(
             at, gid = 3.5 + 0.1 * layer, f"views of {mark.label}"
             draw_sight(axes, front.trajectories[mark.row], mark.colour, view, zorder=at, gid=gid)
         symbols.append(sight_entry(model, cones="base" not in model.provides))
-    lines = draw_named(axes, front, named, path_points)
+    lines = draw_named(axes, front, named, line)
     turns = [_turn_places(trajectory) for trajectory in picked]
     for layer, (mark, (x, y)) in enumerate(zip(named, (places.T for places in turns), strict=True)):
         axes.add_line(turn_dot(mark.colour, x, y, zorder=5 + 0.1 * layer, gid=f"turns of {mark.label}"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,8 @@ def draw_side(
     """
     named, rows = marks(front, chosen), drawn_rows(front)
     picked = [front.trajectories[mark.row] for mark in named]
-    paths = [camera_path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
+    path = cache(camera_path)
+    paths = [path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     start, goals = end_positions(problem, picked)
     section = Section.along(paths)
     around = Surroundings.of(paths)
@@ -83,7 +85,7 @@ def draw_side(
     view = _view(section.flattened(np.concatenate([*paths, [start], goals, near])), tallest(solid))
 
     def line(trajectory: Trajectory) -> FloatArray:
-        return section.flattened(camera_path(trajectory))
+        return section.flattened(path(trajectory))
 
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
