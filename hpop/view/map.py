@@ -22,7 +22,6 @@ from hpop.view.ground import (
     ball_of,
     draw_bare_floor,
     draw_field,
-    draw_obstacles,
     draw_scale_bar,
     view_of,
 )
@@ -31,6 +30,7 @@ from hpop.view.page import Bar, Handle, draw_caption, lay_out
 from hpop.view.paths import Heights, camera_heights, path_points
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE
 from hpop.view.sight import draw_sight, from_above, looks_aside, sight_entry
+from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     NORMAL,
     QUIET,
@@ -89,14 +89,14 @@ def draw_map(
     shown = [front.trajectories[row] for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     line = cache(path_points)
     if view is None:
-        view = view_of(problem, [*map(line, shown), targets_of(problem)[:, :2]])
+        view = view_of(problem, [*map(line, shown), targets_of(problem)[:, :2]] if shown else ())
     scale = scale_of(front, colour) if len(front) else None
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="map")
     heights = camera_heights(problem, shown)
     symbols: list[Handle] = [
-        *draw_obstacles(axes, problem.world, heights, view),
+        *draw_map_obstacles(axes, problem, heights, view),
         *draw_content(axes, problem.world, view),
         *draw_targets(axes, problem, from_above),
     ]

@@ -22,17 +22,18 @@ from hpop.view.ends import draw_ends, end_positions, goal_words
 from hpop.view.ground import View
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.page import Handle, draw_caption, lay_out
-from hpop.view.paths import camera_path
+from hpop.view.paths import Heights, camera_path
 from hpop.view.section import Section
 from hpop.view.sheet import stretch_of
 from hpop.view.sight import draw_cones, sight_entry
-from hpop.view.silhouettes import Surroundings, draw_silhouettes, tallest
+from hpop.view.silhouettes import Surroundings, draw_silhouettes, ends_of
 from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, new_figure, plain, whole_ticks
 from hpop.view.targets import draw_targets, targets_of
 from hpop.world.content import Landmark
 
 BORDER = 0.1  # round the paths, as a share of the longer side of the picture
 LEAST_BORDER = 0.15  # m
+NEAR = 0.4  # m above and below the paths, to which obstacles are shown
 STRETCHED = 1.05  # heights that are drawn larger by less need no word
 EARTH = "#8a7a5c"
 
@@ -71,7 +72,7 @@ def draw_side(
     OptionError
         If a chosen row is not one of the front's.
     """
-    named, rows = marks(front, chosen), drawn_rows(front)
+    named, rows, drives = marks(front, chosen), drawn_rows(front), "base" in problem.model.provides
     picked = [front.trajectories[mark.row] for mark in named]
     path = cache(camera_path)
     paths = [path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
@@ -82,7 +83,7 @@ def draw_side(
     landmarks = problem.world.content.landmarks
     points = np.array([*((mark.x, mark.y, mark.z) for mark in landmarks), *targets_of(problem)]).reshape(-1, 3)
     near = points[shapely.intersects_xy(around.beside, points[:, 0], points[:, 1])]
-    view = _view(section.flattened(np.concatenate([*paths, [start], goals, near])), tallest(solid))
+    view = _view(section.flattened(np.concatenate([*paths, [start], goals, near])), ends_of(solid), drives)
 
     def line(trajectory: Trajectory) -> FloatArray:
         return section.flattened(path(trajectory))
@@ -92,7 +93,7 @@ def draw_side(
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="side")
     symbols: list[Handle] = [
         *draw_silhouettes(axes, solid, view),
-        *_draw_floor(axes, view),
+        *(_draw_floor(axes, view) if drives else ()),
         *_draw_landmarks(axes, landmarks, section, view),
         *draw_targets(axes, problem, section.flattened),
         *planner_entries(front),
@@ -111,13 +112,14 @@ def draw_side(
     return figure
 
 
-def _view(points: FloatArray, top: float) -> View:
-    """What is shown: points (N, 2) with a border, down to the floor, and up to the obstacles' upper ends if near."""
+def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
+    """What is shown: points (N, 2), upper ends of obstacles above them, and the floor, or without a base lower ends."""
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
-    border = max(BORDER * max(b - a, high - min(low, 0.0)), LEAST_BORDER)
-    if top < high + 2.0 * border:
-        high = max(high, top)
-    return View(float(a - border), float(min(low, 0.0) - 0.5 * border), float(b + border), float(high + border))
+    border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
+    near = max(2.0 * border, NEAR)
+    bottom = min(low, 0.0 if drives else max(solid.low, low - near))
+    top = max(high, min(solid.high, high + near))
+    return View(float(a - border), float(bottom - 0.5 * border), float(b + border), float(top + border))
 
 
 def _draw_floor(axes: Axes, view: View) -> Iterator[Handle]:

@@ -1,4 +1,7 @@
-"""Obstacles as they are seen from the side: those among some paths, each from its lower to its upper end."""
+"""Obstacles in outline: from the side those among some paths, each from its lower to its upper end; from above all.
+
+A camera in a hand is over, under and between them, so a map of its paths shows each obstacle, of whatever height.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,20 @@ from typing import Any
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.patches import Patch
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
-from hpop.view.ground import View
+from hpop.problem import Problem
+from hpop.view.ground import View, draw_obstacles, outline
 from hpop.view.paths import Heights
 from hpop.view.section import Section
 from hpop.world import World
+from hpop.world.solids import Solid, Sphere
 
-SHADE, EDGE = "#d8cfbf", "#9c9078"
+LOOK: dict[str, Any] = {"facecolor": ("#d8cfbf", 0.45), "edgecolor": "#9c9078", "linewidth": 0.7}
 ASIDE = 0.1  # of the paths' longer side: how far beyond their hull obstacles are still beside them
 LEAST_ASIDE = 0.4  # m
 ENDLESS = 1e5  # m: so far what has no end is drawn
@@ -49,11 +54,13 @@ class Surroundings:
         return cls(hull, beside, Heights(float(points[:, 2].min()), float(points[:, 2].max())))
 
     def silhouettes(self, world: World, section: Section) -> list[Polygon]:
-        """Outlines in the plane of a section, m, of what is among the paths, and beside them.
+        """Outlines in the plane of a section, m, of what is among the paths, and beside them; of solids as a whole.
 
-        What is beside them at all of their heights is left out: walls of a room would hide all and tell nothing.
+        What was given as a prism, or cells, and is beside the paths at all of their heights is left out: walls of a
+        room would hide all and tell nothing.
         """
-        found = []
+        solids = (solid for solid in world.ground.solids if solid.outline.intersects(self.beside))
+        found = [_outline(solid, section) for solid in solids]
         for geometry, low, high in _prisms(world):
             at_all = low <= self.heights.low and self.heights.high <= high
             for part in shapely.get_parts(shapely.intersection(geometry, self.among if at_all else self.beside)):
@@ -63,25 +70,46 @@ class Surroundings:
         return found
 
 
+def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: View) -> list[Patch]:
+    """Draw the obstacles of a map, of a base by the camera's heights; returns the legend entries of what there is."""
+    world = problem.world
+    if "base" in problem.model.provides:
+        return draw_obstacles(axes, world, heights, view)
+    solid = [*(obstacle.polygon for obstacle in world.obstacles), world.ground.raster_solid()]
+    outlines = [outline(geometry) for geometry in solid if not geometry.is_empty]
+    axes.add_collection(PathCollection(outlines, zorder=1.0, gid="silhouettes", **LOOK), autolim=False)
+    return [Patch(**LOOK, label="obstacle, of whatever height")]
+
+
 def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[Patch]:
     """Draw what is solid, light: it may be before the paths or behind them. Returns its legend entry."""
     shown = shapely.box(view.x_min - 1.0, view.y_min - 1.0, view.x_max + 1.0, view.y_max + 1.0)
     outlines = [shapely.get_coordinates(shapely.intersection(shown, one)) for one in found if shown.intersects(one)]
     if not outlines:
         return []
-    look: dict[str, Any] = {"facecolor": (SHADE, 0.6), "edgecolor": EDGE, "linewidth": 0.7}
-    axes.add_collection(PolyCollection(outlines, zorder=1.0, gid="silhouettes", **look), autolim=False)
-    return [Patch(**look, label="obstacle among the paths or beside\nthem, in front of them or behind")]
+    axes.add_collection(PolyCollection(outlines, zorder=1.0, gid="silhouettes", **LOOK), autolim=False)
+    return [Patch(**LOOK, label="obstacle among the paths or beside\nthem, in front of them or behind")]
 
 
-def tallest(found: Sequence[Polygon]) -> float:
-    """The highest upper end, m, of what has one; minus infinity without any."""
-    tops = [one.bounds[3] for one in found]
-    return max((top for top in tops if top < ENDLESS), default=-np.inf)
+def ends_of(found: Sequence[Polygon]) -> Heights:
+    """The lowest lower end and the highest upper one, m, of what has any; infinite and the wrong way round if none."""
+    ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
+    lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
+    return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))
+
+
+def _outline(solid: Solid, section: Section) -> Polygon:
+    """The outline of a convex solid in the plane of a section, m."""
+    if isinstance(solid.shape, Sphere):
+        middle = shapely.Point(section.flattened(solid.pose[:3, 3]))
+        return middle.buffer(solid.shape.radius)
+    hull: Polygon = shapely.convex_hull(shapely.MultiPoint(section.flattened(solid.corners)))  # type: ignore[assignment]
+    return hull
 
 
 def _prisms(world: World) -> Iterator[tuple[BaseGeometry, float, float]]:
     for obstacle in world.obstacles:
-        yield obstacle.polygon, *obstacle.heights
+        if obstacle.solid is None:
+            yield obstacle.polygon, *obstacle.heights
     if world.raster is not None:
         yield world.ground.raster_solid(), *world.raster.heights

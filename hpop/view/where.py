@@ -23,12 +23,13 @@ from hpop.trace import Trace
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends
-from hpop.view.ground import draw_obstacles, outline, view_of
+from hpop.view.ground import outline, view_of
 from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
 from hpop.view.paths import camera_heights, motion_lines, path_points
 from hpop.view.sheet import LINE
 from hpop.view.sight import from_above
+from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     LARGE,
     NORMAL,
@@ -91,7 +92,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
             *_turn_entry(trajectory),
             *draw_ends(axes, ends[0], ends[1:]),
-            *draw_obstacles(axes, problem.world, heights, view),
+            *draw_map_obstacles(axes, problem, heights, view),
             *draw_content(axes, problem.world, view, small=True),
             *draw_targets(axes, problem, from_above),
         ]

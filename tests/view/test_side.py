@@ -18,6 +18,7 @@ from hpop.motions import Model, States
 from hpop.view import draw_map, draw_side, draw_trace, draw_where, save_pictures
 from hpop.view.paths import camera_heights, camera_path, may_rise
 from hpop.view.section import Section
+from hpop.world import Box, Solid, Sphere, pose_at
 from tests.view.robots import Lift, Reacher
 from tests.view.test_map import legend_texts
 
@@ -96,6 +97,25 @@ def test_obstacles_stand_at_their_heights_and_walls_beside_the_paths_do_not_hide
     assert any(text.startswith("obstacle among the paths") for text in legend_texts(figure))
     low, high = axes_of(figure, "side").get_ylim()
     assert low < 0.0 < 2.4 < high  # the floor, and the beam above the camera
+
+
+def test_solids_are_what_is_seen_of_them_from_the_side_and_from_above():
+    turned = pose_at((0.5, 0.2, 0.4), rpy=(0.0, math.radians(45), 0.0))
+    solids = [Solid(Box((0.2, 0.1, 0.2)), turned), Solid(Sphere(0.1), pose_at((0.3, 0.3, 0.8))),
+              Solid(Box((0.1, 0.1, 0.1)), pose_at((9, 9, 0)))]  # fmt: skip
+    flat = [(-0.6, 0.2), (0.6, 0.2)]
+    problem, front = seen(Reacher(), flat, [flat[0], (0.0, 0.5), flat[1]], world=hpop.World.from_solids(solids))
+    figure = draw_side(problem, front)
+    assert axes_of(figure, "side").get_xlabel() == "y (m)"
+    (shapes,) = found(figure, "side", "silhouettes")
+    box, ball = (path.get_extents().extents for path in shapes.get_paths())  # not the one far away
+    rise = 0.1 * math.sqrt(2)
+    np.testing.assert_allclose(box, (0.15, 0.4 - rise, 0.25, 0.4 + rise))
+    np.testing.assert_allclose(ball, (0.2, 0.7, 0.4, 0.9), atol=1e-3)
+    assert not found(figure, "side", "floor")  # their world has none but what is given as one
+    (above,) = found(draw_map(problem, front), "map", "silhouettes")
+    assert len(above.get_paths()) == 3
+    np.testing.assert_allclose(above.get_paths()[0].get_extents().extents, (0.5 - rise, 0.15, 0.5 + rise, 0.25))
 
 
 def test_an_endless_wall_that_paths_go_round_reaches_from_the_floor_to_the_top():
@@ -220,7 +240,7 @@ def test_the_hand_of_an_arm_goes_along_its_arc_on_the_map():
     assert caption.get_text() == "From above: paths of the camera"
     assert not any("obstructed fraction" in each.get_label() for each in figure.axes)
     assert not found(figure, "map", "start heading")  # cones say where it looks
-    assert {"S: start", "G: goal"} < set(legend_texts(figure))
+    assert {"S: start", "G: goal", "obstacle, of whatever height"} < set(legend_texts(figure))
     assert any("60° wide and 45° high" in text for text in legend_texts(figure))
 
 
