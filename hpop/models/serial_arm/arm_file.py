@@ -15,7 +15,6 @@ from hpop.models.serial_arm.chain import Chain, Mount, Part
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
 from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
 from hpop.models.serial_arm.urdf import Mesh, read_urdf
-from hpop.text import shown
 from hpop.world.files import sha256
 from hpop.world.solids import Hull
 
@@ -83,18 +82,17 @@ def read_arm(
 
 
 def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
-    """Named states that give every joint of the chain, within its limits or half a thousandth beyond them."""
+    """Named states that give every joint of the chain; what is half a thousandth beyond a limit is meant to be at it.
+
+    Other states beyond limits are refused when they are asked for: MoveIt's own SRDF of the Panda has one.
+    """
     found = {}
     for name, values in semantics.states.items():
-        if not values.keys() >= set(chain.names):
-            continue
-        given = np.array([values[joint] for joint in chain.names])
-        limited = ~chain.turning
-        beyond = np.maximum(chain.low - given, given - chain.high)[limited]
-        if (beyond > ROUNDED).any():
-            joint = np.array(chain.names)[limited][int(np.argmax(beyond))]
-            raise semantics.file.error(f"the state {shown(name)} has joint {shown(str(joint))} beyond its limits")
-        found[name] = tuple(np.where(limited, np.clip(given, chain.low, chain.high), given).tolist())
+        if values.keys() >= set(chain.names):
+            given = np.array([values[joint] for joint in chain.names])
+            within = np.clip(given, chain.low, chain.high)
+            meant = ~chain.turning & (np.abs(given - within) <= ROUNDED)
+            found[name] = tuple(np.where(meant, within, given).tolist())
     return found
 
 
