@@ -101,17 +101,17 @@ def _measure(
     pair: int,
     poses: FloatArray,
     centres: FloatArray,
-    directions: FloatArray,
+    direction: FloatArray,
     scratch: FloatArray,
     near: float,
     enough: float,
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Bounds of the distance of a pair of bodies, from the direction that parted them last."""
+    """Bounds of the distance of a pair of bodies, from the direction (3,) that parted them last, or from 0."""
     a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
     first, second = poses[scene.frames[a]], poses[scene.frames[b]]
-    pose, simplex, direction = scratch[:3], scratch[3:, :3], directions[pair]
+    pose, simplex = scratch[:3], scratch[3:, :3]
     _relative(first, second, pose)
     if direction[0] == 0.0 and direction[1] == 0.0 and direction[2] == 0.0:
         x, y, z = centres[a, 0] - centres[b, 0], centres[a, 1] - centres[b, 1], centres[a, 2] - centres[b, 2]
@@ -238,7 +238,14 @@ def blocked_by(
                 if apart >= enough:
                     continue
                 suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
-                lower, upper = _measure(scene, pair, poses, centres, directions, scratch, near, enough, suffices, GAP)
+                if apart >= suffices:  # another pair proves no more: this one is left to smaller intervals
+                    if fits:
+                        pool[used] = pair
+                        used += 1
+                    continue
+                lower, upper = _measure(
+                    scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
+                )
                 if lower >= enough:
                     continue
                 if upper < near or lower <= least:
@@ -279,13 +286,17 @@ def nearest(scene: Scene, states: FloatArray, most: float, gap: float, least: Fl
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
     poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
-    directions, scratch = np.empty((count, 3)), np.empty((7, 4))
+    direction, scratch, bounds = np.empty(3), np.empty((7, 4)), np.empty(count)
     for i in range(states.shape[0]):
         _place(scene, states[i], poses, centres)
-        least[i] = most
+        least[i], first = most, 0
         for pair in range(count):
-            directions[pair, 0] = directions[pair, 1] = directions[pair, 2] = 0.0
-            a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
-            if _apart(scene, a, b, poses, centres, least[i]) < least[i]:
-                lower, _ = _measure(scene, pair, poses, centres, directions, scratch, 0.0, least[i], least[i], gap)
+            bounds[pair] = _apart(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, most)
+            if bounds[pair] < bounds[first]:
+                first = pair
+        for place in range(count):  # the one that seems nearest first: it spares most others
+            pair = first if place == 0 else place - 1 if place <= first else place
+            if bounds[pair] < least[i]:
+                direction[:] = 0.0
+                lower, _ = _measure(scene, pair, poses, centres, direction, scratch, 0.0, least[i], least[i], gap)
                 least[i] = min(least[i], lower)
