@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,14 @@ MAKING = "the bodies of the world were made"
 
 
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
-    """Solids as given, convex pieces of prisms, and rectangles of cells; MapError where there are too many."""
+    """Solids as given, convex pieces of prisms, and rectangles of cells, each with a name; MapError for too many."""
     bodies: list[Solid] = []
+    given = 0
     for place, obstacle in enumerate(obstacles):
         limits.check(MAKING)
-        if obstacle.solid is not None:
-            bodies.append(obstacle.solid)
+        if (solid := obstacle.solid) is not None:
+            bodies.append(solid if solid.name else replace(solid, name=f"solid {given}"))
+            given += 1
         else:
             bodies += prisms(obstacle.polygon, obstacle.heights, f"obstacle {place}")
         _check_count(len(bodies), "obstacles")

@@ -284,7 +284,7 @@ def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
         return ()
     listed = ", ".join([*(printable(name)[:40] for name in names[:8]), *["..."] * (len(names) > 8)])
     return (
-        f"{len(names):,} of {len(solids):,} solids ({listed}) are no upright prisms: a robot in the plane, its "
+        f"solids that are no upright prisms, {len(names):,} of {len(solids):,} ({listed}): a robot in the plane, its "
         "clearance and obstruction take the prism round each.",
     )
 

@@ -28,6 +28,7 @@ from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.status import Budget, Status
 from hpop.verify import verify
+from hpop.world import Box, Cylinder, Hull, Solid, pose_at
 
 SOFTEST = 0.5  # share of inputs whose bytes are bent; the others' structure is
 
@@ -241,7 +242,14 @@ _FRONT: list[bytes] = []
 def saved_front() -> bytes:
     """A small front of the room's, as it is saved; planned once."""
     if not _FRONT:
-        world = hpop.World.from_polygons([], extent=_box(0, 0, 6, 4))
+        world = hpop.World.from_solids(
+            [
+                Solid(Box((0.5, 0.5, 1.0)), pose_at((3.0, 2.0, 0.5), rpy=(0.1, 0.0, 0.0)), "case"),
+                Solid(Hull(BLOCK["vertices"]), pose_at((5.5, 0.5, 0.0))),
+                Solid(Cylinder(0.1, 1.0), pose_at((0.5, 3.0, 0.5))),
+            ],
+            extent=_box(0, 0, 6, 4),
+        )
         problem = hpop.Problem(
             world, hpop.DifferentialDrive(), (1, 1, 0), (5, 3, None), ["obstruction", "turns", "length"]
         )

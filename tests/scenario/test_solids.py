@@ -43,7 +43,7 @@ def test_solids_are_written_out_with_their_places(tmp_path):
     assert isinstance(wedge.shape, Hull)
     np.testing.assert_allclose(wedge.bounds, [(-1, 0, 0), (0, 1, 1)], atol=1e-6)
     assert world.extent.equals(shapely.box(0, 0, 6, 4))
-    assert "3 of 4 solids" in world.notes[0]
+    assert "no upright prisms, 3 of 4 (solid 1, solid 2, solid 3)" in world.notes[0]
 
 
 def test_without_an_extent_there_is_room_round_the_solids(tmp_path):

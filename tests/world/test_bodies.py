@@ -104,7 +104,8 @@ def test_what_is_not_upright_is_the_prism_round_it_in_the_plane_and_noted_once()
     ball = Solid(Sphere(0.5), pose_at((1.0, 1.0, 0.5)))
     world = World.from_solids([*GIVEN, leaning, ball], extent=HALL)
     (note,) = world.notes
-    assert "2 of 4 solids (ladder, solid 3)" in note
+    assert "2 of 4 (ladder, solid 3)" in note
+    assert [body.name for body in world.bodies] == ["table", "shelf", "ladder", "solid 3"]
     assert "the prism round each" in note
     assert replace(world, keep_out=shapely.box(0, 0, 0.5, 0.5)).notes == (note,)
     assert World.from_description(world.describe()).notes == (note,)
