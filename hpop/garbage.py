@@ -10,7 +10,7 @@ import atexit
 import gc
 from functools import cache
 
-from hpop.registry import criteria, models, planners, readers
+from hpop.registry import criteria, goals, models, planners, readers
 
 OBJECTS = 300_000  # new ones between two searches: what is imported, and four pictures
 
@@ -28,5 +28,5 @@ def leave() -> None:
     Where somebody else's code is registered all goes on as ever: a file that it has left open may hold lines that are
     written only when it is collected.
     """
-    if not any(registry.own() for registry in (criteria, models, planners, readers)):
+    if not any(registry.own() for registry in (criteria, goals, models, planners, readers)):
         gc.freeze()

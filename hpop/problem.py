@@ -13,7 +13,7 @@ from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, mak
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
-from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
+from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
 from hpop.motions import Model, lacking
 from hpop.motions.space import StateSpec, Values
 from hpop.options import MOST, real
@@ -34,7 +34,9 @@ class Problem:
     world     obstacles and free space
     model     the robot with its camera
     start     a state of the model, in the order of ``model.space.names`` or by name: (x m, y m, yaw rad)
-    goal      a state; angles that are None, such as the yaw, are free there. Or a list of states, of which any will do
+    goal      a state; angles that are None, such as the yaw, are free there. Or what a body shall be at, an
+              :class:`hpop.goals.Goal` such as ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``. Or a list
+              of these, of which any will do
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
     quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
 
@@ -90,17 +92,15 @@ class Problem:
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(model.space.state(start, what="start")))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
+        if absent := sorted(required_by(self.goal) - model.provides):
+            raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
         object.__setattr__(self, "criteria", made)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
 
     def __repr__(self) -> str:
-        goals = self.target.members if isinstance(self.target, GoalSet) else None
-        ends = (
-            "a goal of its own" if goals is None else _written(goals[0]) if len(goals) == 1 else f"any of {len(goals)}"
-        )
         names = ", ".join(criterion.name for criterion in self.criteria)
         of = f"{names} of {type(self.model).__name__}"
-        return f"<Problem: {of} from {_written(self.start)} to {ends} in {self.world!r}>"
+        return f"<Problem: {of} from {GoalSet((self.start,))} to {self.target} in {self.world!r}>"
 
     @property
     def target(self) -> Goal:
@@ -254,8 +254,3 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
             f"expected a trajectory, such as front.trajectories[0] or the item of a point, got {shown(trajectory)}"
         )
     return trajectory
-
-
-def _written(values: Values) -> str:
-    """A state in few characters."""
-    return f"({', '.join('any' if value is None else f'{value:.4g}' for value in values)})"

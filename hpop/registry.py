@@ -1,4 +1,4 @@
-"""Names of criteria, planners, models and readers: a decorator at home, an entry point abroad, loaded on first use.
+"""Names of criteria, planners, models, goals, readers: a decorator at home, an entry point abroad, loaded on first use.
 
 A plugin package declares, for example::
 
@@ -16,7 +16,16 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar, get_type_hints
 
-from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, did_you_mean, unknown_name
+from hpop.errors import (
+    CriterionError,
+    HpopError,
+    MapError,
+    ModelError,
+    OptionError,
+    QueryError,
+    did_you_mean,
+    unknown_name,
+)
 from hpop.text import shown
 
 T = TypeVar("T", bound=Callable[..., Any])
@@ -114,6 +123,7 @@ def _origin(item: Any) -> str:
 
 criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
 planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
+goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
 models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
 readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers", "hpop.readers", MapError)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from hpop import garbage
-from hpop.registry import criteria, models, planners, readers
+from hpop.registry import criteria, goals, models, planners, readers
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +23,7 @@ def _frozen_as_before() -> Iterator[None]:
 
 
 def test_what_a_command_leaves_is_not_looked_through(monkeypatch: pytest.MonkeyPatch) -> None:
-    for registry in (criteria, models, planners, readers):  # other tests of the session may have registered theirs
+    for registry in (criteria, goals, models, planners, readers):  # other tests may have registered theirs
         monkeypatch.setattr(registry, "own", dict)
     kept = [[] for _ in range(100)]  # type: ignore[var-annotated]
     garbage.leave()

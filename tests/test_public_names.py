@@ -25,7 +25,12 @@ hpop.errors.ModelError
 hpop.errors.OptionError
 hpop.frontier.Front
 hpop.frontier.FrontError
+hpop.goals.CameraAt
 hpop.goals.Goal
+hpop.goals.LookAt
+hpop.goals.Region
+hpop.goals.ToolAt
+hpop.goals.goal
 hpop.history.History
 hpop.math.hypot
 hpop.math.smooth_abs
@@ -82,7 +87,7 @@ hpop.world.visibility
 PUBLIC = [*NAMES.split(), *(f"hpop.{name}" for name in hpop.__all__)]
 IMPORTED = re.compile(r"^\s*(?:>>> )?from (hpop[\w.]*) import (\([^)]*\)|[^\n#`]+)", re.MULTILINE)
 DOTTED = re.compile(r"\bhpop((?:\.[A-Za-z_]\w*)+)\b")
-GROUPS = {"hpop.criteria", "hpop.models", "hpop.planners", "hpop.readers"}  # entry points: no modules, or packages
+GROUPS = {f"hpop.{kind}" for kind in ("criteria", "goals", "models", "planners", "readers")}  # of entry points
 
 
 def mentioned() -> set[str]:

@@ -58,7 +58,7 @@ _imports = click.option(
     "imports",
     metavar="FILE_OR_MODULE",
     multiple=True,
-    help="Python of your own, FILE.py or a module, for the criteria, planners, models and readers in it. Repeatable.",
+    help="Python of your own, FILE.py or a module, for criteria, planners, models, goals, readers in it. Repeatable.",
 )
 
 
@@ -251,6 +251,17 @@ def models(imports: tuple[str, ...]) -> None:
 
     user_code.register(imports)
     registered.print_models()
+
+
+@main.command()
+@_imports
+@_user_errors
+def goals(imports: tuple[str, ...]) -> None:
+    """List the goals that are no states: their parameters, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_goals()
 
 
 @main.command()

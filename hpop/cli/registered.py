@@ -1,4 +1,4 @@
-"""What is registered, printed: criteria, models and planners, with their parameters and what they need or provide."""
+"""What is registered, printed: criteria, models, goals and planners, their parameters, what they need or provide."""
 
 from __future__ import annotations
 
@@ -39,6 +39,14 @@ def print_models(console: Console | None = None) -> None:
     console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
     for name, cls in registry.models.items():
         _print_entry(console, name, _fields(cls), f"{_first_line(cls)} {_provided(cls)}".strip())
+
+
+def print_goals(console: Console | None = None) -> None:
+    """Print the registered goals and their parameters."""
+    console = console or Console()
+    console.print("Goals that are no states: name, parameters with their defaults")
+    for name, cls in registry.goals.items():
+        _print_entry(console, name, _fields(cls), _first_line(cls))
 
 
 def print_planners(console: Console | None = None) -> None:

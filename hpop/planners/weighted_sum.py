@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
-from hpop.planners.goals import takes_sets
+from hpop.planners.goals import takes_any, takes_sets
 from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, graph_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
@@ -52,6 +52,7 @@ class WeightedSum:
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
     goal_sets: ClassVar[bool] = True
+    any_goal: ClassVar[bool] = False
 
     step: float = 0.25
     headings: int = 8
@@ -65,6 +66,7 @@ class WeightedSum:
         planner = self._planner()
         object.__setattr__(self, "needs", needs_of(planner))
         object.__setattr__(self, "goal_sets", takes_sets(planner))
+        object.__setattr__(self, "any_goal", takes_any(planner))
         self.budget()
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 

@@ -9,6 +9,7 @@
       differential_drive: {radius: 0.3, camera_height: 1.2}
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
     goal: [21.0, 9.0, any]                  # any: every heading will do; a list of goals: any of them will do
+    # goal: {look_at: {target: [21, 9, 1.5], distance: [0.8, 2]}}    # or what a body shall be at (`hpop goals`)
     criteria: [obstruction, turns, length]  # a name, or {name: {parameter: value}}
     planner:
       lattice: {step: 0.25}
@@ -120,9 +121,10 @@ def load_scenario(path: str | Path) -> Scenario:
             except UnsupportedModel as error:
                 place = ("planner", i) if isinstance(asked, list) else ("planner",)
                 faults.add((*place, cast(Planner, planner).name), str(error), UnsupportedModel)
-    space = model.space if isinstance(model, Model) else None
+    robot = model if isinstance(model, Model) else None
+    space = None if robot is None else robot.space
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
-    goal: Any = faults.goal(given["goal"], ("goal",), space) if "goal" in given else None
+    goal: Any = faults.goal(given["goal"], ("goal",), robot) if "goal" in given else None
     people = faults.made(given.get("people"), ("people",), PersonEntry, partial(_person, faults))
     landmarks = faults.made(given.get("landmarks"), ("landmarks",), LandmarkEntry, partial(_landmark, faults))
     zones = faults.made(given.get("zones"), ("zones",), ZoneEntry, _zone)

@@ -14,10 +14,11 @@ from typing import Any, TypeVar
 import shapely
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from hpop.errors import MOST_LETTERS, OWN, HpopError, ScenarioError
-from hpop.motions import StateSpace
+from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
+from hpop.goals import is_named, required_by
+from hpop.motions import Model, StateSpace
 from hpop.options import Degrees
-from hpop.registry import Registry, hints_of, model_parameters, models, readers
+from hpop.registry import Registry, goals, hints_of, model_parameters, models, readers
 from hpop.scenario.schema import STRICT, WorldSection
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.status import LIMITS, NO_LIMIT
@@ -177,12 +178,25 @@ class Faults:
             return space.checked(name, angle, what, f"a {name}" if turns else "")
         return 0.0
 
-    def goal(self, given: Any, place: Place, space: StateSpace | None) -> Any:
+    def goal(self, given: Any, place: Place, model: Model | None) -> Any:
         """A goal, or a list of those of which any will do."""
         several = isinstance(given, list) and given and all(isinstance(entry, list | dict) for entry in given)
         if several:
-            return [self.state(entry, (*place, i), space) for i, entry in enumerate(given)]
-        return self.state(given, place, space)
+            return [self._one_goal(entry, (*place, i), model) for i, entry in enumerate(given)]
+        return self._one_goal(given, place, model)
+
+    def _one_goal(self, given: Any, place: Place, model: Model | None) -> Any:
+        """A goal by name with its parameters, or a state."""
+        if not is_named(given) and not (isinstance(given, str) and given in goals):
+            return self.state(given, place, None if model is None else model.space)
+        ((name, parameters),) = given.items() if isinstance(given, dict) else [(given, None)]
+        inside = (*place, name) if isinstance(given, dict) else place
+        if not isinstance(parameters, dict | None):
+            self.add(inside, f"expected the parameters of this goal by name, got {shown(parameters, 60)}")
+        made = self.built(goals, given, place)
+        if model is not None and (absent := sorted(required_by(made) - model.provides)):
+            self.add(inside, f"this goal requires {', '.join(absent)}, which the model does not have", QueryError)
+        return made
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
         """An angle in rad from a number, or from text in degrees."""

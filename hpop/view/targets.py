@@ -1,4 +1,4 @@
-"""What the camera is to look at: the places that criteria name."""
+"""What the camera is to look at, or a body to be at: the places that criteria and the goal name."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from hpop.arrays import FloatArray
 from hpop.criteria.performance.target import Targeted
+from hpop.goals import places_of
 from hpop.problem import Problem
 
 RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
@@ -35,4 +36,5 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 
 def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
     """Who names a place, and which."""
-    return [(criterion.name, criterion.target) for criterion in problem.criteria if isinstance(criterion, Targeted)]
+    named = [(criterion.name, criterion.target) for criterion in problem.criteria if isinstance(criterion, Targeted)]
+    return [*named, *(("the goal", place) for place in places_of(problem.target))]

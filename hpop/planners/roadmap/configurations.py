@@ -178,14 +178,15 @@ def configuration_roadmap(
     """
     space, model = problem.model.space, problem.model
     of_goals, of_samples = np.random.default_rng(seed).spawn(2)
-    start, goals = _start(problem), _goals(problem, of_goals)
+    start, (goals, found) = _start(problem), _goals(problem, of_goals)
     drawn = _drawn(problem, samples, of_samples, spending)
     nodes = _all_of(space, [start, drawn, goals])
     count = neighbours or math.ceil(2 * math.e * math.log(nodes.size))
     name = f"the roadmap of {drawn.size} samples (seed {seed}) and {count} neighbours of each"
     chosen = {"samples": drawn.size, "neighbours": count, "seed": seed}
     if not isinstance(problem.target, GoalSet):
-        name, chosen = f"{name}, {goals.size} states of the goal", {**chosen, "goal_states": goals.size}
+        name += f", {goals.size} free states of the goal ({found} found, {GOAL_STATES} sought)"
+        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": found}
     ends = list(range(1 + drawn.size, nodes.size))
     return ConfigurationRoadmap(
         model,
@@ -210,8 +211,10 @@ def _start(problem: Problem) -> States:
     return start
 
 
-def _goals(problem: Problem, rng: np.random.Generator) -> States:
+def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
     """Goals (G,) that are not blocked, NaN where they are free; of a goal of another kind some of its states.
+
+    With them, how many there were before those that are blocked were left out.
 
     Raises QueryError where all are blocked.
     """
@@ -221,8 +224,9 @@ def _goals(problem: Problem, rng: np.random.Generator) -> States:
         states = target.states(problem, rng, GOAL_STATES)
         free = collision.states_free(states)
         if not free.any():
-            raise QueryError(f"the goal is not usable: none of {states.size} states drawn of it is free.")
-        return states.take(free)
+            reason = collision.why_blocked(states.take(slice(0, 1)))
+            raise QueryError(f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}.")
+        return states.take(free), states.size
     usable, refusals = list[States](), list[str]()
     for i, member in enumerate(target.members):
         drawn = GoalSet((member,)).states(problem, rng, GOAL_STATES)
@@ -235,7 +239,7 @@ def _goals(problem: Problem, rng: np.random.Generator) -> States:
         refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.")
     if not usable:
         raise QueryError(" ".join(refusals))
-    return _all_of(model.space, usable)
+    return _all_of(model.space, usable), len(target.members)
 
 
 def _written(values: Sequence[float | None]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
+from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
 from hpop.planners.base import Candidates, planner
@@ -51,10 +52,10 @@ class Roadmap:
 
     Of a robot that turns and moves and has no states but x, y and yaw, samples are positions, and links straight moves,
     free on the exact geometry; the robot turns in place between any two of them, where it has the room and they differ
-    by a degree, the least that counts as a turn (:mod:`.headings`). Of any other model, samples are configurations, and
-    links the chains of motions by which the model connects them (:meth:`hpop.motions.Model.connect`); near is what its
-    space calls so (:mod:`.configurations`). Start and goal are exact, whatever their headings, and linked to each other
-    as well.
+    by a degree, the least that counts as a turn (:mod:`.headings`). Of any other model, and to a goal that is no list
+    of states, samples are configurations, and links the chains of motions by which the model connects them
+    (:meth:`hpop.motions.Model.connect`); near is what its space calls so (:mod:`.configurations`). Start and goal are
+    exact, whatever their headings, and linked to each other as well.
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
@@ -67,6 +68,7 @@ class Roadmap:
 
     needs: ClassVar[frozenset[str]] = frozenset()
     goal_sets: ClassVar[bool] = True
+    any_goal: ClassVar[bool] = True
     graph_options: ClassVar[tuple[str, ...]] = ("samples", "neighbours", "seed")
 
     samples: int = 500
@@ -127,7 +129,8 @@ class Roadmap:
 
         Building it may spend what the limits leave.
         """
-        make = self._of_positions if problem.model.provides >= HEADED else self._of_configurations
+        headed = problem.model.provides >= HEADED and isinstance(problem.target, GoalSet)
+        make = self._of_positions if headed else self._of_configurations
         return make(problem, spending or Spending())
 
     def _of_configurations(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
