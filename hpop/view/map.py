@@ -28,8 +28,9 @@ from hpop.view.ground import (
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.page import Bar, Handle, draw_caption, lay_out
 from hpop.view.paths import Heights, camera_heights, path_points
+from hpop.view.robot import corners_of, draw_robot, from_above, robot_outlines
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE
-from hpop.view.sight import draw_sight, from_above, looks_aside, sight_entry
+from hpop.view.sight import draw_sight, looks_aside, sight_entry
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     NORMAL,
@@ -88,8 +89,10 @@ def draw_map(
     picked = [front.trajectories[mark.row] for mark in named]
     shown = [front.trajectories[row] for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     line = cache(path_points)
+    robot = robot_outlines(picked, from_above)
     if view is None:
-        view = view_of(problem, [*map(line, shown), targets_of(problem)[:, :2]] if shown else ())
+        more = [targets_of(problem)[:, :2], corners_of(robot)]
+        view = view_of(problem, [*map(line, shown), *more] if shown else ())
     scale = scale_of(front, colour) if len(front) else None
     own = figure is None
     figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
@@ -98,6 +101,7 @@ def draw_map(
     symbols: list[Handle] = [
         *draw_map_obstacles(axes, problem, heights, view),
         *draw_content(axes, problem.world, view),
+        *draw_robot(axes, robot, named),
         *draw_targets(axes, problem, from_above),
     ]
     bars: list[Bar] = []

@@ -23,6 +23,7 @@ from hpop.view.ground import View
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.page import Handle, draw_caption, lay_out
 from hpop.view.paths import Heights, camera_path
+from hpop.view.robot import corners_of, draw_robot, robot_outlines
 from hpop.view.section import Section
 from hpop.view.sheet import stretch_of
 from hpop.view.sight import draw_cones, sight_entry
@@ -81,9 +82,11 @@ def draw_side(
     around = Surroundings.of(paths)
     solid = around.silhouettes(problem.world, section)
     landmarks = problem.world.content.landmarks
-    points = np.array([*((mark.x, mark.y, mark.z) for mark in landmarks), *targets_of(problem)]).reshape(-1, 3)
-    near = points[shapely.intersects_xy(around.beside, points[:, 0], points[:, 1])]
-    view = _view(section.flattened(np.concatenate([*paths, [start], goals, near])), ends_of(solid), drives)
+    marked = np.array([*((mark.x, mark.y, mark.z) for mark in landmarks), *targets_of(problem)]).reshape(-1, 3)
+    near = marked[shapely.intersects_xy(around.beside, marked[:, 0], marked[:, 1])]
+    robot = robot_outlines(picked, section.flattened)
+    points = section.flattened(np.concatenate([*paths, [start], goals, near]))
+    view = _view(np.concatenate([points, corners_of(robot)]), ends_of(solid), drives)
 
     def line(trajectory: Trajectory) -> FloatArray:
         return section.flattened(path(trajectory))
@@ -95,6 +98,7 @@ def draw_side(
         *draw_silhouettes(axes, solid, view),
         *(_draw_floor(axes, view) if drives else ()),
         *_draw_landmarks(axes, landmarks, section, view),
+        *draw_robot(axes, robot, named),
         *draw_targets(axes, problem, section.flattened),
         *planner_entries(front),
     ]

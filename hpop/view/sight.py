@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from hpop.motions import Model, Pose
 from hpop.trajectory import Trajectory
 from hpop.view.ground import View
 from hpop.view.paths import positions
+from hpop.view.robot import Flatten, from_above
 from hpop.view.style import QUIET
 
 REACH = 0.045  # of the longer side of a map: how far a wedge reaches
@@ -30,7 +30,6 @@ AHEAD = 1 + RIM.size**2 // 2  # place of the middle of the view among the points
 POINTER = math.radians(16.0)  # how wide the wedge of a camera is that sees all round
 SAMPLES = 4000  # moments at which a trajectory is looked at
 ASIDE = 1e-6  # rad: a camera that looks no farther aside of the base looks where it does
-Flatten = Callable[[FloatArray], FloatArray]
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
@@ -62,11 +61,6 @@ def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, z
     drawn = PatchCollection(wedges, **_look(colour))
     drawn.set(zorder=zorder, gid=gid)
     axes.add_collection(drawn, autolim=False)
-
-
-def from_above(points: FloatArray) -> FloatArray:
-    """Points in space (..., 3) as they are on a map (..., 2)."""
-    return points[..., :2]
 
 
 def draw_cones(

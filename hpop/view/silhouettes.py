@@ -21,9 +21,9 @@ from hpop.arrays import FloatArray
 from hpop.problem import Problem
 from hpop.view.ground import View, draw_obstacles, outline
 from hpop.view.paths import Heights
+from hpop.view.robot import solid_outline
 from hpop.view.section import Section
 from hpop.world import World
-from hpop.world.solids import Solid, Sphere
 
 LOOK: dict[str, Any] = {"facecolor": ("#d8cfbf", 0.45), "edgecolor": "#9c9078", "linewidth": 0.7}
 ASIDE = 0.1  # of the paths' longer side: how far beyond their hull obstacles are still beside them
@@ -60,7 +60,7 @@ class Surroundings:
         room would hide all and tell nothing.
         """
         solids = (solid for solid in world.ground.solids if solid.outline.intersects(self.beside))
-        found = [_outline(solid, section) for solid in solids]
+        found = [solid_outline(solid, section.flattened) for solid in solids]
         for geometry, low, high in _prisms(world):
             at_all = low <= self.heights.low and self.heights.high <= high
             for part in shapely.get_parts(shapely.intersection(geometry, self.among if at_all else self.beside)):
@@ -96,15 +96,6 @@ def ends_of(found: Sequence[Polygon]) -> Heights:
     ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
     lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
     return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))
-
-
-def _outline(solid: Solid, section: Section) -> Polygon:
-    """The outline of a convex solid in the plane of a section, m."""
-    if isinstance(solid.shape, Sphere):
-        middle = shapely.Point(section.flattened(solid.pose[:3, 3]))
-        return middle.buffer(solid.shape.radius)
-    hull: Polygon = shapely.convex_hull(shapely.MultiPoint(section.flattened(solid.corners)))  # type: ignore[assignment]
-    return hull
 
 
 def _prisms(world: World) -> Iterator[tuple[BaseGeometry, float, float]]:

@@ -27,8 +27,8 @@ from hpop.view.ground import outline, view_of
 from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
 from hpop.view.paths import camera_heights, motion_lines, path_points
+from hpop.view.robot import from_above
 from hpop.view.sheet import LINE
-from hpop.view.sight import from_above
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     LARGE,

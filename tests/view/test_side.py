@@ -190,6 +190,25 @@ def test_what_a_criterion_looks_at_has_a_ring_in_every_view():
         assert "target of look_at, view_distance" in legend_texts(figure)
 
 
+def test_a_robot_that_says_where_its_parts_are_is_drawn_at_both_ends_of_the_first():
+    class Seen(Reacher):
+        def bodies(self, states):
+            hand = self.pose("camera", states)
+            return [(Sphere(0.1), np.array([pose_at(place) for place in zip(hand.x, hand.y, hand.z, strict=True)]))]
+
+    over = [(-0.9, 0.2), (0.0, 0.8), (0.9, 0.2)]
+    problem, front = seen(Seen(), over, [over[0], over[-1]])
+    hands = camera_path(front.trajectories[0])[[0, -1]]
+    for figure, label, places in ((draw_map(problem, front), "map", hands[:, :2]),
+                                  (draw_side(problem, front), "side", hands[:, 1:])):  # fmt: skip
+        (parts,) = found(figure, label, "robot")
+        for path, (x, y) in zip(parts.get_paths(), places, strict=True):
+            extents = (x - 0.1, y - 0.1, x + 0.1, y + 0.1)
+            np.testing.assert_allclose(path.get_extents().extents, extents, atol=1e-6)
+        assert "the robot at both ends: knee" in legend_texts(figure)
+    assert axes_of(figure, "side").get_xlabel() == "y (m)"
+
+
 # What is drawn of whom
 
 
