@@ -117,7 +117,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         problem=problem.describe(),
         runs=[
             {
-                "notes": [*candidates.notes, *_empty_groups(problem.criteria)],
+                "notes": [*candidates.notes, *_empty_groups(problem.criteria), *getattr(problem.model, "notes", ())],
                 "evaluated": [c.name for c in candidates.filters],
                 **candidates.stats,
             }

@@ -162,6 +162,7 @@ class Model(Protocol):
     It may have a ``field_of_view``, the horizontal and vertical angles, rad, that the camera sees at once; without, or
     with None, that is all round (:mod:`hpop.models.field_of_view`). It may say by ``bodies(states)`` what of itself can
     stand in the way of its camera: pairs of a shape of :mod:`hpop.world.solids` and its poses (N, 4, 4).
+    Its ``notes``, if it has any, say in words what was assumed of it; fronts repeat them.
     """
 
     @property

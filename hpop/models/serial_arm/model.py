@@ -26,6 +26,7 @@ from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.levers import levers
 from hpop.models.serial_arm.reach import Reach
+from hpop.models.serial_arm.self_collision import SAMPLES, always_touching
 from hpop.models.serial_arm.srdf import Pair
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
@@ -156,7 +157,21 @@ class SerialArm(Model):
     @property
     def apart(self) -> frozenset[Pair]:
         """Pairs of links, each in alphabetical order, whose collisions are not looked at."""
-        return self._arm.apart
+        return self._arm.apart | self.always_touching
+
+    @cached_property
+    def always_touching(self) -> frozenset[Pair]:
+        """Of these the pairs that touch in each of 10,000 states drawn; none where an SRDF says which may touch."""
+        return frozenset() if self.srdf is not None else always_touching(self.chain, self.parts, self._arm.apart)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed of the arm, in words."""
+        return tuple(
+            f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} states drawn, so their collisions "
+            "are not looked at; an SRDF says which links may touch"
+            for one, other in sorted(self.always_touching)
+        )
 
     @property
     def provides(self) -> frozenset[str]:

@@ -9,6 +9,7 @@ import shapely
 
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.collision import KEPT
+from hpop.models.serial_arm.model import SerialArm
 from hpop.models.serial_arm.self_collision import always_touching
 from hpop.world import World
 from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
@@ -191,3 +192,36 @@ def test_hulls_of_many_corners_are_links_too():
     arm = replace(arm, parts=(*arm.parts, Part("hand", 2, Solid(round_, pose_at((0.5, 0.0, 0.1))))))
     rows = np.array([[np.pi / 2, 0.0]])
     assert arm.collision.clearance(arm.states(rows))[0] == pytest.approx(np.hypot(0.89, 0.03) - 0.05, abs=3e-6)
+
+
+STUBBY = """<robot name="stubby">
+  <link name="base"/>
+  <link name="one"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="two"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="three"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="four"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.05 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="c" type="revolute"><parent link="two"/><child link="three"/><origin xyz="0.05 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="d" type="revolute"><parent link="three"/><child link="four"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+</robot>
+"""
+
+
+def test_an_arm_without_an_srdf_says_which_links_always_touch(tmp_path):
+    """Balls of 10 cm, 5 cm apart: one and three always touch though no joint joins them; four is 30 cm farther."""
+    (tmp_path / "stubby.urdf").write_text(STUBBY)
+    arm = SerialArm.from_urdf(tmp_path / "stubby.urdf", tip="four", acceleration=1.0)
+    assert arm.always_touching == {("one", "three")}
+    assert len(arm.notes) == 1
+    assert "'one' and 'three'" in arm.notes[0]
+    world = World.from_solids([Solid(Sphere(0.1), pose_at((5.0, 0.0, 0.0)))])
+    assert arm.collision(world).why_blocked(arm.space.state((0.0, 0.0, 0.0, 0.0))) == ""
+    (tmp_path / "stubby.srdf").write_text('<robot name="stubby"/>')
+    told = SerialArm.from_urdf(tmp_path / "stubby.urdf", tip="four", acceleration=1.0, srdf=tmp_path / "stubby.srdf")
+    assert told.notes == ()
+    assert "'three'" in told.collision(world).why_blocked(arm.space.state((0.0, 0.0, 0.0, 0.0)))
