@@ -74,6 +74,12 @@ hpop.testing.check_planner
 hpop.trajectory.Trajectory
 hpop.verify
 hpop.view.save_pictures
+hpop.world.Box
+hpop.world.Cylinder
+hpop.world.Ground
+hpop.world.Hull
+hpop.world.Solid
+hpop.world.Sphere
 hpop.world.World
 hpop.world.bearings
 hpop.world.content.Landmark
@@ -81,6 +87,7 @@ hpop.world.content.Person
 hpop.world.content.Zone
 hpop.world.field.Field
 hpop.world.geojson_content.read
+hpop.world.pose_at
 hpop.world.readers.read_world
 hpop.world.visibility
 """
