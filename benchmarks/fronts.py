@@ -13,6 +13,7 @@ compare with the new one's.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import runpy
 import sys
@@ -31,6 +32,7 @@ from maps import DATA, FOLDERS, ROOT, missing
 
 import hpop
 from hpop import registry
+from hpop.motions import lacking
 from hpop.planners import Lattice
 from hpop.scenario import load_scenario
 
@@ -100,10 +102,17 @@ def values() -> hpop.Front:
     furnished = criteria.furnished()
     asked = hpop.Problem(furnished.world, furnished.model, furnished.start, furnished.goal, TOUR)
     few = asked.front(Lattice(step=0.5, eps=0.1).solve(asked))
-    names = tuple(sorted(set(registry.criteria) - {*TOUR, "glare"}))
+    known = set(registry.criteria) - {*TOUR, "glare"}
+    names = tuple(name for name in sorted(known) if serves(registry.criteria[name], asked))
     every = hpop.Problem(asked.world, asked.model, asked.start, asked.goal, names)
     reported = np.array([list(every.evaluate(trajectory).values()) for trajectory in few.trajectories])
     return replace(few, reported=reported, reported_names=names, reported_units=("1",) * len(names))
+
+
+def serves(criterion: type, asked: hpop.Problem) -> bool:
+    """Whether a criterion needs nothing that a problem lacks: no target, and no joints where there are none."""
+    given = all(field.default is not dataclasses.MISSING for field in dataclasses.fields(criterion))
+    return given and not lacking(criterion.requires, asked.model, asked.world)
 
 
 def differences(now: hpop.Front, kept: hpop.Front) -> Iterator[str]:

@@ -10,6 +10,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
 
 PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
+WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
 NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
@@ -71,6 +72,34 @@ def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArra
 
 
 @kernel
+def _in_bundle(rounds: FloatArray, o: tuple[float, ...], directions: FloatArray, found: IntArray, count: int) -> int:
+    """Keep of some bodies those that a bundle of rays (K, 3) from a place may meet: within the cone round all of it."""
+    x = y = z = 0.0
+    for k in range(len(directions)):
+        x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length < 0.5 * len(directions):  # all round, or nearly
+        return count
+    x, y, z = x / length, y / length, z / length
+    cosine = 1.0
+    for k in range(len(directions)):
+        cosine = min(cosine, x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2])
+    spread = math.acos(max(cosine, -1.0)) + WIDER
+    kept = 0
+    for i in range(count):
+        b = found[i]
+        dx, dy, dz = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance > rounds[b, 7]:
+            off = math.acos(max(-1.0, min(1.0, (x * dx + y * dy + z * dz) / distance)))
+            if off > spread + math.asin(rounds[b, 7] / distance):
+                continue
+        found[kept] = b
+        kept += 1
+    return kept
+
+
+@kernel
 def _first(
     planes: FloatArray,
     begin: IntArray,
@@ -106,7 +135,8 @@ def first_hits(
     near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
         o = (origins[n, 0], origins[n, 1], origins[n, 2])
-        some = near[: _near(rounds, o, reach, near)]
+        count = _near(rounds, o, reach, near)
+        some = near[: _in_bundle(rounds, o, directions[n], near, count)]
         for k in range(directions.shape[1]):
             d = (directions[n, k, 0], directions[n, k, 1], directions[n, k, 2])
             out[n, k] = _first(planes, begin, rounds, some, o, d, reach)

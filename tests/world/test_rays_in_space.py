@@ -101,6 +101,22 @@ def test_many_bodies_and_rays_are_the_nearest_of_each_alone():
     assert (together < 4.0).any()
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.05, 0.6])
+def test_bundles_of_rays_meet_what_each_ray_meets(spread):
+    rng = np.random.default_rng(8)
+    surfaces = Surfaces.of(drawn(rng) + drawn(rng))
+    origins = rng.uniform(-3, 3, (200, 3))
+    ahead = rng.normal(size=(200, 1, 3)) - origins[:, None]
+    directions = ahead / np.linalg.norm(ahead, axis=2, keepdims=True) + spread * rng.uniform(-1, 1, (200, 9, 3))
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    together = surfaces.first_hits(origins, directions, 5.0)
+    alone = surfaces.first_hits(np.repeat(origins, 9, axis=0), directions.reshape(-1, 1, 3), 5.0)
+    everywhere = np.concatenate([directions, -directions], axis=1)  # no bundle at all
+    np.testing.assert_array_equal(together.ravel(), alone.ravel())
+    np.testing.assert_array_equal(together, surfaces.first_hits(origins, everywhere, 5.0)[:, :9])
+    assert 0.05 < (together < 5.0).mean() < 0.95
+
+
 def test_what_contains_the_origin_is_left_and_not_entered():
     eye = np.eye(4)
     shell = Surfaces.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.math import angle_between, hypot
-from hpop.motions import Instants, Motions
+from hpop.motions import Motions, Pose
 
 
 @criterion("camera_roll", group="C", unit="rad s", aggregate="sum", requires=("camera",))
@@ -25,10 +25,12 @@ class CameraRoll:
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,), rad s."""
-        return m.integrate(_slant)
+        if m.camera.upright:  # turns about the vertical leave it as it is
+            return _slant(m.camera.start) * m.duration
+        return m.integrate(lambda s: _slant(s.camera))
 
 
-def _slant(s: Instants) -> Column:
+def _slant(camera: Pose) -> Column:
     """|ρ| cos ε: the picture's vertical has a part along its left, and one along its up."""
-    aside, along = s.camera.left[2], s.camera.up[2]
+    aside, along = camera.left[2], camera.up[2]
     return hypot(aside, along) * angle_between((0.0, 1.0, 0.0), (aside, along, 0.0))
