@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 import hpop
+from hpop.goals import LookAt
 from hpop.motions import Model, States
 from hpop.view import draw_map, draw_side, draw_trace, draw_where, save_pictures
 from hpop.view.paths import camera_heights, camera_path, may_rise
@@ -177,17 +178,15 @@ def test_a_goal_that_lists_no_states_is_where_trajectories_end():
         assert any(text.startswith("G: goal, where trajectories end") for text in legend_texts(figure))
 
 
-def test_what_a_criterion_looks_at_has_a_ring_in_every_view():
-    can = {"target": [0.6, 0.1, 0.4]}
-    problem, front = seen(Reacher(), REACHED, criteria=["duration", {"look_at": can}, {"view_distance": can}])
-    for figure, label, place in (
-        (draw_map(problem, front), "map", (0.6, 0.1)),
-        (draw_side(problem, front), "side", None),
-    ):
+def test_what_criteria_and_the_goal_look_at_has_a_ring_in_every_view():
+    can, cup = (0.6, 0.1, 0.4), (0.5, 0.3, 0.6)
+    criteria = ["duration", {"look_at": {"target": can}}, {"view_distance": {"target": can}}]
+    problem, front = seen(Reacher(), REACHED, criteria=criteria, goal=LookAt(cup, (0.1, 2.0)))
+    for figure, label in ((draw_map(problem, front), "map"), (draw_side(problem, front), "side")):
         (rings,) = found(figure, label, "targets")
-        assert len(rings.get_xydata()) == 1
-        assert rings.get_xydata()[0][1] == pytest.approx(place[1] if place else 0.4)
-        assert "target of look_at, view_distance" in legend_texts(figure)
+        assert len(rings.get_xydata()) == 2
+        assert rings.get_ydata().tolist() == ([0.1, 0.3] if label == "map" else [0.4, 0.6])
+        assert "target of look_at, view_distance, the goal" in legend_texts(figure)
 
 
 def test_a_robot_that_says_where_its_parts_are_is_drawn_at_both_ends_of_the_first():
