@@ -176,7 +176,7 @@ class LazyRun:
             arcs_blocked=int(np.count_nonzero(self.state == BLOCKED)),
             rounds=rounds,
         )
-        return replace(paths, stats=stats)
+        return replace(paths, stats=stats, blocked=np.flatnonzero(self.state == BLOCKED))
 
     def _stopped(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
         """What is known to be free of these paths and of the last front, and how much better others may be.

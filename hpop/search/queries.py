@@ -61,6 +61,7 @@ class ParetoPaths:
     status  COMPLETE, NO_PATH, or what stopped the search
     stats   what the search did
     gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
+    blocked (b,)  places of the arcs that are known to be blocked, of those of which that was asked
     """
 
     costs: IntArray
@@ -70,6 +71,7 @@ class ParetoPaths:
     _source: int
     _paths: tuple[IntArray, ...]
     gap: float = field(default=0.0, kw_only=True)
+    blocked: IntArray = field(default_factory=lambda: np.zeros(0, np.int64), kw_only=True)
 
     def __len__(self) -> int:
         return len(self.costs)

@@ -131,10 +131,11 @@ class GraphQuery:
                 tolerance=slack.tolist(),
                 at_most=self.at_most(),
                 checkpoint=checkpoint,
+                free=None if self.space.is_checked else self.space.arcs_free,
             )
 
         paths = self.with_fewest_turns(search)
-        where = f"{self.space.words} for ({self.names})"
+        where = f"{'' if self.space.is_checked else 'the free part of '}{self.space.words} for ({self.names})"
         if self.max_turns is not None:
             where += f" and at most {self.max_turns} turns"
         factor, gap = within(eps, tolerance or {}), min(paths.gap, covered)
@@ -152,6 +153,7 @@ class GraphQuery:
             )
         else:
             claim = f"exact on {where}, edge costs rounded to their quanta"
+        claim += self._looked_at(paths)
         found = {
             "method": paths.stats.method,
             "labels_generated": paths.stats.labels_generated,
@@ -160,7 +162,22 @@ class GraphQuery:
             "peak_memory": paths.stats.peak_memory,
             "gap": gap if math.isfinite(gap) else None,
         }
+        if not self.space.is_checked:
+            counted = paths.stats
+            found |= {"edges_checked": counted.arcs_checked, "edges_blocked": counted.arcs_blocked}
+            found |= {"rounds": counted.rounds}
         return self.candidates(name, paths, claim, notes=at_memory_limit(paths), stats=found)
+
+    def _looked_at(self, paths: ParetoPaths) -> str:
+        """How many edges were checked, in words; nothing where all are free."""
+        if self.space.is_checked:
+            return ""
+        stats = paths.stats
+        return (
+            f"; {stats.arcs_checked:,} of {self.graph.arcs:,} edges were checked in {stats.rounds} "
+            f"round{'s' * (stats.rounds != 1)}, "
+            f"{stats.arcs_blocked:,} of them blocked; edges on no front were not checked"
+        )
 
     def at_most(self) -> list[int | None]:
         """Bounds (k,) on the costs, none where none is asked for.
@@ -232,7 +249,7 @@ class GraphQuery:
         # A sum is rounded once an edge, a worst edge once.
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
-        blocked = (reason or self._what_blocks(),) if paths.status is Status.NO_PATH else ()
+        blocked = (reason or self._what_blocks(paths.blocked),) if paths.status is Status.NO_PATH else ()
         options = space.options
         return Candidates(
             objectives=objectives.optimised,
@@ -261,7 +278,7 @@ class GraphQuery:
         kept = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
         return paths if kept.size == len(paths) else paths.select(paths.costs, kept)
 
-    def _what_blocks(self) -> str:
+    def _what_blocks(self, blocked: IntArray) -> str:
         """Why there is no path, in words: too many turns, or what separates start and goal."""
         for j, bound in enumerate(self.at_most()):
             if bound is not None:
@@ -269,7 +286,8 @@ class GraphQuery:
                 least = pareto_paths(turns, self.start, self.goals).costs
                 if len(least):
                     return f"no path has at most {bound} turns; the least is {least[0, 0]}. Raise max_turns"
-        return self.space.what_separates(self.start, self.goals)
+        space = self.space if self.space.is_checked else self.space.without(blocked)
+        return space.what_separates(self.start, self.goals)
 
     def _coarse(self, paths: ParetoPaths, rounds: IntArray) -> list[str]:
         """A note on each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.stretches import Stretches
@@ -66,6 +66,19 @@ class TrajectoryGraph(ABC):
         Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
         Exhausted where a limit of the spending is passed.
         """
+
+    @property
+    def is_checked(self) -> bool:
+        """Whether all arcs of `graph` are known to be free; of others :meth:`arcs_free` tells."""
+        return True
+
+    def arcs_free(self, places: IntArray) -> BoolArray:
+        """Which arcs (N,) of `graph`, by their places, are free."""
+        return np.ones(places.size, dtype=np.bool_)
+
+    def without(self, places: IntArray) -> TrajectoryGraph:
+        """The same without some arcs (N,) of `graph` that are known to be blocked: of one that is not checked."""
+        raise NotImplementedError
 
     @property
     @abstractmethod

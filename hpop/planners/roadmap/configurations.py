@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,27 +17,26 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.errors import OptionError, QueryError
+from hpop.errors import QueryError
 from hpop.goals import GoalSet
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import Arcs, blocks
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
+from hpop.planners.roadmap.guides import Connections, Guide, guides
+from hpop.planners.roadmap.links import START, linked
+from hpop.planners.roadmap.samples import guided, uniform
 from hpop.planners.spending import Spending
 from hpop.search import Graph
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-MAX_LINKS = 60_000_000
-LINK = 64  # bytes that finding a link takes
 ARC = 16  # bytes of an arc beside its costs
 PIECES = 64  # a chain is as much work as so many arcs of one motion
-DRAWN_AT_ONCE = 1 << 16
-DRAWS = 1000  # states drawn for each that is wanted, before the free space is called too small
+NEAREST, FAR, PAIRS = 8, 24, 10  # of a robot beyond the plane: neighbours, far links, pairs of trees
 GOAL_STATES = 100  # drawn of a goal that is more than one state
-START = 0  # its node
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +48,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
     goals   nodes
     name    what the roadmap is, in words
     chosen  the options that made it, JSON-able
+    lazy    whether chains are looked at only where a path would take them: until then they are arcs, free or not
+    notes   what the user should know of it
 
     A pair that the model's legs do not lead from one to the other has no chain.
     """
@@ -58,6 +59,13 @@ class ConfigurationRoadmap(TrajectoryGraph):
     goals: list[int]
     name: str
     chosen: dict[str, Any]
+    lazy: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_checked(self) -> bool:
+        """Whether all arcs are free."""
+        return not self.lazy
 
     @property
     def start(self) -> int:
@@ -100,18 +108,35 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """All free chains that lead where they shall, each an arc."""
+        """All chains that lead where they shall, and are free unless that is asked later, each an arc."""
         free = np.zeros(len(self.links), dtype=np.bool_)
 
         def found(part: slice) -> tuple[slice, BoolArray]:
             tails, heads = self.links[part].T
             chains = self._chains(tails, heads)
-            return part, chains.free() & chains.reach(self.states(heads))
+            reach = chains.reach(self.states(heads))
+            return part, reach if self.lazy else reach & chains.free()
 
         for part, there in self.spending.each(found, blocks(free.size, PIECES), f"{self.words} was laid out"):
             free[part] = there
         tails, heads = self.links[free].T
         return Arcs.sorted(self.size, [(tails, heads)])
+
+    def arcs_free(self, places: IntArray) -> BoolArray:
+        """Which arcs (N,), by their places, are free."""
+        tails = np.searchsorted(self.arcs.start, places, side="right") - 1
+        heads = self.arcs.heads[places].astype(np.int64)
+
+        def looked_at(part: slice) -> BoolArray:
+            return self._chains(tails[part], heads[part]).free()
+
+        parts = Spending().each(looked_at, blocks(places.size, PIECES), "chains were looked at")
+        return np.concatenate([np.zeros(0, np.bool_), *parts])
+
+    def without(self, places: IntArray) -> ConfigurationRoadmap:
+        """The same without some arcs (N,)."""
+        links = np.stack(self.arcs.ends(slice(0, self.arcs.heads.size)), axis=1)
+        return replace(self, links=np.delete(links, places, axis=0))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: costs of chains in quanta, rounded once."""
@@ -143,12 +168,18 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return self._chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """How many components the roadmap has, and which hold the start and the goal, in words."""
+        """How many components the roadmap has, and which hold the start and the goal, or what is reached, in words."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
-        from scipy.sparse.csgraph import connected_components
+        from scipy.sparse.csgraph import breadth_first_order, connected_components
 
         arcs = self.arcs
         links = csr_array((np.ones(arcs.heads.size), arcs.heads, arcs.start), shape=(self.size, self.size))
+        if self.lazy:  # back from the goal nobody has looked
+            reached = breadth_first_order(links, start, return_predecessors=False).size
+            return (
+                f"no path: on {self.words} {reached} of {self.size} configurations, and no goal, are reached from the "
+                "start by edges that are not blocked; take more samples"
+            )
         components, component = connected_components(links, directed=False)
         begin, *ends = component[[start, *goals]].tolist()
         if begin in ends:
@@ -165,39 +196,99 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
 
 def configuration_roadmap(
-    problem: Problem, samples: int, neighbours: int | None, seed: int, spending: Spending
+    problem: Problem,
+    samples: int,
+    neighbours: int | None,
+    far: int | None,
+    trees: int | None,
+    seed: int,
+    spending: Spending,
 ) -> ConfigurationRoadmap:
-    """The roadmap between a problem's start and goal.
+    """The roadmap between a problem's start and goal, lazy unless the robot is one of the plane.
 
     Raises QueryError when one of them is blocked, OptionError for more links than a graph can have.
 
     Parameters
     ----------
-    samples : free configurations, drawn uniformly; fewer where next to nothing is free
-    neighbours : to how many of the nearest each is linked; None takes ceil(2e log n) of n
+    samples : free configurations that are drawn; fewer where next to nothing is free
+    neighbours : to how many of the nearest each is linked; None takes ceil(2e log n) of n in the plane, else 8
+    far : to how many farther away; None takes none in the plane, else 24
+    trees : pairs of them that look for guides; None takes none in the plane, else 10
     """
     space, model = problem.model.space, problem.model
-    of_goals, of_samples = np.random.default_rng(seed).spawn(2)
-    start, (goals, found) = _start(problem), _goals(problem, of_goals)
-    drawn = _drawn(problem, samples, of_samples, spending)
-    nodes = _all_of(space, [start, drawn, goals])
-    count = neighbours or math.ceil(2 * math.e * math.log(nodes.size))
-    name = f"the roadmap of {drawn.size} samples (seed {seed}) and {count} neighbours of each"
-    chosen = {"samples": drawn.size, "neighbours": count, "seed": seed}
+    if in_plane := "plane" in model.provides:  # within the bounds of the world, which the model's space cannot know
+        x_min, y_min, x_max, y_max = problem.world.bounds
+        space = space.bounded(x=(x_min, x_max), y=(y_min, y_max))
+    of_goals, of_samples, of_trees, of_links = np.random.default_rng(seed).spawn(4)
+    start, (goals, sought) = _start(problem), _goals(problem, of_goals)
+    connections = Connections(problem, space)
+    begin, ends = connections.rows(start)[0], connections.rows(goals)
+    pairs = (0 if in_plane else PAIRS) if trees is None else trees
+    found = _guides(connections, begin, ends, pairs, of_trees, spending)
+    if found:
+        rows = guided(connections, begin, ends, found, samples, of_samples, spending)
+    else:
+        rows = uniform(connections, samples, of_samples, spending)
+    inner = np.concatenate([rows[:0], *(guide.rows[1:-1] for guide in found)])
+    free = connections.states(np.concatenate([inner, rows]))
+    nodes = _all_of(space, [start, free, goals])
+    near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
+    farther = (0 if in_plane else FAR) if far is None else far
+    name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
+    chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
+    if farther:
+        name, chosen = f"{name}, {farther} far links", {**chosen, "far": farther}
+    if pairs:
+        name, chosen = f"{name}, {len(found)} guides of {len(inner)} states", {**chosen, "trees": pairs}
     if not isinstance(problem.target, GoalSet):
-        name += f", {goals.size} free states of the goal ({found} found, {GOAL_STATES} sought)"
-        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": found}
-    ends = list(range(1 + drawn.size, nodes.size))
+        name += f", {goals.size} free states of the goal ({sought} found, {GOAL_STATES} sought)"
+        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": sought}
+    places = list(range(1 + free.size, nodes.size))
     return ConfigurationRoadmap(
         model,
         problem.world,
         nodes,
-        _links(space, start, drawn, goals, count, spending),
-        [START, *ends] if problem.target.reached(model, start)[0] else ends,
+        linked(
+            space,
+            start,
+            free,
+            goals,
+            count=near,
+            far=farther,
+            chosen=_along(found, places),
+            rng=of_links,
+            spending=spending,
+        ),
+        [START, *places] if problem.target.reached(model, start)[0] else places,
         name=name,
         chosen=chosen,
+        lazy=not in_plane,
+        notes=(f"no way was found by {pairs} pairs of trees: samples are uniform",) if pairs and not found else (),
         spending=spending,
     )
+
+
+def _guides(
+    connections: Connections,
+    start: FloatArray,
+    goals: FloatArray,
+    pairs: int,
+    rng: np.random.Generator,
+    spend: Spending,
+) -> list[Guide]:
+    """Ways that pairs of trees find; what is free of a goal is sought as it is at the start."""
+    return guides(connections, start, np.where(np.isnan(goals), start, goals), pairs, rng, spend) if pairs else []
+
+
+def _along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
+    """Links (L, 2) along guides, whose inner states are the first nodes after the start."""
+    parts, node = [np.zeros((0, 2), np.int64)], START + 1
+    for guide in found:
+        inner = len(guide.rows) - 2
+        way = np.array([START, *range(node, node + inner), goals[guide.goal]])
+        parts.append(np.stack([way[:-1], way[1:]], axis=1))
+        node += inner
+    return np.concatenate(parts)
 
 
 # Start and goals
@@ -247,94 +338,6 @@ def _written(values: Sequence[float | None]) -> str:
     return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
 
 
-# Samples
-
-
-def _drawn(problem: Problem, samples: int, rng: np.random.Generator, spending: Spending) -> States:
-    """Free configurations (n,), drawn uniformly; of a robot in the plane within the bounds of the world."""
-    space, collision = problem.model.space, problem.model.collision(problem.world)
-    if "plane" in problem.model.provides:
-        x_min, y_min, x_max, y_max = problem.world.bounds
-        space = space.bounded(x=(x_min, x_max), y=(y_min, y_max))
-    at_once = min(samples, DRAWN_AT_ONCE)
-    parts, number = [space.sample(rng, 0)], 0
-    for _ in range(DRAWS * math.ceil(samples / at_once)):
-        spending.check("configurations were drawn")
-        drawn = space.sample(rng, at_once)
-        parts.append(drawn.take(collision.states_free(drawn)))
-        number += parts[-1].size
-        if number >= samples:
-            break
-    return _all_of(space, parts).take(slice(0, samples))
-
-
 def _all_of(space: StateSpace, parts: Sequence[States]) -> States:
     """States of several parts, in order."""
     return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})
-
-
-# Links
-
-
-def _links(
-    space: StateSpace, start: States, samples: States, goals: States, count: int, spending: Spending
-) -> IntArray:
-    """Tails and heads (L, 2), by tails: of each sample and its nearest ones, either way, from the start, to the goals.
-
-    Start and goals are linked to as many samples, the start to all goals as well. Nothing leads back.
-    """
-    number, places = samples.size, np.arange(goals.size)
-    if number * count > MAX_LINKS:
-        raise OptionError(
-            f"{number:,} samples with {count} neighbours each make more than {MAX_LINKS:,} links; take fewer samples, "
-            "or fewer neighbours"
-        )
-    spending.check("configurations were linked", number * count * LINK)
-    others = nearest(space, samples, samples, count + 1, spending)  # each is among its own nearest
-    ids = np.repeat(np.arange(number), others.shape[1])
-    low, high = np.minimum(ids, others.ravel()), np.maximum(ids, others.ravel())
-    pairs = np.unique((low * number + high)[low < high])
-    low, high = (1 + side for side in np.divmod(pairs, max(1, number)))
-    leaving = 1 + nearest(space, samples, start, count, spending).ravel()
-    arriving = [1 + nearest(space, samples, goals.take([place]), count, spending).ravel() for place in places]
-    goal = 1 + number + places
-    tails = [low, high, np.full(leaving.size, START), *arriving, np.full(goal.size, START)]
-    heads = [high, low, leaving, np.repeat(goal, [ids.size for ids in arriving]), goal]
-    links = np.stack([np.concatenate(tails), np.concatenate(heads)], axis=1)
-    spending.hold(links.nbytes, "configurations were linked")
-    return links[np.lexsort((links[:, 1], links[:, 0]))]
-
-
-def nearest(space: StateSpace, states: States, of: States, count: int, spending: Spending) -> IntArray:
-    """Places (N, c) of the nearest among states to each ``of`` (N,), by the metric of the space.
-
-    What is NaN in the first of these is left out of the metric. A column that turns is a circle of the tree.
-    """
-    from scipy.spatial import KDTree  # on first use
-
-    count = min(count, states.size)
-    found = np.zeros((of.size, count), np.int64)
-    if not count:
-        return found
-    columns = [
-        (name, weight, 2 * math.pi * weight if name in space.turning else 0.0)
-        for name, weight in zip(space.names, space.weights, strict=True)
-        if weight and not np.isnan(getattr(of, name)[:1]).any()
-    ]
-
-    def placed(some: States) -> FloatArray:
-        rows = []
-        for name, weight, period in columns:
-            value = weight * np.asarray(getattr(some, name), float)
-            value = np.mod(value, period) if period else value
-            rows.append(np.where(value >= period, 0.0, value) if period else value)
-        return np.stack(rows, axis=1)
-
-    tree, asked = KDTree(placed(states), boxsize=np.array([period for *_, period in columns])), placed(of)
-
-    def near(part: slice) -> tuple[slice, IntArray]:
-        return part, np.asarray(tree.query(asked[part], [*range(1, count + 1)])[1], np.int64)
-
-    for part, places in spending.each(near, blocks(of.size, count), "configurations were linked"):
-        found[part] = places
-    return found

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.errors import QueryError
+from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 SAME = 1e-9  # m: two positions no further apart are one
 DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
 MOST_SAMPLES = 1_000_000
+MOST_TREES = 100
 HEADED = frozenset({"plane", "turn-move", "rigid"})
 AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 
@@ -41,7 +42,13 @@ class Roadmap:
     """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
 
     samples     count  free positions, or configurations, drawn uniformly
-    neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does
+    neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does, and 8 beyond
+                       the plane
+    far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
+                       log-uniform size; None takes none in the plane, and 24 beyond it
+    trees       count  pairs of trees that look for ways before (:mod:`.guides`): three of ten samples then lie near
+                       these, the others where a way may be at most 1.6 times as long as the shortest of them; None
+                       takes none in the plane, and 10 beyond it
     seed               of the random samples
     time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
                        returned and called incomplete
@@ -57,6 +64,12 @@ class Roadmap:
     (:meth:`hpop.motions.Model.connect`); near is what its space calls so (:mod:`.configurations`). Start and goal are
     exact, whatever their headings, and linked to each other as well.
 
+    What is chosen by itself depends on whether the model is one of the ``plane``. There uniform samples find ways, and
+    to check all edges before takes less than to search several times. Beyond it, as with the joints of an arm, next to
+    no uniform sample lies where a way is, the nearest ones alone make ways of many stops, and to check an edge takes
+    most time: so there are guides and far links, and edges are checked only where a path on a front takes them
+    (:mod:`hpop.search.lazy_paths`).
+
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
     roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
@@ -69,10 +82,12 @@ class Roadmap:
     needs: ClassVar[frozenset[str]] = frozenset()
     goal_sets: ClassVar[bool] = True
     any_goal: ClassVar[bool] = True
-    graph_options: ClassVar[tuple[str, ...]] = ("samples", "neighbours", "seed")
+    graph_options: ClassVar[tuple[str, ...]] = ("samples", "neighbours", "far", "trees", "seed")
 
     samples: int = 500
     neighbours: int | None = None
+    far: int | None = None
+    trees: int | None = None
     seed: int = 0
     time_limit: float | None = None
     max_labels: int | None = None
@@ -83,6 +98,8 @@ class Roadmap:
         set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
         set_wholes(self, "seed", least=0, most=MOST_SEED)
         set_wholes(self, "neighbours", least=1, optional=True)
+        set_wholes(self, "far", least=0, optional=True)
+        set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
         self.budget()
@@ -115,6 +132,7 @@ class Roadmap:
         """The problem on the roadmap's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
         refuse_unanswerable(problem, objectives, "roadmap")
         roadmap, notes = self._noted(problem, spending)
+        roadmap = replace(roadmap, lazy=False) if isinstance(roadmap, ConfigurationRoadmap) else roadmap
         return roadmap_query(objectives, roadmap, progress, notes)
 
     def _noted(self, problem: Problem, spending: Spending) -> tuple[AnyRoadmap, tuple[str, ...]]:
@@ -122,7 +140,8 @@ class Roadmap:
         roadmap = self.roadmap(problem, spending)
         drawn = roadmap.options["samples"]
         few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
-        return roadmap, (few,) if drawn < self.samples else ()
+        notes = roadmap.notes if isinstance(roadmap, ConfigurationRoadmap) else ()
+        return roadmap, (few, *notes) if drawn < self.samples else notes
 
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
         """The roadmap between the problem's start and goal; raises QueryError when one of them is blocked.
@@ -134,9 +153,13 @@ class Roadmap:
         return make(problem, spending or Spending())
 
     def _of_configurations(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
-        return configuration_roadmap(problem, self.samples, self.neighbours, self.seed, spending)
+        return configuration_roadmap(problem, self.samples, self.neighbours, self.far, self.trees, self.seed, spending)
 
     def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
+        if self.far or self.trees:
+            raise OptionError(
+                "far and trees are for roadmaps of configurations; for this robot it has positions; leave them out"
+            )
         ends = checked_ends(problem)
         positions = np.concatenate([ends.positions, self._drawn(problem, spending)])
         drawn = len(positions) - len(ends.positions)
@@ -252,10 +275,20 @@ def on_roadmap(
 def roadmap_query(
     objectives: Objectives, roadmap: AnyRoadmap, progress: ProgressCallback | None, notes: tuple[str, ...]
 ) -> GraphQuery:
-    """What is asked of a roadmap's graph; raises Exhausted where a limit is passed."""
+    """What is asked of a roadmap's graph; raises Exhausted where a limit is passed.
+
+    A criterion that cannot cost what collides has all edges checked before.
+    """
     if progress:
         progress(Progress("graph"))
-    graph = roadmap.graph(objectives.optimised)
+    try:
+        graph = roadmap.graph(objectives.optimised)
+    except CriterionError as error:
+        if roadmap.is_checked or not isinstance(roadmap, ConfigurationRoadmap):
+            raise
+        notes = (*notes, f"all edges were checked before the search, as some that were not have no cost: {error}")
+        roadmap = replace(roadmap, lazy=False)
+        graph = roadmap.graph(objectives.optimised)
     return GraphQuery(
         roadmap, objectives, graph, roadmap.start, roadmap.goals, build_seconds=roadmap.spending.seconds(), notes=notes
     )

@@ -70,7 +70,7 @@ def test_on_a_lattice_they_are_what_they_are_with_its_options() -> None:
     ("options", "said"),
     [
         ({"on": "smoothing"}, r"on is a planner that has a graph \(lattice, roadmap\), .* got 'smoothing'"),
-        ({"on": {"roadmap": {"time_limit": 3}}}, "and with it samples, neighbours, seed, not time_limit"),
+        ({"on": {"roadmap": {"time_limit": 3}}}, "and with it samples, neighbours, far, trees, seed, not time_limit"),
         ({"on": {"lattice": {"eps": 0.1}}}, "on takes the graph of lattice alone, .*, not eps, which say how"),
         ({"on": {"roadmap": {"sampels": 3}}}, "planner 'roadmap' has no option 'sampels'"),
         ({"on": "roadmap", "step": 0.5}, "give on, or step, headings and corner_cutting"),

@@ -21,7 +21,8 @@ from hpop.math import wrap
 from hpop.models.base import PlanarModel
 from hpop.motions import Leg, Model, States, StateSpace
 from hpop.planners import Roadmap
-from hpop.planners.roadmap.configurations import ConfigurationRoadmap, nearest
+from hpop.planners.roadmap.configurations import ConfigurationRoadmap
+from hpop.planners.roadmap.links import nearest
 from hpop.planners.spending import Spending
 from hpop.status import Status
 from hpop.trajectory import Trajectory
