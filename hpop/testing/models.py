@@ -22,7 +22,8 @@ from hpop.trajectory import STILL, Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law
-STATES = 200  # whose collisions are looked at
+STATES = 200  # drawn, read and connected
+JUDGED = 80  # states, and motions of each law, whose collisions are looked at
 MOMENTS = 40  # within each motion
 MOMENT = 1e-6  # s, of differences
 SAMPLES = 1000  # along a motion whose way and rotation are measured
@@ -298,10 +299,10 @@ def _bounded(bodies: list[str], batches: list[Motions]) -> str:
 def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
     """Free states and motions of planning are free to the judge, and it is not afraid of half of them."""
     collision, judge = model.collision(world), model.judge(world)
-    states = drawn_states(model, world, rng, STATES)
+    states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
     for kind in model.laws:
-        motions = drawn_motions(model, kind, world, rng, STATES, NEAR)
+        motions = drawn_motions(model, kind, world, rng, JUDGED, NEAR)
         if motions is not None:
             answers.append((f"motions, each a {kind},", collision.motions_free(motions), judge.motions_free(motions)))
     for what, planned, judged in answers:

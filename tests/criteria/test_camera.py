@@ -171,7 +171,7 @@ def test_symbols_cost_what_numbers_do_whatever_the_head_does(kind):
         "unwind": {"yaw": turn, "pan": -turn},
     }[kind]
     end = {name: value + change.get(name, 0.0) for name, value in start.items()}
-    motions = Motions(WORLD, HEAD, HEAD.laws[kind], States(**start), States(**end), panels=3)
+    motions = Motions(WORLD, HEAD, HEAD.laws[kind], States(**start), States(**end), panels=1)
     symbols = SymbolicMotions.of(motions)
     flow = {"bearings": 4}
     for spec in ("rotation", "heading_mismatch", "landmark_blindness", {"optic_flow": flow}, {"peak_optic_flow": flow}):

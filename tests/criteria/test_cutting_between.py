@@ -121,6 +121,6 @@ def test_two_at_one_place_have_nothing_between_them():
     assert crossings([(-1, 0), (1, 0)], same) == 0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(CuttingBetween(), seed=seed)

@@ -48,7 +48,7 @@ CASES = [
 SEEDS = (0, 1, 2, 5)  # with eight headings no path leads to the goal in world 2
 
 
-@pytest.mark.seeds(2, of=SEEDS)
+@pytest.mark.seeds(1, of=SEEDS)
 @pytest.mark.parametrize(("criteria", "options"), CASES)
 def test_it_has_every_extreme_supported_point_of_the_lattice_and_nothing_unsupported(
     hull: Any, criteria: list[Any], options: dict[str, Any], seed: int

@@ -5,6 +5,7 @@ Slower than :mod:`hpop.models.collision.planar` and independent of it, so it is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -111,8 +112,9 @@ class SolidCollision:
         places, inverse = np.unique(places, axis=0, return_inverse=True)
         free = np.asarray(shapely.intersects_xy(self.world.extent, places[:, 0], places[:, 1]))
         for i in np.flatnonzero(free):
+            place = places[i].tolist()
             for part, body in self._robot:
-                body.setTransform(_placed(part, *places[i].tolist()))
+                body.setTransform(_placed(part, *place))
                 data = fcl.CollisionData()
                 self._obstacles.collide(body, data, fcl.defaultCollisionCallback)
                 if data.result.is_collision:
@@ -159,7 +161,7 @@ def _part_geometry(part: Part) -> Any:
 def _placed(part: Part, x: float, y: float, yaw: float) -> Any:
     import fcl
 
-    cos, sin = np.cos(yaw), np.sin(yaw)
+    cos, sin = math.cos(yaw), math.sin(yaw)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     if len(part.corners) > 1:
         return fcl.Transform(rotation, np.array([x, y, 0.0]))

@@ -76,7 +76,7 @@ def free_by_shapely(robot, world, states):
 
 
 @robots
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.seeds(1, of=3)
 def test_states_are_free_where_shapely_and_fcl_say_so(robot, seed):
     world, states = room(seed), random_states(seed + 50, 400)
     free = robot.collision(world).states_free(states)
@@ -88,7 +88,7 @@ def test_states_are_free_where_shapely_and_fcl_say_so(robot, seed):
 
 
 @robots
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.seeds(1, of=3)
 def test_a_clear_position_is_free_at_every_yaw(robot, seed):
     world, states = room(seed), random_states(seed + 80, 300)
     collision = robot.collision(world)
@@ -104,7 +104,7 @@ def test_a_clear_position_is_free_at_every_yaw(robot, seed):
 
 
 @robots
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["move", "run"])
 def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
     world, start = room(seed), random_states(seed + 20, 150)
@@ -129,7 +129,7 @@ def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
 
 
 @robots
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["turn", "spin"])
 def test_turns_never_miss_a_collision_that_dense_samples_find(robot, seed, kind):
     world, start = room(seed), random_states(seed + 30, 200)

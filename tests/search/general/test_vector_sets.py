@@ -29,7 +29,7 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
     if large and k >= 3:
         vectors = on_a_sphere(rng, 1000, k, scale)
     else:
-        vectors = rng.integers(0, 6, (1000, k)) * (scale // 6 if large else 1)
+        vectors = rng.integers(0, 6, (300, k)) * (scale // 6 if large else 1)
     sets, pool = np.zeros((3, SET_COLUMNS), np.int64), np.zeros(40_000, number)
     expected: list[set[tuple[int, ...]]] = [set(), set(), set()]
     used = largest = 0

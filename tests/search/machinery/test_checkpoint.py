@@ -66,7 +66,7 @@ def short_slices(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("short_slices")
-@pytest.mark.parametrize("pieces", [3, 12])
+@pytest.mark.parametrize("pieces", [pytest.param(3, marks=pytest.mark.proof), 12])
 @pytest.mark.parametrize("method", ["auto", "staircase", "general"])
 @pytest.mark.parametrize(
     "make",

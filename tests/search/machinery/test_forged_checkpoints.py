@@ -16,7 +16,7 @@ from hpop.search.machinery.checkpoint import CheckpointError, Saved
 from hpop.status import Budget, Status
 
 Search = Callable[..., ParetoPaths]
-FORGERIES = 120
+FORGERIES = 80
 
 
 def on_four_costs(lattice: Callable[..., Graph]) -> Search:
