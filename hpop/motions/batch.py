@@ -14,7 +14,7 @@ from hpop.math import is_symbolic
 from hpop.motions.bodies import Body
 from hpop.motions.instants import Instants, Rate, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.quadrature import adaptive_means
+from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, timed
 from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
@@ -97,6 +97,8 @@ class Motions:
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
+        if self._adaptive and probe.read <= set(self.start.names):
+            return self._integral_of_places(rate)
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
@@ -182,11 +184,25 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
-        if self.panels is None and getattr(self.law, "quadrature", None) == "adaptive":
-            lasting = np.flatnonzero(phase.duration > 0)
-            return adaptive_means(lambda u, owner: rate(self._instants(phase, u, owner)), lasting, len(self))
+        if self._adaptive:
+            return adaptive_integrals(self._at(rate, phase), evenly, np.flatnonzero(phase.duration), len(self))
         owner, u, weight, columns = self._quadrature(phase)
         return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
+
+    @property
+    def _adaptive(self) -> bool:
+        """Whether the law names an adaptive quadrature for what is not fixed to so many panels."""
+        return self.panels is None and not self._symbolic and getattr(self.law, "quadrature", None) == "adaptive"
+
+    def _integral_of_places(self, rate: Rate) -> FloatArray:
+        """Time integral (M,) of a rate that reads states alone."""
+        nothing = 0.0 * self.duration
+        whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
+        return adaptive_integrals(self._at(rate, whole), timed(self.phases), np.flatnonzero(self.duration), len(self))
+
+    def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
+        """The rate at fractions of a phase, of motions that are named."""
+        return lambda u, owner: rate(self._instants(phase, u, owner))
 
     def _quadrature(self, phase: Phase) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
         """What `_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.

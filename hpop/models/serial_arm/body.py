@@ -15,7 +15,7 @@ from hpop.arrays import Column, IntArray
 from hpop.math import is_symbolic, norm
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Body, Motions, States, Twist
-from hpop.motions.quadrature import KRONROD, NODES, adaptive_means
+from hpop.motions.quadrature import KRONROD, NODES, adaptive_integrals, evenly
 
 PIECES = 3  # of a reach on symbols, unless its batch says otherwise
 
@@ -62,7 +62,7 @@ class ArmBody(Body):
 
         symbolic = any(is_symbolic(getattr(ways, name)) for name in names)
         if not symbolic and self._pieces is None:
-            return adaptive_means(at, np.arange(start.size), start.size)
+            return adaptive_integrals(at, evenly, np.arange(start.size), start.size)
         count = self._pieces or PIECES
         return sum(
             weight / count * at((i + node) / count)
