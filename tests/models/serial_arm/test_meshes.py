@@ -1,0 +1,107 @@
+"""Meshes of links: convex ones and those of convex pieces become hulls, others are refused, as is what lies elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.errors import ModelError
+from hpop.models import SerialArm
+from tests.models.serial_arm.arms import CRANE
+
+trimesh = pytest.importorskip("trimesh")
+SPHERE = '<sphere radius="0.03"/>'
+
+
+def with_mesh(folder, name, **parameters):
+    path = folder / "arm.urdf"
+    path.write_text(CRANE.replace(SPHERE, f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'))
+    return SerialArm.from_urdf(path, tip="eye", acceleration=2.0, **parameters)
+
+
+def box(size, at=(0.0, 0.0, 0.0)):
+    found = trimesh.creation.box(size)
+    found.apply_translation(at)
+    return found
+
+
+BOX = box((100, 40, 40))
+PIECES = trimesh.util.concatenate([box((100, 40, 40)), box((20, 20, 20), (0, 0, 90))])
+# An L, 90 mm long and wide: outlines at both ends, triangles by hand.
+RIM = np.array([(0, 0), (90, 0), (90, 20), (20, 20), (20, 90), (0, 90)], float)
+LID = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+SIDES = [face for i in range(6) for face in ((i, (i + 1) % 6, i + 6), ((i + 1) % 6, (i + 1) % 6 + 6, i + 6))]
+ELL = trimesh.Trimesh(
+    np.concatenate([np.c_[RIM, np.full(6, z)] for z in (0.0, 30.0)]),
+    [tuple(reversed(face)) for face in LID] + [tuple(c + 6 for c in face) for face in LID] + SIDES,
+)
+
+
+def jibs(arm):
+    return [part.solid.shape for part in arm.parts if part.link == "jib"]
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "ply", "off"])
+def test_a_convex_mesh_is_its_hull_in_metres(tmp_path, kind):
+    BOX.export(tmp_path / f"box.{kind}")
+    (hull,) = jibs(with_mesh(tmp_path, f"box.{kind}"))
+    assert len(hull.points) == 8
+    np.testing.assert_allclose(np.abs(hull.points).max(axis=0), [0.05, 0.02, 0.02], atol=1e-9)
+
+
+def test_pieces_that_are_convex_are_hulls_each(tmp_path):
+    PIECES.export(tmp_path / "two.stl")
+    assert sorted(len(hull.points) for hull in jibs(with_mesh(tmp_path, "two.stl"))) == [8, 8]
+
+
+def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
+    ELL.export(tmp_path / "ell.stl")
+    with pytest.raises(ModelError, match=r"ell.stl': it is not convex: .* up to 0.0\d+ m within its convex hull; repl"):
+        with_mesh(tmp_path, "ell.stl")
+
+
+def test_a_package_is_a_folder_that_is_given(tmp_path):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "meshes").mkdir()
+    BOX.export(tmp_path / "meshes/box.stl")
+    with pytest.raises(ModelError, match=r"in the package 'parts'; say where that is, packages={'parts': folder}"):
+        with_mesh(tmp_path / "robot", "package://parts/box.stl")
+    arm = with_mesh(tmp_path / "robot", "package://parts/box.stl", packages={"parts": tmp_path / "meshes"})
+    assert len(jibs(arm)) == 1
+    hashes = arm.describe()["serial_arm"]["urdf"]["sha256"]
+    assert len(hashes) == 2  # of the URDF and of the mesh
+
+
+@pytest.mark.parametrize("name", ["../box.stl", "/etc/passwd", "file:///etc/passwd", "http://example.org/box.stl"])
+def test_no_file_is_read_from_outside_the_folder(tmp_path, name):
+    BOX.export(tmp_path / "box.stl")
+    (tmp_path / "robot").mkdir()
+    with pytest.raises(ModelError, match="is not in the folder|must be a file, or in a package"):
+        with_mesh(tmp_path / "robot", name)
+
+
+def test_a_link_to_elsewhere_is_not_followed(tmp_path):
+    (tmp_path / "robot").mkdir()
+    BOX.export(tmp_path / "box.stl")
+    (tmp_path / "robot/box.stl").symlink_to(tmp_path / "box.stl")
+    with pytest.raises(ModelError, match="is not in the folder"):
+        with_mesh(tmp_path / "robot", "box.stl")
+    with pytest.raises(ModelError, match="is not in the folder"):
+        with_mesh(tmp_path, "package://robot/../../box.stl", packages={"robot": tmp_path / "robot"})
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "said"),
+    [
+        ("lost.stl", None, "cannot be opened"),
+        ("box.dae", b"<COLLADA/>", "meshes are read from stl, obj, ply, off files"),
+        ("box.stl", b"solid\n\x00\xff" * 9, "box.stl': "),
+        ("flat.off", b"OFF\n3 1 0\n0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n", "flat"),
+        ("box.stl", b"", "is empty"),
+    ],
+)
+def test_a_mesh_that_is_none_is_refused_by_name(tmp_path, name, data, said):
+    if data is not None:
+        (tmp_path / name).write_bytes(data)
+    with pytest.raises(ModelError, match=said):
+        with_mesh(tmp_path, name)

@@ -1,0 +1,157 @@
+"""Files of arms as they may come from anybody: what is wrong with them is refused by name, with the way out."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from hpop.errors import ModelError
+from hpop.models import SerialArm
+from tests.models.serial_arm.arms import CRANE, HERE, arm6, crane
+
+
+def made(folder, text=CRANE, **parameters):
+    path = folder / "arm.urdf"
+    path.write_text(text)
+    return SerialArm.from_urdf(path, **{"tip": "eye", "acceleration": 2.0} | parameters)
+
+
+LIFT_LIMIT = '<limit lower="-0.2" upper="0.7" velocity="0.5" effort="9"/>'
+ENTITY = '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
+WRONG = {
+    "a type of joint that is none": ('type="prismatic"', 'type="helical"', "must be one of fixed, revolute"),
+    "a joint between root and tip that floats": ('"lift" type="prismatic"', '"lift" type="floating"', "lift.*floating"),
+    "a joint without limits": (LIFT_LIMIT, "", "'lift' needs limits, got none; add <limit lower"),
+    "a revolute joint whose limits leave nothing": ('lower="-1.5" upper="2"', "", "'tilt' needs limits, got lower 0"),
+    "a joint without a speed": (
+        ' upper="0.7" velocity="0.5"',
+        ' upper="0.7"',
+        "'lift' needs a greatest speed; add vel",
+    ),
+    "a joint that mimics another": (LIFT_LIMIT, LIFT_LIMIT + '<mimic joint="out"/>', "'lift'.*mimics 'out'.*fixed="),
+    "an axis of no direction": ('xyz="0 0.6 0.8"', 'xyz="0 0 0"', "axis of joint 'lift' must be a direction"),
+    "a number that is none": ('lower="-0.2"', 'lower="low"', "lower limit of joint 'lift' must be a number"),
+    "a number that is not finite": ('xyz="0.1 -0.2 0.5"', 'xyz="0 nan 0"', "xyz of joint 'lift' must be 3 numbers"),
+    "a link that is not there": (
+        '<parent link="mast"/>',
+        '<parent link="post"/>',
+        "the link 'post', which there is not",
+    ),
+    "two links of one name": (
+        '<link name="eye"/>',
+        '<link name="eye"/><link name="eye"/>',
+        "two links are called 'eye'",
+    ),
+    "a loop": ('<parent link="rail"/>', '<parent link="eye"/>', "loop"),
+    "a capsule": ("<sphere", "<capsule", "link 'jib' must be a box, cylinder, sphere or mesh, got <capsule>"),
+    "a sphere of no size": ('<sphere radius="0.03"/>', '<sphere radius="0"/>', "radius of .* must be above 0 m"),
+    "a document type": ("<robot", ENTITY + "<robot", "document type or entities"),
+    "macros": ("<link name=", '<xacro:include filename="x"/><link name=', "xacro arm.urdf > arm.urdf"),
+    "no XML": ("</robot>", "", "not XML"),
+    "another root": ("robot", "gazebo", "expected <robot>"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG)
+def test_a_urdf_with_a_mistake_is_refused_with_what_is_wrong(tmp_path, old, new, said):
+    assert old in CRANE
+    with pytest.raises(ModelError, match=said):
+        made(tmp_path, CRANE.replace(old, new, -1 if old == "robot" else 1))
+
+
+def test_a_urdf_without_the_tip_is_refused_with_its_links(tmp_path):
+    with pytest.raises(ModelError, match=r"no link 'eyes' for the tip; its links are 'rail', .*Did you mean 'eye'\?"):
+        made(tmp_path, tip="eyes")
+    with pytest.raises(ModelError, match="no joint between 'rail' and the tip 'rail' moves"):
+        made(tmp_path, tip="rail")
+
+
+@pytest.mark.parametrize("given", [0, -1.0, float("inf"), "fast", {"lift": 1.0}, {"lift": "fast"}])
+def test_accelerations_are_positive_numbers_one_for_all_or_one_for_each_joint(tmp_path, given):
+    with pytest.raises(ModelError, match="acceleration"):
+        made(tmp_path, acceleration=given)
+
+
+def test_what_is_missing_is_named(tmp_path):
+    with pytest.raises(ModelError, match=r"the URDF '.*lost.urdf' cannot be opened.*check the path"):
+        SerialArm.from_urdf(tmp_path / "lost.urdf", tip="eye", acceleration=1.0)
+    with pytest.raises(ModelError, match=r"the SRDF '.*lost.srdf' cannot be opened"):
+        crane(tmp_path, srdf=tmp_path / "lost.srdf")
+
+
+def test_a_fifo_and_what_nests_too_deep_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.urdf")
+    with pytest.raises(ModelError, match="FIFO"):
+        SerialArm.from_urdf(tmp_path / "pipe.urdf", tip="eye", acceleration=1.0)
+    with pytest.raises(ModelError, match="nested up to 50 deep"):
+        made(tmp_path, "<robot>" + "<a>" * 60 + "</a>" * 60 + "</robot>")
+
+
+# Joints that stand
+
+
+def test_a_joint_beside_the_chain_stands_at_the_limit_nearest_to_zero_or_where_it_is_told(tmp_path):
+    """The wick turns the lamp about y; its limits begin at 0.2."""
+    text = CRANE.replace('<link name="lamp"/>', LAMP)
+    for fixed, angle in (({}, 0.2), ({"wick": 0.9}, 0.9)):
+        (lamp,) = (part for part in made(tmp_path, text, fixed=fixed).parts if part.link == "lamp")
+        assert lamp.frame == 3
+        np.testing.assert_allclose(lamp.solid.pose[:3, 0], [np.cos(angle), 0, -np.sin(angle)], atol=1e-12)
+
+
+LAMP = '<link name="lamp"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
+
+
+def test_a_joint_of_the_chain_that_is_fixed_moves_no_more(tmp_path):
+    free, fixed = made(tmp_path), made(tmp_path, fixed={"out": 0.1})
+    assert fixed.space.names == ("lift", "swing", "tilt")
+    rows = {"lift": 0.3, "swing": 1.0, "tilt": -0.4}
+    poses = [arm.pose("tool", arm.space.state(rows | extra)) for arm, extra in ((free, {"out": 0.1}), (fixed, {}))]
+    np.testing.assert_allclose([p.x[0] for p in poses[:1]], [poses[1].x[0]], atol=1e-12)
+    np.testing.assert_allclose([p.z[0] for p in poses[:1]], [poses[1].z[0]], atol=1e-12)
+    with pytest.raises(ModelError, match="the joint 'outer', which there is not. Did you mean 'out'"):
+        made(tmp_path, fixed={"outer": 0.1})
+
+
+def test_a_finger_that_mimics_a_standing_one_stands_as_far_out(tmp_path):
+    follower = (
+        '<link name="wing"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>'
+        '<joint name="flap" type="prismatic"><parent link="jib"/><child link="wing"/><axis xyz="0 0 1"/>'
+        '<limit lower="0" upper="1" velocity="1"/><mimic joint="wick" multiplier="2" offset="0.1"/></joint></robot>'
+    )
+    arm = made(tmp_path, CRANE.replace("</robot>", follower), fixed={"wick": 0.3})
+    (wing,) = (part for part in arm.parts if part.link == "wing")
+    assert wing.solid.pose[2, 3] == pytest.approx(0.7)
+
+
+# SRDF
+
+
+def test_group_states_and_pairs_that_never_touch_come_from_the_srdf():
+    arm = arm6()
+    assert set(arm.space.named) == {"home", "ready", "upright"}
+    assert {("base", "upper_arm"), ("elbow", "wrist"), ("base", "shoulder"), ("camera", "hand")} <= arm.apart
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('<disable_collisions link1="base"/>', "needs a link2"),
+        ('<group_state name="home" group="arm"><joint name="a" value="x"/></group_state>', "value of joint 'a'"),
+        ('<group_state group="arm"/>', "needs a name"),
+    ],
+)
+def test_an_srdf_with_a_mistake_is_refused(tmp_path, text, said):
+    path = tmp_path / "arm.srdf"
+    path.write_text(f'<robot name="arm">{text}</robot>')
+    with pytest.raises(ModelError, match=said):
+        arm6(srdf=path)
+
+
+def test_a_named_state_beyond_a_limit_is_refused(tmp_path):
+    path = tmp_path / "arm.srdf"
+    path.write_text((HERE / "arm6.srdf").read_text().replace('value="-1.2"', 'value="-2.2"'))
+    with pytest.raises(ModelError, match="the state 'home' has joint 'shoulder_to_upper_arm' beyond its limits"):
+        arm6(srdf=path)
