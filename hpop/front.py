@@ -13,6 +13,7 @@ from hpop.arrays import FloatArray
 from hpop.errors import ModelError
 from hpop.frontier import FrontFileError, storage
 from hpop.frontier.storage import checked_path
+from hpop.models import files
 from hpop.motion_table import MotionTable
 from hpop.motions import Model
 from hpop.registry import GROUPS, make_model
@@ -63,7 +64,7 @@ class Front(frontier.Front[Trajectory]):
     def question(self) -> dict[str, Any] | None:
         """The problem, wherever its files lie: what is in them is known by its hash."""
         problem = self.problem
-        return problem and {k: without_places(v) if k == "world" else v for k, v in problem.items()}
+        return problem and _changed(problem, without_places, files.without_places)
 
     def by_group(self) -> dict[str, dict[str, FloatArray]]:
         """Costs (n,) by group and criterion: performance P, comfort C, robot R, others O; a group may be empty."""
@@ -89,7 +90,7 @@ class Front(frontier.Front[Trajectory]):
         encode : turns a trajectory into JSON values of your own, one by one, to be read back by ``decode``
         """
         asked = self.problem if problem is None else problem
-        placed = asked and _placed(seen_from, path, asked)
+        placed = asked and _seen(path, asked)
         if encode is not None or not len(self):
             super().save(path, encode=encode, problem=placed)
         else:
@@ -107,6 +108,8 @@ class Front(frontier.Front[Trajectory]):
         Raises FrontFileError when the file does not hold a front of trajectories.
         """
         stored = storage.read(path)
+        if stored["problem"] is not None:
+            stored["problem"] = _found(path, stored["problem"])
         items: Sequence[Any] | dict[str, Any] = stored["items"]
         if decode is None or isinstance(items, dict):
             model = _stored_model(path, stored["problem"])
@@ -116,8 +119,6 @@ class Front(frontier.Front[Trajectory]):
                 items = [trajectory.describe() for trajectory in items]
         elif decode is None:
             decode = partial(Trajectory.from_description, model)
-        if stored["problem"] is not None:
-            stored["problem"] = _placed(found_from, path, stored["problem"])
         return cls._of_stored(path, stored, items, decode)
 
 
@@ -140,9 +141,23 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
         raise FrontFileError(f"{path}: {error!s:.600}; plan again, or pass decode= for other items") from None
 
 
-def _placed(
-    place: Callable[[str, Any], Any], path: str | os.PathLike[str], problem: Mapping[str, Any]
-) -> dict[str, Any]:
-    """A problem whose world's files are placed as seen from the folder of a front's file."""
-    folder = str(checked_path(path).absolute().parent)
-    return {key: place(folder, value) if key == "world" else value for key, value in problem.items()}
+def _seen(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
+    """A problem whose files, of world and model, are also named as seen from the folder of a front's file."""
+    folder = _folder(path)
+    return _changed(problem, partial(seen_from, folder), partial(files.seen_from, folder))
+
+
+def _found(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
+    """A problem whose files are found from the folder of a front's file."""
+    folder = _folder(path)
+    return _changed(problem, partial(found_from, folder), partial(files.found_from, folder))
+
+
+def _folder(path: str | os.PathLike[str]) -> str:
+    return str(checked_path(path).absolute().parent)
+
+
+def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Callable[[Any], Any]) -> dict[str, Any]:
+    """A problem with what is made of the descriptions of its world and its model."""
+    changes = {"world": world, "model": model}
+    return {key: changes[key](value) if key in changes else value for key, value in problem.items()}

@@ -11,7 +11,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from hpop.regular_file import read_regular
+from hpop.world.files import sha256
+
 Record = dict[str, Any]
+MOST_BYTES = 100_000_000  # of a file that is looked at
 
 
 def record(path: str | os.PathLike[str], *hashes: str) -> Record:
@@ -37,15 +41,29 @@ def seen_from(folder: str, description: Any) -> Any:
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description with the files that the folder sees, where it sees them; others where they were."""
+    """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
+
+    Where they have changed, and those at the whole paths have not, these are.
+    """
 
     def found(one: Mapping[str, Any]) -> Record:
         plain = {key: value for key, value in one.items() if key != "relative"}
         relative = one.get("relative")
-        there = os.path.abspath(os.path.join(folder, relative)) if isinstance(relative, str) else ""
-        return plain | ({"path": there} if there and os.path.exists(there) else {})
+        if not isinstance(relative, str):
+            return plain
+        there = os.path.abspath(os.path.join(folder, relative))
+        lost = not os.path.exists(there) or (not _is(there, one) and _is(str(one["path"]), one))
+        return plain if lost else plain | {"path": there}
 
     return _each_record(found, description)
+
+
+def _is(path: str, one: Mapping[str, Any]) -> bool:
+    """Whether a file has the first of a record's hashes."""
+    try:
+        return not one["sha256"] or sha256(read_regular(path, MOST_BYTES)) == one["sha256"][0]
+    except (OSError, TypeError, LookupError):
+        return False
 
 
 def without_places(description: Any) -> Any:

@@ -15,7 +15,9 @@ IN_HAND = (-0.06, 0.0, -0.08, 0.0, -QUARTER, 0.0)
 CRANE = """<robot name="crane">
   <link name="rail"/>
   <link name="mast"><collision><geometry><cylinder radius="0.05" length="0.6"/></geometry></collision></link>
-  <link name="boom"><collision><origin xyz="0.2 0 0"/><geometry><box size="0.3 0.06 0.06"/></geometry></collision></link>
+  <link name="boom">
+    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.3 0.06 0.06"/></geometry></collision>
+  </link>
   <link name="jib"><collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.03"/></geometry></collision></link>
   <link name="eye"/>
   <link name="lamp"/>
@@ -24,7 +26,8 @@ CRANE = """<robot name="crane">
     <limit lower="-0.2" upper="0.7" velocity="0.5" effort="9"/>
   </joint>
   <joint name="swing" type="continuous">
-    <parent link="mast"/><child link="boom"/><origin xyz="0 0 0.35"/><axis xyz="0 0 1"/><limit velocity="1.5" effort="9"/>
+    <parent link="mast"/><child link="boom"/><origin xyz="0 0 0.35"/><axis xyz="0 0 1"/>
+    <limit velocity="1.5" effort="9"/>
   </joint>
   <joint name="out" type="prismatic">
     <parent link="boom"/><child link="jib"/><origin xyz="0.4 0 0" rpy="0.4 0 0"/><axis xyz="1 0 0"/>

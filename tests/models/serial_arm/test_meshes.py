@@ -1,4 +1,4 @@
-"""Meshes of links: convex ones and those of convex pieces become hulls, others are refused, as is what lies elsewhere."""
+"""Meshes of links: convex ones and convex pieces become hulls, others are refused, as is what lies elsewhere."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_package_is_a_folder_that_is_given(tmp_path):
 def test_no_file_is_read_from_outside_the_folder(tmp_path, name):
     BOX.export(tmp_path / "box.stl")
     (tmp_path / "robot").mkdir()
-    with pytest.raises(ModelError, match="is not in the folder|must be a file, or in a package"):
+    with pytest.raises(ModelError, match=r"is not in the folder|must be a file, or in a package"):
         with_mesh(tmp_path / "robot", name)
 
 
