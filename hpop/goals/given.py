@@ -14,7 +14,7 @@ from hpop.motions.space import StateSpace, StateSpec, Values
 from hpop.registry import goals, made
 from hpop.text import shown
 
-ROWS = (list, tuple, np.ndarray)
+ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names as well, where states have any
 
 GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSpec | Goal | Mapping[str, Any]]
 
@@ -24,7 +24,7 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
 
     Raises QueryError for what is no state of the space, UnknownName for a goal of an unknown name.
     """
-    several = _several(given)
+    several = _several(given, (*ENTRIES, str) if space.named else ENTRIES)
     if not several:
         raise QueryError(f"a goal is {space}, or a list of such states of which any will do, got {shown(given)}")
     states, others = dict[Values, None](), list[Goal]()
@@ -52,14 +52,16 @@ def is_named(given: Any) -> bool:
     return isinstance(parameters, Mapping) or (isinstance(name, str) and name in goals)
 
 
-def _several(given: Any) -> list[Any]:
+def _several(given: Any, kinds: tuple[type, ...]) -> list[Any]:
     """What is given one by one: the members of a set, the entries of a list of goals, or the one that it is."""
     if isinstance(given, GoalSet | AnyOf):
-        return [entry for member in given.members for entry in (_several(member) if _is_set(member) else [member])]
+        return [
+            entry for member in given.members for entry in (_several(member, kinds) if _is_set(member) else [member])
+        ]
     several = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    if not several or not all(isinstance(entry, (*ROWS, Mapping, Goal)) for entry in given):
+    if not several or not all(isinstance(entry, kinds) for entry in given):
         return [given]
-    return [entry for one in given for entry in (_several(one) if _is_set(one) else [one])]
+    return [entry for one in given for entry in (_several(one, kinds) if _is_set(one) else [one])]
 
 
 def _is_set(given: Any) -> bool:

@@ -180,8 +180,8 @@ class Faults:
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
         """A goal, or a list of those of which any will do."""
-        several = isinstance(given, list) and given and all(isinstance(entry, list | dict) for entry in given)
-        if several:
+        kinds = (list, dict, str) if model is not None and model.space.named else (list, dict)
+        if isinstance(given, list) and given and all(isinstance(entry, kinds) for entry in given):
             return [self._one_goal(entry, (*place, i), model) for i, entry in enumerate(given)]
         return self._one_goal(given, place, model)
 

@@ -32,7 +32,7 @@ SAME = 1e-9  # m or rad, and relative
 TWIST_TOLERANCE = 1e-4  # relative, of differences
 BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in the place of curves
 PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
-BODIES = ("base", "camera")
+BODIES = ("base", "camera", "tool")
 
 
 def check_model(model: Model, *, seed: int = 0) -> None:

@@ -16,7 +16,7 @@ from hpop.errors import ModelError
 from hpop.math import not_radians, smooth_abs
 from hpop.models.base import model
 from hpop.models.field_of_view import FieldOfView, checked_field_of_view
-from hpop.models.files import is_record, record
+from hpop.models.files import is_record, record, without_places
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.body import ArmBody
 from hpop.models.serial_arm.chain import Chain, Part
@@ -140,7 +140,7 @@ class SerialArm(Model):
 
     @cached_property
     def _identity(self) -> str:
-        return json.dumps(self.describe(), sort_keys=True)
+        return json.dumps(without_places(self.describe()), sort_keys=True)
 
     # What it is made of
 

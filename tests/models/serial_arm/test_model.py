@@ -8,6 +8,7 @@ import shutil
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.errors import ModelError, QueryError, ScenarioError
@@ -15,13 +16,14 @@ from hpop.front import Front
 from hpop.models import SerialArm, files
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Motions, States
+from hpop.planners.base import Candidates
 from hpop.registry import make_model
 from hpop.scenario import load_scenario
 from hpop.trajectory import Trajectory
 from hpop.world import World
 from tests.models.serial_arm.arms import HERE, arm6, crane
 
-WORLD = World.from_polygons([])
+WORLD = World.from_polygons([], extent=shapely.box(-2, -2, 2, 2))
 
 
 @pytest.fixture(scope="module")
@@ -181,13 +183,12 @@ def test_a_scenario_names_its_files_from_its_own_folder_and_states_by_name(scena
 
 def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenario, tmp_path):
     problem = load_scenario(scenario()).problem
-    through = States(
-        **{
-            n: np.array([a, b])
-            for n, a, b in zip(problem.model.space.names, problem.start, problem.goals[0], strict=True)
-        }
-    )
-    front = problem.front([Trajectory.through(problem.model, through)])
+    rows = zip(problem.model.space.names, problem.start, problem.goals[0], strict=True)
+    through = States(**{name: np.array(ends) for name, *ends in rows})
+    trajectory = Trajectory.through(problem.model, through)
+    costs = np.array([list(problem.evaluate(trajectory).values())])
+    given = problem.criteria, (trajectory,), costs, 0 * costs, hpop.Status.COMPLETE, "as given", ({},)
+    front = problem.front(Candidates(*given))
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     shutil.move(tmp_path / "robot", here / "robot")
