@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from hpop.motions.batch import Motions, lacking
 from hpop.motions.bodies import Body, integrated
-from hpop.motions.collision import Collision, PlaneCollision
+from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations
 from hpop.motions.instants import Instants, Rate
 from hpop.motions.laws import Coupled, Curve, Law, Leg, Model, Phase, is_coupled, is_curve, onward, slopes
 from hpop.motions.space import StateSpace
@@ -21,6 +21,7 @@ __all__ = [
     "Coupled",
     "Curve",
     "Instants",
+    "JointCollision",
     "Law",
     "Leg",
     "Model",
@@ -29,6 +30,7 @@ __all__ = [
     "PlaneCollision",
     "Pose",
     "Rate",
+    "Separations",
     "StateSpace",
     "States",
     "Twist",

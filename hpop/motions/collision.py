@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions.states import States
 
 if TYPE_CHECKING:
@@ -36,3 +36,23 @@ class PlaneCollision(Collision, Protocol):
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether each position (P,) is free at every yaw, and so is every turn there."""
+
+
+class Separations(NamedTuple):
+    """How far bodies are apart that are near each other, and how that changes with the states.
+
+    owner     (R,)    the state, of those asked about
+    distance  (R,)    m
+    gradient  (R, n)  by the columns of the model's space, m a unit
+    """
+
+    owner: IntArray
+    distance: FloatArray
+    gradient: FloatArray
+
+
+class JointCollision(Collision, Protocol):
+    """The same of a robot of joints, whose distances have gradients."""
+
+    def separations(self, states: States, within: float) -> Separations:
+        """Of all pairs of bodies nearer than so many metres in states (N,)."""

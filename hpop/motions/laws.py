@@ -178,6 +178,7 @@ class Model(Protocol):
                           collisions are a :class:`PlaneCollision`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
         "rigid"           no states but x, y and yaw
+        "spline"          the law "spline", cubics from knot to knot, and a :class:`JointCollision`
         """
 
     @property

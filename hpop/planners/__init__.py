@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hpop.planners.roadmap.planner import Roadmap
     from hpop.planners.rrt.planner import RRT
     from hpop.planners.smoothing.planner import Smoothing
+    from hpop.planners.spline.planner import Spline
     from hpop.planners.weighted_sum import WeightedSum
     from hpop.planners.weighted_sum_corridor.planner import WeightedSumCorridor
 
@@ -27,6 +28,7 @@ _HOMES = {
     "RRT": "hpop.planners.rrt.planner",
     "Roadmap": "hpop.planners.roadmap.planner",
     "Smoothing": "hpop.planners.smoothing.planner",
+    "Spline": "hpop.planners.spline.planner",
     "WeightedSum": "hpop.planners.weighted_sum",
     "WeightedSumCorridor": "hpop.planners.weighted_sum_corridor.planner",
 }
@@ -40,6 +42,7 @@ __all__ = [
     "Planner",
     "Roadmap",
     "Smoothing",
+    "Spline",
     "WeightedSum",
     "WeightedSumCorridor",
     "make_planner",

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.scene import Scene, paired, scene_of, within_reach
-from hpop.motions import Law, Motions, States, is_coupled, slopes
+from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
 from hpop.world.solids import Solid
 
 if TYPE_CHECKING:
@@ -113,6 +113,19 @@ class ArmCollision:
         for part in _slices(len(rows)):
             nearest(self._outer_scene, rows[part], np.inf, CLOSE, least[part])
         return np.maximum(0.0, least - ROUNDING)
+
+    def separations(self, states: States, within: float) -> Separations:
+        """Of all pairs of solids nearer than so many metres in states (N,), with gradients by the joints."""
+        from hpop.models.serial_arm.separations import near_pairs
+
+        rows, room = self._rows(states), 64 * states.size
+        while True:
+            owner, distance = np.empty(room, np.int64), np.empty(room)
+            gradient = np.empty((room, len(self.chain)))
+            found = near_pairs(self._scene, rows, within, owner, distance, gradient)
+            if found <= room:
+                return Separations(owner[:found], distance[:found], gradient[:found])
+            room = found
 
     def why_blocked(self, state: States) -> str:
         """What blocks one state and what helps, in words without the last full stop; empty when it is free."""

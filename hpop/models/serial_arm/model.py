@@ -7,13 +7,13 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 import numpy as np
 
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import ModelError
-from hpop.math import not_radians, smooth_abs
+from hpop.math import not_radians
 from hpop.models.base import model
 from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, record, without_places
@@ -25,8 +25,10 @@ from hpop.models.serial_arm.frames import frames
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.levers import levers
+from hpop.models.serial_arm.limits import JointLaw, doubtful, faults
 from hpop.models.serial_arm.reach import Reach
 from hpop.models.serial_arm.self_collision import SAMPLES, always_touching
+from hpop.models.serial_arm.spline import Spline
 from hpop.models.serial_arm.srdf import Pair
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
     from hpop.world.solids import Shape
 
 NEAR = 1e-9  # m or rad: an end that is so near to a state is that state
-BEYOND = 1e-6  # rad or m: so far beyond a limit is still at it
-FASTER = 1e-6  # relative: so much faster than a limit is still at it
 REFERENCE = 1.0  # m/s: states are as many metres apart as the joints need seconds at their greatest speeds
 FARTHEST = 1e4  # m: from the origin of the world to an arm's base
 Placed = tuple[float, float, float, Angle, Angle, Angle]
@@ -175,8 +175,8 @@ class SerialArm(Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """The bodies, and joints."""
-        return frozenset({"camera", "tool", "joints"})
+        """The bodies, joints, and the law of splines."""
+        return frozenset({"camera", "tool", "joints", "spline"})
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -198,10 +198,11 @@ class SerialArm(Model):
         )
 
     @cached_property
-    def laws(self) -> Mapping[str, Law]:
-        """From rest to rest, straight in the space of the joints."""
+    def laws(self) -> Mapping[str, JointLaw]:
+        """From rest to rest, straight in the space of the joints; and splines there."""
         chain = self.chain
-        return {"reach": Reach(chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))}
+        of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
+        return {"reach": Reach(*of_chain), "spline": Spline(*of_chain)}
 
     # How it moves
 
@@ -238,10 +239,9 @@ class SerialArm(Model):
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """How far (M,), m and rad, no body moves or turns farther: the ways of the joints times their levers."""
-        farthest: Column = 0.0
-        turned: Column = 0.0
+        law, farthest, turned = cast(JointLaw, motions.law), np.float64(0.0), np.float64(0.0)
         for name, lever, sliding in zip(self.chain.names, self._levers, self.chain.sliding, strict=True):
-            way = smooth_abs(getattr(motions.end, name) - getattr(motions.start, name))
+            way = law.ways(name, motions.start, motions.end)
             farthest = farthest + float(lever) * way
             turned = turned if sliding else turned + way
         return farthest, turned + 0.0 * farthest
@@ -258,38 +258,18 @@ class SerialArm(Model):
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Joints beyond their limits; greatest speeds and accelerations, which the laws keep."""
-        chain, states = self.chain, trajectory.states
-        for i, name in enumerate(chain.names):
-            if chain.turning[i]:
-                continue
-            value, unit = getattr(states, name), "m" if chain.sliding[i] else "rad"
-            for limit, beyond in ((chain.low[i], -1.0), (chain.high[i], 1.0)):
-                over = beyond * (value - limit)
-                if over.max() > BEYOND:
-                    k = int(np.argmax(over))
-                    yield f"has joint {name} at {value[k]:.6g} {unit} in state {k}, beyond its limit at {limit:.6g}"
+        """Joints beyond their limits, too fast, or sped up too fast."""
+        states = trajectory.states
+        for kind in dict.fromkeys(trajectory.kinds):
+            motions = np.flatnonzero([kind == other for other in trajectory.kinds])
+            start, end = states.take(motions), states.take(motions + 1)
+            yield from faults(self.chain, self.laws[kind], start, end, motions)
         if not len(trajectory):
-            return
-        # Both are greatest in the middle of a motion or where it begins; those of a reach change nowhere else.
-        middles = trajectory.times[:-1] + np.outer((1e-6, 0.5, 1.0 - 1e-6), trajectory.durations)
-        for what, most, column in zip(
-            ("speed", "acceleration"), (chain.speed, chain.acceleration), trajectory.rates(middles.ravel()), strict=True
-        ):
-            for name, limit in zip(chain.names, most, strict=True):
-                found = np.abs(getattr(column, name))
-                if found.max() > limit * (1.0 + FASTER):
-                    motion = int(np.argmax(found)) % len(trajectory)
-                    yield f"has joint {name} at a {what} of {found.max():.6g} in motion {motion}, beyond {limit:.6g}"
+            yield from faults(self.chain, self.laws["reach"], states, states, np.zeros(1, np.int64))
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Motions (M,) that begin or end with a joint beyond its limits."""
-        found, chain = np.zeros(start.size, dtype=bool), self.chain
-        for i in np.flatnonzero(~chain.turning):
-            for states in (start, end):
-                value = getattr(states, chain.names[i])
-                found |= (value < chain.low[i] - BEYOND) | (value > chain.high[i] + BEYOND)
-        return found
+        """Motions (M,) that break a limit of a joint."""
+        return doubtful(self.chain, cast(JointLaw, law), start, end)
 
     # Where it collides
 

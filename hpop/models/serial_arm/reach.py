@@ -9,6 +9,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.math import is_symbolic, smooth_abs
 from hpop.models.laws import TINY, linear
+from hpop.models.serial_arm.limits import Extremes
 from hpop.motions import Phase, States
 
 
@@ -55,6 +56,19 @@ class Reach:
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """A joint where a share of the motion is done."""
         return linear(name, start, end, share)
+
+    def ways(self, name: str, start: States, end: States) -> Column:
+        """How far (M,), rad or m, a joint goes."""
+        return smooth_abs(getattr(end, name) - getattr(start, name))
+
+    def extremes(self, name: str, start: States, end: States) -> Extremes:
+        """Of a joint along each motion (M,): from end to end, fastest when the arm has sped up."""
+        ramp, (begin, stop) = self.phases(start, end)[0], (getattr(states, name) for states in (start, end))
+        lasts = ramp.duration > 0
+        rate = np.where(lasts, 2.0 * ramp.end / np.where(lasts, ramp.duration, 1.0), 0.0)
+        change = np.where(lasts, rate / np.where(lasts, ramp.duration, 1.0), 0.0)
+        way = np.abs(stop - begin)
+        return Extremes(np.minimum(begin, stop), np.maximum(begin, stop), rate * way, change * way)
 
     def _least_times(self, start: States, end: States) -> tuple[Column, Column]:
         """Squares and times that the joints ask for: the greatest |D|/v (M,), s, and |D|/a (M,), s²."""

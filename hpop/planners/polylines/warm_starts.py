@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 WarmStart = str | Mapping[str, Mapping[str, Any]] | Front | Sequence[Trajectory]
+SHARED = ("step", "headings")
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
 
 
 class Starting(Protocol):
-    """A planner that starts from known trajectories, and its options that it shares with another that finds them."""
+    """A planner that starts from known trajectories, and its options that it shares with another that finds them.
+
+    Those that it may have beside these: SHARED.
+    """
 
     @property
     def warm_start(self) -> WarmStart: ...
-    @property
-    def step(self) -> float: ...
-    @property
-    def headings(self) -> int: ...
     @property
     def time_limit(self) -> float | None: ...
 
@@ -78,7 +78,16 @@ def check_warm_start(starting: Starting) -> None:
 def warm_starts(
     starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
 ) -> WarmStarts:
-    """The trajectories that a planner starts from, curves replaced by polylines.
+    """The trajectories that a planner starts from, curves replaced by polylines; see :func:`known_trajectories`."""
+    known = known_trajectories(starting, problem, progress, executor)
+    straight, curves = straightened(known.trajectories, problem)
+    return WarmStarts(straight, known.status, (*known.notes, *curves))
+
+
+def known_trajectories(
+    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+) -> WarmStarts:
+    """The trajectories that a planner starts from, as they are.
 
     Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
     the problem's model.
@@ -101,8 +110,7 @@ def warm_starts(
         given = spec.trajectories if isinstance(spec, Front) else spec
         if any(trajectory.model != problem.model for trajectory in given):
             raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
-    straight, curves = straightened(given, problem)
-    return WarmStarts(straight, status, (*notes, *curves))
+    return WarmStarts(given, status, tuple(notes))
 
 
 def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Planner:
@@ -123,7 +131,8 @@ def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Plan
         shared: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     else:
         name, own = str(spec), {}
-        shared = {"step": starting.step, "headings": starting.headings, "time_limit": time_limit}
+        shared = {name: getattr(starting, name) for name in SHARED if hasattr(starting, name)}
+        shared["time_limit"] = time_limit
     known = {option.name for option in dataclasses.fields(planners[name])}
     return make_planner(name, {option: v for option, v in shared.items() if option in known} | dict(own or {}))
 

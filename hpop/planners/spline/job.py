@@ -1,0 +1,154 @@
+"""Making a spline of one path, step by step, each proved free, until none gains much; here or in a worker."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.motions import JointCollision, States
+from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
+from hpop.planners.spline.knots import LAW, Knots, SplineLaw
+from hpop.planners.spline.pieces import Pieces
+from hpop.planners.spline.step import Aim, Steps
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, where it is kept apart from obstacles
+APART = 0.15  # m: bodies that are farther apart are left out of a step
+MARGIN = 0.004  # m: how far they are kept apart; what is free by certificate comes no nearer than 1 mm
+FIRST, LAST, MOST = 0.2, 0.002, 0.6  # rad or m: how far a step is believed, at first, at least and at most
+SHRINKS, GROWS = 0.35, 1.7  # where a step was too far, and where it was not
+STEPS = 30
+GAIN = 2e-3  # relative: of a step that is not worth another
+QUADRATURE = 0.01  # relative: costs on the nodes of a piece against those that are reported
+SPREAD = 1e-2  # weight of the costs that are not minimised
+
+
+@dataclass(frozen=True, eq=False)
+class Splined:
+    """A candidate: what is planned, its costs as the program added them up, and how it came about.
+
+    planned    (k,)
+    tolerance  (k,)  by how much they may be off
+    """
+
+    trajectory: Trajectory
+    planned: FloatArray
+    tolerance: FloatArray
+    provenance: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class SplineJob:
+    """What all paths share. Pickled without what is built: each process builds it once.
+
+    problem
+    criteria  k
+    minimise  place of the one that counts most; None weighs all alike
+    pieces    count of each spline, about
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    minimise: int | None
+    pieces: int
+    built: dict[str, Pieces] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "built": {}}
+
+    @property
+    def smooth(self) -> list[int]:
+        """Places of the criteria that have gradients; the others come as they come."""
+        return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
+
+    def solve(self, trajectory: Trajectory) -> Outcome[Splined]:
+        """What comes of one path; depends on it alone."""
+        seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
+        with ONE_PROGRAM:
+            began = time.perf_counter()
+            if not self.built:
+                smooth = [self.criteria[j] for j in self.smooth]
+                self.built["pieces"] = Pieces(self.problem.world, self.problem.model, smooth).build()
+            seconds["build"] = time.perf_counter() - began
+            result = self._splined(trajectory, self.built["pieces"], counts)
+            seconds["solve"] = time.perf_counter() - began - seconds["build"]
+        return Outcome.of(result, counts, seconds)
+
+    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> Splined | str:
+        if not path.duration:
+            return "goes nowhere"
+        knots = Knots.along(path, pieces.law, self.pieces)
+        (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, self.smooth]
+        scale = np.where(bounds > 1e-3, bounds, 1.0)
+        aim = Aim(self._weights(), bounds, scale)
+        if not self._is_free(knots):
+            return "the spline through its knots cannot be proved to be free"
+        knots = self._improved(knots, pieces, aim, counts)
+        goes = knots.trajectory(self.problem.model, pieces.law)
+        (costs,) = trajectory_costs(self.criteria, [goes], self.problem.world)
+        quanta = np.array([criterion.quantum for criterion in self.criteria])
+        worse = costs[self.smooth] > bounds + 0.5 * quanta[self.smooth]
+        if worse.any():
+            names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
+            return f"no better than its path in {', '.join(names)}"
+        planned = costs.copy()
+        planned[self.smooth] = pieces.costs(knots)
+        tolerance = QUADRATURE * np.abs(costs) + quanta
+        return Splined(goes, planned, tolerance, {"steps": counts["steps"], "pieces": knots.shares.size})
+
+    def _weights(self) -> FloatArray:
+        count = len(self.smooth)
+        if self.minimise is None:
+            return np.full(count, 1.0 / count)
+        return np.where(np.array(self.smooth) == self.minimise, 1.0, SPREAD)
+
+    def _improved(self, knots: Knots, pieces: Pieces, aim: Aim, counts: Counter[str]) -> Knots:
+        """The last of steps that each lower the merit and are free."""
+        space = self.problem.model.space
+        steps = Steps(knots.shares, pieces.law, np.array(space.low), np.array(space.high))
+        merit, distance = aim.merit(pieces.costs(knots)), FIRST
+        while counts["steps"] < STEPS:
+            counts["steps"] += 1
+            apart = self._collision.separations(self._states(knots, pieces.law), APART)
+            program = steps.of(knots, pieces.slopes(knots), apart, MARGIN, FRACTIONS)
+            while True:
+                counts["programs"] += 1
+                further = self._moved(knots, program.within(distance, aim), pieces.law)
+                lower = np.inf if further is None else aim.merit(pieces.costs(further))
+                if further is not None and lower < merit and self._is_free(further):
+                    break
+                distance *= SHRINKS
+                if distance < LAST:
+                    return knots
+            gain, knots, merit = merit - lower, further, lower
+            if gain < GAIN * merit and distance >= FIRST * SHRINKS:
+                return knots
+            distance = min(MOST, distance * GROWS)
+        return knots
+
+    def _moved(self, knots: Knots, move: tuple[FloatArray, FloatArray] | None, law: SplineLaw) -> Knots | None:
+        return None if move is None else knots.moved(*move, law)
+
+    @property
+    def _collision(self) -> JointCollision:
+        return cast(JointCollision, self.problem.model.collision(self.problem.world))
+
+    def _states(self, knots: Knots, law: SplineLaw) -> States:
+        """Joints at the fractions of all pieces, those of the first fraction first."""
+        rows = np.concatenate([knots.at(fraction) for fraction in FRACTIONS.tolist()])
+        return States(**dict(zip(law.names, rows.T, strict=True)))
+
+    def _is_free(self, knots: Knots) -> bool:
+        """Whether a certificate holds all along."""
+        model = self.problem.model
+        goes = knots.trajectory(model, cast(SplineLaw, model.laws[LAW]))
+        return all(bool(self._collision.motions_free(m).all()) for _, m in goes.batches(self.problem.world))

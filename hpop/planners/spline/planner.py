@@ -1,0 +1,148 @@
+"""The spline planner: paths of joints from rest to rest become splines that go on without stops, each proved free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hpop.criteria.base import trajectory_costs
+from hpop.errors import UnsupportedCriterion
+from hpop.options import set_wholes
+from hpop.planners.base import Candidates, planner
+from hpop.planners.judgement import trusted
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
+from hpop.planners.programs.criteria import minimised
+from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.planners.spline.job import Splined, SplineJob
+from hpop.status import Budget, ProgressCallback, Status, Watch
+from hpop.sweep import Sweep
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+NAME = "spline"
+COUNTED = ("steps", "programs")
+MOST_PIECES = 500
+
+
+@planner(NAME)
+@dataclass(frozen=True)
+class Spline:
+    """Splines near known paths of a model with joints, which cost no more; and those paths.
+
+    pieces      count  of cubics in a spline, about; each motion of its path becomes two at least
+    minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the path's
+    warm_start  what gives the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    time_limit  s      warm starts included
+
+    Sequential linear programming: from the path itself, slowed down where cubics need it, knots and slopes are moved
+    step by step, distances of bodies and costs replaced by their tangents; a step counts only if the costs, evaluated,
+    are lower and the certificate of the collision model says that the spline is free all along. So every step is a
+    valid plan, and so is what a limit leaves.
+
+    Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient
+    (``smooth``); the others come as they come. Guarantees that every spline is free by certificate, keeps the limits of
+    joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. A path that
+    cannot be made a spline stays, and is counted; so does every path, as a spline may be worse in the other criteria.
+    Each spline is a local improvement, not proved to be an optimum. Cost: .1 to .5 s a path of six joints.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"spline"})
+    goal_sets: ClassVar[bool] = True
+
+    pieces: int = 12
+    minimise: str | None = None
+    warm_start: WarmStart = "roadmap"
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        set_wholes(self, "pieces", least=2, most=MOST_PIECES)
+        Budget(self.time_limit)
+        check_warm_start(self)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan paths, then make a spline of each; a job of the executor is one path.
+
+        Raises UnsupportedCriterion where no criterion has a gradient, OptionError for a cost to minimise that is not
+        among those that have one, and what the planner of the paths raises.
+        """
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
+        criteria = objectives.optimised
+        if not any(criterion.smooth for criterion in criteria):
+            raise UnsupportedCriterion(
+                f"{NAME} needs a criterion with a gradient, which {', '.join(c.name for c in criteria)} lack. Add one, "
+                "such as 'duration', or use planner 'roadmap'."
+            )
+        place = None if self.minimise is None else minimised(self.minimise, criteria)
+        job = SplineJob(problem, criteria, place, self.pieces)
+        warm = known_trajectories(self, problem, progress, executor)
+        count = len(warm.trajectories)
+
+        def report(done: Mapping[int, Outcome[Splined]]) -> None:
+            watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
+
+        with Sweep(SplineJob.solve, job, executor) as sweep:
+            outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
+        left = [f"{ended}: {count - len(outcomes)} paths were not made splines"] * (len(outcomes) < count)
+        notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
+        found = _candidates(job, objectives, outcomes, warm, warm.ended(ended), notes)
+        stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
+        return replace(found, stats=stats)
+
+
+def _candidates(
+    job: SplineJob,
+    objectives: Objectives,
+    outcomes: Mapping[int, Outcome[Splined]],
+    warm: WarmStarts,
+    status: Status,
+    notes: Sequence[str],
+) -> Candidates:
+    """Splines and paths, judged once more, with everything that went wrong."""
+    tally, criteria = Tally.of(outcomes.values()), job.criteria
+    found = {place: outcome.found for place, outcome in outcomes.items() if outcome.found is not None}
+    paths: list[Trajectory] = list(warm.trajectories)
+    costs = trajectory_costs(criteria, paths, job.problem.world).reshape(-1, len(criteria))
+    quanta = np.array([criterion.quantum for criterion in criteria])
+    kept = trusted(
+        Candidates(
+            objectives=criteria,
+            trajectories=(*(one.trajectory for one in found.values()), *paths),
+            planned=np.concatenate(
+                [np.array([one.planned for one in found.values()]).reshape(-1, len(criteria)), costs]
+            ),
+            tolerance=np.concatenate(
+                [np.array([one.tolerance for one in found.values()]).reshape(-1, len(criteria)), costs * 0.0 + quanta]
+            ),
+            status=status,
+            certificate="",
+            provenance=(
+                *({"planner": NAME, **one.provenance, "warm_start": place} for place, one in found.items()),
+                *({"planner": NAME, "pieces": 0, "warm_start": place} for place in range(len(paths))),
+            ),
+            notes=(*notes, *(f"{line} (the path stays)" for line in tally.notes("paths"))),
+            filters=objectives.filters,
+            stats={name: tally.counts[name] for name in COUNTED} | {"splines": len(found)} | tally.stats,
+        ),
+        job.problem,
+        NAME,
+    )
+    names = ", ".join(criteria[j].name for j in job.smooth)
+    rest = ", ".join(criterion.name for criterion in criteria if not criterion.smooth)
+    return replace(
+        kept,
+        certificate=(
+            f"spline: {len(found)} splines, each proved free of collisions and no worse than its path in ({names}), "
+            f"and the {len(paths)} paths; local improvements, not proved to be optimal{objectives.certificate}"
+        ),
+        notes=(*kept.notes, *([f"{rest}: without a gradient, not improved by splines"] if rest else [])),
+    )

@@ -1,0 +1,196 @@
+"""Splines of a small arm before a shelf: proved free by two codes, no worse than their paths, costs as planned."""
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
+from hpop.models.serial_arm import SerialArm
+from hpop.motions import States
+from hpop.planners.base import make_planner
+from hpop.planners.spline.job import FRACTIONS, SplineJob
+from hpop.planners.spline.knots import Knots
+from hpop.planners.spline.pieces import Pieces
+from hpop.planners.spline.step import Aim, Steps
+from hpop.status import Status
+from hpop.trajectory import Trajectory
+from hpop.world.solids import Box, Solid
+
+CRITERIA = ["duration", "rotation", {"look_at": {"target": [0.6, 0.0, 0.5]}}]
+PATHS = (
+    (
+        (-0.87, 1.51, -1.03, 1.54, 1.87, -0.57),
+        (-1.57, 1.24, -1.20, 0.73, 0.83, -0.75),
+        (0.70, 0.27, 0.63, -1.70, 1.54, 1.40),
+    ),
+    (
+        (1.19, 1.01, 0.46, -0.10, -1.54, 0.97),
+        (1.20, 1.40, 1.07, 0.45, -1.35, 1.30),
+        (-1.56, 0.91, 2.27, 2.06, -0.90, -0.21),
+    ),
+)
+
+
+def board(x, y, z, size):
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return Solid(Box(size), pose)
+
+
+@pytest.fixture(scope="module")
+def world():
+    sides = [board(0.6, y, 0.5, (0.3, 0.02, 0.6)) for y in (0.4, -0.4)]
+    boards = [board(0.6, 0.0, z, (0.3, 0.8, 0.02)) for z in (0.35, 0.75)]
+    return hpop.World.from_solids([*sides, *boards, board(0.0, 0.0, -0.06, (2.0, 2.0, 0.1))])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return SerialArm.from_urdf("examples/arm/arm6.urdf", srdf="examples/arm/arm6.srdf", tip="tool", acceleration=3.0)
+
+
+@pytest.fixture(scope="module")
+def paths(arm):
+    return [Trajectory.through(arm, States(**dict(zip(arm.space.names, np.array(p).T, strict=True)))) for p in PATHS]
+
+
+@pytest.fixture(scope="module", params=[0, pytest.param(1, marks=pytest.mark.proof)])
+def planned(request, arm, world, paths):
+    """A problem, its path, and what the planner makes of it."""
+    rows = PATHS[request.param]
+    problem = hpop.Problem(world, arm, rows[0], rows[-1], CRITERIA)
+    planner = make_planner({"spline": {"warm_start": [paths[request.param]], "pieces": 8}})
+    return problem, paths[request.param], planner.solve(problem)
+
+
+def test_a_spline_is_better_than_its_path_and_the_path_stays(planned):
+    problem, path, found = planned
+    spline, stays = found.trajectories
+    assert set(spline.kinds) == {"spline"}
+    assert stays is path
+    costs, before = (np.array(list(problem.evaluate(one).values())) for one in (spline, path))
+    assert (costs <= before).all()
+    assert costs.sum() < 0.9 * before.sum()
+    assert found.status is Status.COMPLETE
+    assert len(problem.front(found)) == 1
+
+
+def test_what_was_planned_is_what_the_trajectory_costs(planned):
+    problem, _, found = planned
+    costs = np.array(list(problem.evaluate(found.trajectories[0]).values()))
+    np.testing.assert_allclose(found.planned[0], costs, rtol=0.01)
+
+
+def test_it_is_free_by_the_judge_and_keeps_the_limits_of_all_joints(planned):
+    problem, _, found = planned
+    spline = found.trajectories[0]
+    judge = problem.model.judge(problem.world)
+    assert all(judge.motions_free(m).all() for _, m in spline.batches(problem.world))
+    assert list(problem.model.faults(spline)) == []
+    rates, changes = spline.rates(np.linspace(0.0, spline.duration, 5000))
+    for i, name in enumerate(problem.model.space.names):
+        assert np.abs(getattr(rates, name)).max() <= problem.model.chain.speed[i] * (1 + 1e-9)
+        assert np.abs(getattr(changes, name)).max() <= problem.model.chain.acceleration[i] * (1 + 1e-9)
+
+
+def test_minimising_one_cost_makes_that_smaller(arm, world, paths):
+    problem = hpop.Problem(world, arm, PATHS[1][0], PATHS[1][-1], CRITERIA)
+
+    def costs(minimise):
+        planner = make_planner({"spline": {"warm_start": [paths[1]], "minimise": minimise, "pieces": 4}})
+        return problem.evaluate(planner.solve(problem).trajectories[0])
+
+    by_time, by_rotation = costs("duration"), costs("rotation")
+    assert by_time["duration"] < by_rotation["duration"]
+    assert by_rotation["rotation"] < by_time["rotation"]
+
+
+def test_steps_keep_limits_and_gradients_are_those_of_the_costs(arm, world, paths):
+    """Any solution of a linear program keeps speeds and accelerations in the time that it names itself."""
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    pieces = Pieces(world, arm, problem.criteria)
+    law, collision = pieces.law, arm.collision(world)
+    knots = Knots.along(paths[0], law, 8)
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([knots.at(fraction) for fraction in FRACTIONS.tolist()])
+    apart = collision.separations(States(**dict(zip(law.names, rows.T, strict=True))), 0.15)
+    slopes = pieces.slopes(knots)
+    steps = Steps(knots.shares, law, np.array(arm.space.low), np.array(arm.space.high))
+    program = steps.of(knots, slopes, apart, 0.004, FRACTIONS)
+    aim = Aim(np.array([0.0, 1.0, 0.0]), slopes.costs, slopes.costs)
+    for distance in (0.02, 0.2, 0.6):
+        move = program.within(distance, aim)
+        assert np.abs(move[0]).max() <= distance + 1e-9
+        assert knots.moved(*move, law).duration <= knots.duration * (1.0 + distance) + 1e-9
+        assert knots.moved(*move, law).within(np.array(arm.space.low) - 1e-9, np.array(arm.space.high) + 1e-9)
+    move = rng.normal(size=(2, knots.shares.size - 1, len(law.names)))
+    step = 1e-6
+    costs = [pieces.costs(knots_moved(knots, sign * step * move)) for sign in (1.0, -1.0)]
+    direction = np.concatenate([*move], axis=1).ravel()
+    np.testing.assert_allclose(
+        program.gradients[:, :-1] @ direction, (costs[0] - costs[1]) / (2 * step), rtol=1e-4, atol=1e-4
+    )
+
+
+def knots_moved(knots, move):
+    """Moved in the same time."""
+    values, slopes = knots.values.copy(), knots.slopes.copy()
+    values[1:-1] += move[0]
+    slopes[1:-1] += move[1]
+    return Knots(values, slopes, knots.shares, knots.duration)
+
+
+def test_distances_have_the_gradients_that_differences_say(arm, world):
+    collision, rng = arm.collision(world), np.random.default_rng(5)
+    states = arm.space.sample(rng, 60)
+    apart = collision.separations(states, 0.2)
+    assert apart.owner.size > 60
+    free = np.flatnonzero(apart.distance > 0.01)[:100]
+    step = 1e-4
+    for i, name in enumerate(arm.space.names):
+        moved = []
+        for off in (step, -step):
+            columns = {n: getattr(states, n) for n in states.names} | {name: getattr(states, name) + off}
+            moved.append(collision.separations(States(**columns), 0.25))
+        # The same pairs, one by one: those of a state are in the same order.
+        for row in free.tolist():
+            owner = apart.owner[row]
+            near = [np.sort(one.distance[one.owner == owner]) for one in moved]
+            predicted = apart.distance[row] + step * apart.gradient[row, i] * np.array([1.0, -1.0])
+            for distances, expected in zip(near, predicted, strict=True):
+                assert np.abs(distances - expected).min() < 5e-6
+
+
+def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
+    """Of one joint's motion, as quick as it may be, no spline of few pieces is as quick."""
+    start, goal = arm.space.named["ready"], (1.0, *arm.space.named["ready"][1:])
+    ends = States(**dict(zip(arm.space.names, np.array([start, goal]).T, strict=True)))
+    path = Trajectory.through(arm, ends)
+    problem = hpop.Problem(world, arm, start, goal, ["duration"])
+    found = make_planner({"spline": {"warm_start": [path], "pieces": 3}}).solve(problem)
+    assert [trajectory.kinds for trajectory in found.trajectories] == [("reach",)]
+    assert [note for note in found.notes if "the path stays" in note] == [
+        "1 paths without a candidate: no better than its path in duration (the path stays)"
+    ]
+
+
+def test_a_worker_does_the_same(arm, world, paths):
+    import pickle
+
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    job = SplineJob(problem, problem.criteria, None, 4)
+    here, there = (one.solve(paths[0]).found for one in (job, pickle.loads(pickle.dumps(job))))
+    np.testing.assert_array_equal(here.planned, there.planned)
+
+
+def test_robots_without_splines_and_costs_without_gradients_are_refused(arm, world, paths):
+    plane = hpop.World.from_polygons([], extent=shapely.box(0, 0, 5, 5))
+    with pytest.raises(UnsupportedModel, match="spline"):
+        hpop.Problem(plane, hpop.DifferentialDrive(), (1, 1, 0), (4, 4, None), ["length"]).solve("spline")
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
+    with pytest.raises(OptionError, match="minimise"):
+        problem.solve("spline", minimise="rotation", warm_start=paths)
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], [{"occlusion": {"target": [0.6, 0.0, 0.5]}}])
+    with pytest.raises(UnsupportedCriterion, match="gradient"):
+        problem.solve("spline", warm_start=paths)
