@@ -145,3 +145,32 @@ def test_curves_proved_free_are_free_to_python_fcl(seed):
     if len(motions) > 20:
         assert (judged & ~free).mean() < 0.1
         assert (free != arm.collision.motions_free(arm.motions(start, end))).any()
+
+
+def test_a_long_way_close_along_a_wall_is_decided_to_its_end():
+    """A ball slides 2 m along a wall of 60 boxes, 1.2 mm off: some thousand looks, and room for all that is left."""
+    arm = gripper(0.0, slides=True)
+    chain = replace(arm.chain, axes=np.array([[1.0, 0.0, 0.0]]))
+    part = Part("hand", 1, Solid(Sphere(0.01), np.eye(4)))
+    wall = [Solid(Box((0.05, 0.1, 0.1)), pose_at((0.05 * k - 1.5, 0.0612, 0.0)), f"brick {k}") for k in range(60)]
+    way = [[-1.0]], [[1.0]]
+    for needle, free in (([], True), ([Solid(Sphere(0.0005), pose_at((0.987, 0.0, 0.0102)))], False)):
+        arm = Cluttered(chain, (part,), World.from_solids([*wall, *needle]), frozenset())
+        assert arm.collision.motions_free(arm.motions(*way)) == free
+        assert arm.judge.motions_free(arm.motions(*way)) == free
+
+
+def test_the_answer_does_not_depend_on_how_many_threads_ask():
+    from concurrent.futures import ThreadPoolExecutor
+
+    arm, rng = cluttered(5), np.random.default_rng(5)
+    start, end = edges(arm, rng, 100)
+    collision = arm.collision
+
+    def ask(i):
+        return collision.motions_free(arm.motions(start[i::4], end[i::4]))
+
+    with ThreadPoolExecutor(4) as threads:
+        parts = [*threads.map(ask, range(4))]
+    together = collision.motions_free(arm.motions(start, end))
+    assert all((together[i::4] == part).all() for i, part in enumerate(parts))
