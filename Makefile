@@ -38,6 +38,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/any_angle.py --out out/bench/any_angle.json
 	$(BIN)/python benchmarks/weighted_sum_corridor.py --out out/bench/weighted_sum_corridor.json
 	$(BIN)/python benchmarks/mean.py --out out/bench/mean.json
+	$(BIN)/python benchmarks/arm.py --out out/bench/arm.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py
