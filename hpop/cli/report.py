@@ -23,6 +23,7 @@ from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import hypervolume
+from hpop.goals import GoalSet
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback
 from hpop.text import printable
@@ -78,6 +79,8 @@ def print_front(
     def say(line: str) -> None:
         console.print(Text(printable(line)), highlight=False)
 
+    if not isinstance(problem.target, GoalSet):
+        say(f"goal: {problem.target}")
     decides = [f"{name} is the same for every trajectory and decides nothing here" for name in front.inactive]
     for note in (*problem.world.notes, *front.notes, *decides):
         say(f"note: {note}")

@@ -17,10 +17,15 @@ LEAST = 1e-12  # m or rad: what is divided by is no less
 
 
 def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
-    """Angles (M,), rad, by which an offset is to the left of a body's axis ahead and above it; their norm is all."""
-    left, up = dot(pose.left, offset), dot(pose.up, offset)
-    sine = np.maximum(norm((left, up)), LEAST)
-    share = np.arctan2(sine, dot(pose.ahead, offset)) / sine
+    """Angles (M,), rad, by which an offset is to the left of a body's axis ahead and above it; their norm is all.
+
+    What is straight behind is half a turn to the left.
+    """
+    ahead, left, up = (dot(axis, offset) for axis in (pose.ahead, pose.left, pose.up))
+    sine = norm((left, up))
+    left = np.where((sine < LEAST) & (ahead < 0.0), LEAST, left)
+    sine = np.maximum(sine, LEAST)
+    share = np.arctan2(sine, ahead) / sine
     return share * left, share * up
 
 
@@ -58,11 +63,14 @@ Axes = tuple[Vector, Vector, Vector]
 
 
 def turn_to(pose: Pose, axes: Axes) -> Vector:
-    """The rotation vector, rad, world frame, that takes a body to an orientation, given by its axes ahead, left, up."""
+    """The rotation vector, rad, world frame, that takes a body to an orientation, given by its axes ahead, left, up.
+
+    Of half a turn the length is right, and the axis x.
+    """
     normal, sine, cosine = _turn(pose, axes)
-    share = np.arctan2(sine, cosine) / np.maximum(sine, LEAST)
-    share = np.where(sine > ALIGNED, share, 1.0)
-    return share * normal[0], share * normal[1], share * normal[2]
+    some = sine > ALIGNED
+    share = np.where(some, np.arctan2(sine, cosine) / np.maximum(sine, LEAST), 1.0)
+    return np.where(some | (cosine > 0.0), share * normal[0], np.pi), share * normal[1], share * normal[2]
 
 
 def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:

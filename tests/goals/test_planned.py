@@ -11,6 +11,8 @@ import pytest
 import shapely
 
 import hpop
+from hpop.cli.registered import print_goals
+from hpop.cli.report import print_front
 from hpop.errors import QueryError
 from hpop.front import Front
 from hpop.goals import LookAt
@@ -45,6 +47,15 @@ def test_every_trajectory_ends_where_the_camera_looks_at_the_target(front: Front
 
 def test_the_certificate_says_how_many_states_of_the_goal_were_sought_found_and_free(front: Front) -> None:
     assert " free states of the goal (100 found, 100 sought) for (turns, length)" in front.certificate
+
+
+def test_a_printed_front_names_what_it_is_a_front_to(front: Front, capsys: pytest.CaptureFixture[str]) -> None:
+    print_front(problem(), front)
+    assert "goal: look_at (5, 1, 1.5) from 0.5 to 1.5 m" in capsys.readouterr().out
+    print_goals()
+    listed = " ".join(capsys.readouterr().out.split())
+    assert "look_at target=..., distance=..., roll=None, angle_tolerance=" in listed
+    assert "The camera looks at a target from within a band of distances." in listed
 
 
 def test_the_goal_in_the_docs_is_planned_to() -> None:

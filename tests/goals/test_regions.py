@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ import hpop
 from hpop.errors import QueryError
 from hpop.goals import CameraAt, LookAt, Region, ToolAt
 from hpop.goals.inverse_kinematics import APART, InverseKinematics
+from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.problem import Problem
 from tests.jointed import Jointed, states_of
@@ -125,6 +128,20 @@ def test_rates_are_the_derivatives_of_coordinates(goal: Region) -> None:
     np.testing.assert_allclose(found, (after - before) / (2 * step), atol=2e-8)
 
 
+@pytest.mark.parametrize(
+    ("goal", "states"),
+    [
+        (LookAt((1.0, 0.0, 1.2), (0.5, 1.5)), [(0, 0, math.pi, 0, 0)]),
+        (CameraAt((0, 0, 1.2), direction=(2.0, 0.0, 0.0)), [(0, 0, math.pi, 0, 0), (0, 0, 0, math.pi, 0)]),
+        (CameraAt((0, 0, 1.2), yaw_pitch_roll=(0, 0, 0)), [(0, 0, math.pi, 0, 0), (0, 0, math.pi / 2, math.pi / 2, 0)]),
+        (CameraAt((0, 0, 1.2), yaw_pitch_roll=(0, 0, math.pi)), [(0, 0, 0, 0, 0), (0, 0, math.pi, 0, 0)]),
+        (CameraAt((0, 0, 1.2), yaw_pitch_roll=(0, math.pi, 0)), [(0, 0, 0, 0, 0)]),
+    ],
+)
+def test_a_body_that_is_turned_by_half_a_turn_has_not_reached_it(goal: Any, states: Any) -> None:
+    assert not goal.reached(HEAD, states_of(HEAD, states)).any()
+
+
 def test_the_same_seed_finds_the_same_states_and_another_finds_others() -> None:
     one, same, other = (drawn(HEAD, REGIONS[0][1], seed=seed) for seed in (3, 3, 4))
     assert all((getattr(one, name) == getattr(same, name)).all() for name in HEAD.space.names)
@@ -195,3 +212,28 @@ def test_a_state_costs_less_than_two_hundred_poses() -> None:
     STARTS[Counted()] = STARTS[ARM]
     assert drawn(Counted(), LookAt((1.0, 0.3, 0.4), (0.3, 1.2)), 1000).size == 1000
     assert sum(ASKED) < 200 * 1000
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        LookAt((0.6, 0.0, 0.3), (0.2, 0.4), roll=0.0),
+        CameraAt((0.45, 0.15, 0.5), yaw_pitch_roll=(0.5, -1.0, 0.0)),
+        ToolAt((0.4, 0.2, 0.5), direction=(0.0, 0.0, -1.0)),
+    ],
+    ids=str,
+)
+def test_an_arm_of_seven_joints_finds_as_many_states_as_are_asked_for(
+    goal: Any, shared_data: Callable[[str], Path]
+) -> None:
+    urdf = shared_data("mbm_panda") / "panda_spherized.urdf"
+    arm = SerialArm.from_urdf(urdf, tip="panda_hand", acceleration=7.5)
+    STARTS[arm] = (0, -0.5, 0, -2, 0, 1.5, 0.7)
+    states = drawn(arm, goal, 100)
+    assert states.size == 100
+    metres, radians = misses(arm, goal, states)
+    assert metres.max() <= goal.tolerances[0]
+    assert radians.max() <= goal.tolerances[1]
+    low, high = np.array(arm.space.low), np.array(arm.space.high)
+    rows = np.stack([getattr(states, name) for name in arm.space.names], axis=1)
+    assert ((rows >= low) & (rows <= high)).all()
