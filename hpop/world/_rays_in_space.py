@@ -143,6 +143,57 @@ def first_hits(
 
 
 @kernel
+def blocked(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    own_planes: FloatArray,
+    own_begin: IntArray,
+    own_rounds: FloatArray,
+    poses: FloatArray,
+    origins: FloatArray,
+    directions: FloatArray,
+    reach: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the share of the rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
+
+    Bodies are those of a world, and others, each in its own frame, of which poses (B, N, 4, 4) say where it is.
+    """
+    near, own_near = np.empty(len(rounds), np.int64), np.empty(len(own_rounds), np.int64)
+    balls, seen_from = np.empty((len(own_rounds), 8)), np.empty((len(own_rounds), 3))
+    for n in range(len(origins)):
+        o = (origins[n, 0], origins[n, 1], origins[n, 2])
+        farthest = reach[n].max()
+        some = near[: _in_bundle(rounds, o, directions[n], near, _near(rounds, o, farthest, near))]
+        for b in range(len(own_rounds)):
+            pose, c = poses[b, n], own_rounds[b]
+            x, y, z = o[0] - pose[0, 3], o[1] - pose[1, 3], o[2] - pose[2, 3]
+            for i in range(3):
+                balls[b, i] = pose[i, 0] * c[0] + pose[i, 1] * c[1] + pose[i, 2] * c[2] + pose[i, 3]
+                seen_from[b, i] = pose[0, i] * x + pose[1, i] * y + pose[2, i] * z
+            balls[b, 7] = c[7]
+        own_some = own_near[: _in_bundle(balls, o, directions[n], own_near, _near(balls, o, farthest, own_near))]
+        count = 0
+        for k in range(directions.shape[1]):
+            x, y, z = directions[n, k]
+            hidden = _first(planes, begin, rounds, some, o, (x, y, z), reach[n, k]) < reach[n, k]
+            for b in own_some:
+                if hidden:
+                    break
+                pose, at = poses[b, n], (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
+                d = (
+                    pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z,
+                    pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z,
+                    pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z,
+                )
+                low, high = _inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
+                hidden = low <= high and 0.0 <= low < reach[n, k]
+            count += hidden
+        out[n] = count / directions.shape[1]
+
+
+@kernel
 def flow(
     planes: FloatArray,
     begin: IntArray,
@@ -205,6 +256,9 @@ def filled(
     for n in range(len(centres)):
         o = (centres[n, 0], centres[n, 1], centres[n, 2])
         some = near[: _near(rounds, o, radius, near)]
+        out[n] = 0.0
+        if not some.size:
+            continue
         total = 0.0
         for k in range(len(directions)):
             d = (directions[k, 0], directions[k, 1], directions[k, 2])

@@ -82,6 +82,21 @@ class Surfaces:
                 first_hits(self.planes, self.begin, self.rounds, o, d, float(reach), out[part])
         return out
 
+    def blocked(
+        self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
+    ) -> FloatArray:
+        """Share (N,) of the rays (N, K, 3) from each origin (N, 3), m, that enter a body before ``reach`` (N, K), m.
+
+        Bodies are these and ``own``, each in a frame of its own, of which ``poses`` (B, N, 4, 4) say where it is.
+        """
+        from hpop.world._rays_in_space import blocked
+
+        limits.check(RAYS)
+        out = np.empty(len(origins))
+        given = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
+        blocked(self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *given, out)
+        return out
+
     def flow(
         self,
         places: FloatArray,

@@ -117,6 +117,23 @@ def test_bundles_of_rays_meet_what_each_ray_meets(spread):
     assert 0.05 < (together < 5.0).mean() < 0.95
 
 
+def test_the_share_of_blocked_rays_is_that_of_first_hits_of_solids_wherever_they_are():
+    rng = np.random.default_rng(9)
+    fixed, moving = drawn(rng), [drawn(rng) for _ in range(40)]  # one set of solids for each origin
+    own = Surfaces.of([Solid(solid.shape, np.eye(4)) for solid in moving[0]])
+    moving = [[Solid(a.shape, b.pose) for a, b in zip(moving[0], there, strict=True)] for there in moving]
+    poses = np.stack([[solid.pose for solid in there] for there in moving], axis=1)
+    origins = rng.uniform(-3, 3, (40, 3))
+    directions = rng.normal(size=(40, 25, 3)) * 0.3 - origins[:, None]
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    reach = rng.uniform(1.0, 6.0, (40, 25))
+    found = Surfaces.of(fixed).blocked(own, poses, origins, directions, reach)
+    for n, there in enumerate(moving):
+        hits = Surfaces.of(fixed + there).first_hits(origins[n : n + 1], directions[n : n + 1], 9.0)
+        assert found[n] == pytest.approx(np.mean(hits < reach[n]))
+    assert 0.2 < found.mean() < 0.8
+
+
 def test_what_contains_the_origin_is_left_and_not_entered():
     eye = np.eye(4)
     shell = Surfaces.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])

@@ -13,7 +13,7 @@ from hpop.options import set_reals
 from hpop.world.rays_in_space import rows, surfaces_of
 
 SMALLEST = 0.1  # m: the obstruction is sampled four times a radius, on a map of any size
-RAYS = 500  # over the ball of a camera whose height changes: an edge or a corner of it is met to some thousandths
+RAYS = 300  # over the ball of a camera whose height changes: an edge or a corner of it is met to some thousandths
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Obstruction(_Obstructed):
     Becerra et al. 2020 (arXiv 2002.10696). A mean is not additive: graph searches optimise :class:`Exposure` instead
     and report V. Floor and ceiling are no obstacles.
 
-    Of a camera whose height changes (in the hand of an arm, on a lift) phi is the mean over 500 rays of what solids in
-    space fill of each, within .003 of it beside walls and boxes; beyond the extent is then no obstacle, and there are
+    Of a camera whose height changes (in the hand of an arm, on a lift) phi is the mean over 300 rays of what solids in
+    space fill of each, within .004 of it beside walls and boxes; beyond the extent is then no obstacle, and there are
     no symbols.
     """
 

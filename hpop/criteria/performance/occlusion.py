@@ -53,19 +53,13 @@ class Occlusion(Targeted):
         size = s.state.size
         place = rows((s.camera.x, s.camera.y, s.camera.z), size)
         bodies: Any = getattr(model, "bodies", None)
-        own = [] if bodies is None else [(Surfaces.of([Solid(shape, np.eye(4))]), at) for shape, at in bodies(s.state)]
-        share = np.empty(size)
-        step = max(1, BLOCK // self.rays)
+        own = [] if bodies is None else bodies(s.state)
+        shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in own])
+        poses = np.stack([where for _, where in own]) if own else np.empty((0, size, 4, 4))
+        share, step = np.empty(size), max(1, BLOCK // self.rays)
         for begin in range(0, size, step):
             part = slice(begin, begin + step)
-            directions, reach = self._rays_from(place[part])
-            farthest = float(reach.max(initial=0.0))
-            hits = surfaces.first_hits(place[part], directions, farthest)
-            for surface, poses in own:
-                axes = poses[part, :3, :3]
-                there = np.einsum("ni,nij->nj", place[part] - poses[part, :3, 3], axes)
-                hits = np.minimum(hits, surface.first_hits(there, directions @ axes, farthest))
-            share[part] = np.mean(hits < reach, axis=1)
+            share[part] = surfaces.blocked(shapes, poses[:, part], place[part], *self._rays_from(place[part]))
         return share
 
     def _rays_from(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
