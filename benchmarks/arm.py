@@ -93,8 +93,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="JSON file to write")
     arguments = parser.parse_args()
     data, rng = arguments.data / "mbm_panda", np.random.default_rng(1)
-    arm = panda(data)
-    if arm is None or not data.is_dir():
+    arm = panda(data) if data.is_dir() else None
+    if arm is None:
         print(f"nothing is measured: it takes the wheel example-robot-data, and {data}")
         return
     drawn = arm.space.sample(rng, POSES)
