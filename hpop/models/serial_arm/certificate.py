@@ -27,7 +27,7 @@ from hpop.models.collision.gjk import distance
 from hpop.models.serial_arm.scene import Scene
 
 GAP = 0.25  # relative: a distance that does not prove the whole interval need not be more precise
-POOL = 1 << 14  # places for lists of pairs; where they are full, what is proved is looked at again
+POOL = 1 << 14  # places for lists of pairs, beside two of all; where they are full, lists are no longer shortened
 
 
 @lean
@@ -198,7 +198,7 @@ def blocked_by(
     speeds, offs = np.empty((bodies, joints + 1)), np.empty((bodies, joints + 1))
     directions, scratch = np.empty((count, 3)), np.empty((7, 4))
     moved, off, slides, q = np.empty(joints), np.empty(joints), np.empty(joints), np.empty(joints)
-    pool = np.empty(POOL + count, np.int64)
+    pool = np.empty(POOL + 2 * count, np.int64)
     low, high = np.empty(256), np.empty(256)
     begins, ends = np.empty(256, np.int64), np.empty(256, np.int64)
     here, growth, known = np.empty((bodies, joints + 1)), np.empty((bodies, joints + 1)), np.full(bodies, -1)
@@ -211,7 +211,7 @@ def blocked_by(
         _speeds(scene, off, slides, offs)
         for pair in range(count):
             pool[pair] = pair
-            directions[pair, 0] = directions[pair, 1] = directions[pair, 2] = 0.0
+            directions[pair] = 0.0
         found[m] = -1
         used, head, tail = count, 0, 1
         low[0], high[0], begins[0], ends[0] = 0.0, 1.0, 0, count
@@ -238,22 +238,18 @@ def blocked_by(
                 if apart >= enough:
                     continue
                 suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
-                if apart >= suffices:  # another pair proves no more: this one is left to smaller intervals
-                    if fits:
-                        pool[used] = pair
-                        used += 1
-                    continue
-                lower, upper = _measure(
-                    scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
-                )
-                if lower >= enough:
-                    continue
-                if upper < near or lower <= least:
-                    found[m] = pair
-                    break
-                room, slow = lower - least, here[b, frame]
-                further = 2.0 * room / (slow + math.sqrt(slow * slow + 4.0 * growth[b, frame] * room))
-                proved = min(proved, max(room / speed, further))
+                if apart < suffices:  # else another pair proves no more: this one is left to smaller intervals
+                    lower, upper = _measure(
+                        scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
+                    )
+                    if lower >= enough:
+                        continue
+                    if upper < near or lower <= least:
+                        found[m] = pair
+                        break
+                    room, slow = lower - least, here[b, frame]
+                    further = 2.0 * room / (slow + math.sqrt(slow * slow + 4.0 * growth[b, frame] * room))
+                    proved = min(proved, max(room / speed, further))
                 if fits:
                     pool[used] = pair
                     used += 1
@@ -262,16 +258,11 @@ def blocked_by(
                     low, high = np.append(low, np.empty(low.size)), np.append(high, np.empty(low.size))
                     begins = np.append(begins, np.empty(begins.size, np.int64))
                     ends = np.append(ends, np.empty(ends.size, np.int64))
-                if not fits:
-                    first, used = begins[head], used
-                last = used if fits else ends[head]
-                low[tail], high[tail], begins[tail], ends[tail] = low[head], middle - proved, first, last
-                low[tail + 1], high[tail + 1], begins[tail + 1], ends[tail + 1] = (
-                    middle + proved,
-                    high[head],
-                    first,
-                    last,
-                )
+                first, last = (first, used) if fits else (begins[head], ends[head])
+                for side in range(2):
+                    low[tail + side] = middle + proved if side else low[head]
+                    high[tail + side] = high[head] if side else middle - proved
+                    begins[tail + side], ends[tail + side] = first, last
                 tail += 2
             head += 1
     return looks
