@@ -141,9 +141,7 @@ class ArmCollision:
     def _named(self, body: int) -> str:
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
-        solid = self._solids[body - len(self.parts)]
-        x, y, z = solid.pose[:3, 3]
-        return f"the obstacle {solid.name!r}" if solid.name else f"an obstacle at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
 
     def _beyond(self, row: FloatArray) -> str:
         """Which joint is beyond its limits, in words."""

@@ -54,11 +54,6 @@ def test_why_blocked_names_the_link_and_the_obstacle():
     assert [asked.why_blocked(free) for asked in (arm.collision, arm.judge)] == ["", ""]
 
 
-def test_why_blocked_says_where_an_obstacle_without_a_name_is():
-    arm = planar(solids=[replace(CAN, name="")])
-    assert "an obstacle at (0.90, 0.00, 0.00) m" in arm.collision.why_blocked(arm.states([[0.0, 0.0]]))
-
-
 def test_why_blocked_names_two_links():
     """Three bars as a triangle: the last one comes back to the first."""
     arm = planar(lengths=(0.5, 0.5, 0.5))
