@@ -44,7 +44,8 @@ class ArmCollision:
     called free is so all along, which is proved and not sampled (:mod:`hpop.models.serial_arm.certificate`); one that
     is blocked comes nearer than 1 mm somewhere, and between these it may be either. So where a motion is free, so is
     each of its states. Laws whose states do not change evenly are looked at in pieces, by how far a piece leaves its
-    chord: exact bounds where second derivatives by the share change linearly, as those of cubic splines do.
+    chord: exact bounds where second derivatives by the share change linearly, as those of cubic splines do. Joints are
+    held against their limits where pieces end.
 
     What never moves, as the base of the arm, is not held against what stands where it stands.
     """
