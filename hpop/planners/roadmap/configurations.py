@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ARC = 16  # bytes of an arc beside its costs
 PIECES = 64  # a chain is as much work as so many arcs of one motion
-NEAREST, FAR, PAIRS = 8, 24, 10  # of a robot beyond the plane: neighbours, far links, pairs of trees
+NEAREST, FAR, PAIRS = 8, 8, 10  # of a robot beyond the plane: neighbours, far links, pairs of trees
 GOAL_STATES = 100  # drawn of a goal that is more than one state
 
 
@@ -212,7 +212,7 @@ def configuration_roadmap(
     ----------
     samples : free configurations that are drawn; fewer where next to nothing is free
     neighbours : to how many of the nearest each is linked; None takes ceil(2e log n) of n in the plane, else 8
-    far : to how many farther away; None takes none in the plane, else 24
+    far : to how many farther away; None takes none in the plane, else 8
     trees : pairs of them that look for guides; None takes none in the plane, else 10
     """
     space, model = problem.model.space, problem.model

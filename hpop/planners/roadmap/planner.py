@@ -45,7 +45,7 @@ class Roadmap:
     neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does, and 8 beyond
                        the plane
     far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
-                       log-uniform size; None takes none in the plane, and 24 beyond it
+                       log-uniform size; None takes none in the plane, and 8 beyond it
     trees       count  pairs of trees that look for ways before (:mod:`.guides`): three of ten samples then lie near
                        these, the others where a way may be at most 1.6 times as long as the shortest of them; None
                        takes none in the plane, and 10 beyond it
