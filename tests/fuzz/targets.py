@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import re
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -13,6 +14,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+import trimesh
 import yaml
 from click.testing import CliRunner
 from harness import Attempt, Target, Wrong
@@ -181,6 +183,49 @@ def image(rng: Rng, folder: Path) -> str:
     return verdict(lambda: _looked_at(hpop.World.from_image(path, resolution)))
 
 
+# Robots
+
+ARM = Path(__file__).resolve().parents[2] / "examples/arm"
+MESH = '<mesh filename="hand.stl" scale="0.001 0.001 0.001"/>'
+TETRAHEDRON = b"OFF\n4 4 0\n0 0 0\n90 0 0\n0 90 0\n0 0 90\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
+ATTRIBUTE = re.compile(r'(?<==")[^"]*(?=")')
+
+
+def arm(rng: Rng, folder: Path) -> str:
+    """A URDF and an SRDF, bent in their bytes or attributes, and now and then a mesh: made, described, posed."""
+    kind = ("stl", "obj", "ply", "off")[rng.integers(4)]
+    for name in ("arm6.urdf", "arm6.srdf"):
+        text = (ARM / name).read_text()
+        if name.endswith("urdf"):
+            text = text.replace('<box size="0.06 0.1 0.05"/>', MESH.replace("stl", kind))
+        (folder / name).write_bytes(_bent_xml(text, rng))
+    mesh = trimesh.load(io.BytesIO(TETRAHEDRON), file_type="off").export(file_type=kind)
+    data = mesh if isinstance(mesh, bytes) else mesh.encode()
+    (folder / f"hand.{kind}").write_bytes(bent_bytes(data, rng) if rng.random() < 0.3 else data)
+
+    def made() -> None:
+        found = hpop.SerialArm(folder / "arm6.urdf", "tool", 6.0, srdf=folder / "arm6.srdf")
+        json.dumps(found.describe(), allow_nan=False)
+        found.pose("camera", found.space.sample(rng, 3)).x
+
+    return verdict(made)
+
+
+def _bent_xml(text: str, rng: Rng) -> bytes:
+    """XML as it is, with bent bytes, or with hostile values in the place of some attributes."""
+    way = rng.random()
+    if way < 0.2:
+        return text.encode()
+    if way < 0.6:
+        return bent_bytes(text.encode(), rng)
+    places = list(ATTRIBUTE.finditer(text))
+    for place in sorted(rng.choice(len(places), int(rng.integers(1, 4)), replace=False), reverse=True):
+        begin, end = places[place].span()
+        value = str(hostile(rng)) if rng.random() < 0.7 else places[rng.integers(len(places))].group()
+        text = text[:begin] + value.replace('"', "").replace("<", "").replace("&", "") + text[end:]
+    return text.encode("utf-8", "surrogatepass")
+
+
 # Scenarios
 
 
@@ -347,9 +392,11 @@ def python(rng: Rng, folder: Path) -> str:
     """Criteria, robots, planners and problems made of hostile parameters."""
     registry = (criteria, planners, models)[rng.integers(3)]
     cls = registry[list(registry)[rng.integers(len(registry))]]
-    names = [field.name for field in dataclasses.fields(cls)]
+    names = [field.name for field in dataclasses.fields(cls) if field.init]
     chosen = rng.permutation(names)[: int(rng.integers(1, 3))]
-    values = {str(name): _argument(rng) for name in chosen}
+    needed = {"urdf": str(ARM / "arm6.urdf"), "tip": "tool", "acceleration": 6.0}
+    values = {name: value for name, value in needed.items() if "urdf" in names}
+    values |= {str(name): _argument(rng) for name in chosen}
     return verdict(lambda: repr(cls(**values)))
 
 
@@ -426,7 +473,7 @@ def warm(folder: Path) -> None:
 
 
 EVERY: list[Attempt] = [
-    *(geojson, ros_map, movingai, moveit_scene, image, scenario, plan, front, show, checkpoint),
+    *(geojson, ros_map, movingai, moveit_scene, image, arm, scenario, plan, front, show, checkpoint),
     *(python, problem, graph, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
