@@ -206,7 +206,7 @@ def arm(rng: Rng, folder: Path) -> str:
     def made() -> None:
         found = hpop.SerialArm(folder / "arm6.urdf", "tool", 6.0, srdf=folder / "arm6.srdf")
         json.dumps(found.describe(), allow_nan=False)
-        found.pose("camera", found.space.sample(rng, 3)).x
+        repr(found.pose("camera", found.space.sample(rng, 3)).x)
 
     return verdict(made)
 
@@ -388,14 +388,20 @@ def _forged(data: bytes, rng: Rng) -> bytes:
 # The Python interface
 
 
+GOOD: dict[str, Any] = {"urdf": str(ARM / "arm6.urdf"), "tip": "tool", "acceleration": 6.0, "target": (1.0, 0.5, 0.8)}
+"""Values of parameters without a default."""
+
+
 def python(rng: Rng, folder: Path) -> str:
     """Criteria, robots, planners and problems made of hostile parameters."""
     registry = (criteria, planners, models)[rng.integers(3)]
     cls = registry[list(registry)[rng.integers(len(registry))]]
-    names = [field.name for field in dataclasses.fields(cls) if field.init]
+    known = [field for field in dataclasses.fields(cls) if field.init]
+    names = [field.name for field in known]
     chosen = rng.permutation(names)[: int(rng.integers(1, 3))]
-    needed = {"urdf": str(ARM / "arm6.urdf"), "tip": "tool", "acceleration": 6.0}
-    values = {name: value for name, value in needed.items() if "urdf" in names}
+    missing = dataclasses.MISSING
+    needed = [field.name for field in known if field.default is missing and field.default_factory is missing]
+    values = {name: GOOD[name] if name in GOOD else _argument(rng) for name in needed}
     values |= {str(name): _argument(rng) for name in chosen}
     return verdict(lambda: repr(cls(**values)))
 

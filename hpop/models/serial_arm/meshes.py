@@ -90,6 +90,8 @@ def _loaded(data: bytes, path: Path) -> Any:
         faces, vertices = len(mesh.faces), np.asarray(mesh.vertices, float)
     except Exception as error:  # whatever a reader of foreign files raises
         raise _error(path, f"it cannot be read ({printable(error)[:80]})") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise _error(path, "its corners must have three coordinates each")
     if not 0 < faces <= MOST_FACES:
         raise _error(path, f"expected 1 to {MOST_FACES:,} faces, found {faces:,}")
     if not np.isfinite(vertices).all():

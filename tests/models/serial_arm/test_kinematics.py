@@ -68,6 +68,7 @@ def test_poses_twists_and_their_rates_are_pinocchio_s_within_1e_9(arms, name):
     model = pin.buildModelFromUrdf(arm.urdf)
     data, frame = model.createData(), model.getFrameId(arm.tip)
     places = [model.joints[model.getJointId(joint)] for joint in arm.chain.names]
+    expected = []
     for i in range(size):
         q, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
         for joint, place in zip(arm.chain.names, places, strict=True):
@@ -79,10 +80,10 @@ def test_poses_twists_and_their_rates_are_pinocchio_s_within_1e_9(arms, name):
         aligned = pin.LOCAL_WORLD_ALIGNED
         moves = pin.getFrameVelocity(model, data, frame, aligned)
         speeds_up = pin.getFrameClassicalAcceleration(model, data, frame, aligned)
-        expected = [placement.translation, *placement.rotation.T]
-        expected += [moves.linear, moves.angular, speeds_up.linear, speeds_up.angular]
-        for one, other in zip(expected, found, strict=True):
-            np.testing.assert_allclose(other[i], one, atol=1e-9, rtol=1e-9)
+        vectors = [placement.translation, *placement.rotation.T]
+        vectors += [moves.linear, moves.angular, speeds_up.linear, speeds_up.angular]
+        expected.append(np.stack(vectors))
+    np.testing.assert_allclose(np.stack(found, axis=1), np.array(expected), atol=1e-9, rtol=1e-9)
 
 
 # What bodies do

@@ -42,7 +42,8 @@ def test_an_arm_is_made_again_from_its_description_and_pickled(arm):
     assert again.describe() == description
     assert pickle.loads(pickle.dumps(arm)) == arm
     assert arm6() != arm
-    assert arm.provides == {"camera", "tool", "joints"}
+    assert {"camera", "tool", "joints"} <= arm.provides
+    assert not arm.provides & {"base", "heading", "plane"}
 
 
 def test_states_are_as_far_apart_as_joints_need_seconds(arm):
@@ -122,7 +123,7 @@ def test_joints_beyond_their_limits_are_told(arm):
     rows[1, 1] = 2.5
     beyond = Trajectory(arm, States(**dict(zip(names, rows.T, strict=True))), ("reach",))
     (fault,) = arm.faults(beyond)
-    assert fault == "has joint shoulder_to_upper_arm at 2.5 rad in state 1, beyond its limit at 1.9"
+    assert fault == "has joint shoulder_to_upper_arm at 2.5 rad in motion 0, beyond its limit of 1.9"
     assert list(arm.doubtful(arm.laws["reach"], beyond.states.take([0]), beyond.states.take([1]))) == [True]
     within = Trajectory.through(arm, States(**dict(zip(names, (0.5 * rows).T, strict=True))))
     assert list(arm.faults(within)) == []
