@@ -34,10 +34,10 @@ HALF, DISC = 4.0, 1.0  # m
 MUSEUM = Path(__file__).parents[3] / "examples" / "museum.geojson"
 
 
-@pytest.fixture(scope="module")
-def paper():
+@pytest.fixture(scope="module", params=[1.0, pytest.param(0.5, marks=pytest.mark.proof)])
+def paper(request):
     """The candidates of the paper's three costs round one block, and the lattice's front."""
-    return EpsilonConstraint(step=0.5).solve(PAPER), PAPER.solve("lattice", step=0.5)
+    return EpsilonConstraint(step=request.param).solve(PAPER), PAPER.solve("lattice", step=request.param)
 
 
 def covered(points, by):
