@@ -27,8 +27,9 @@ class AngularAcceleration:
     frequency f, which has the peak acceleration π f v: 0.51 deg/s² for the 0.71 deg/s at 0.23 Hz where the plateau
     begins, 0.44 deg/s² for the 2.8 deg/s at 0.05 Hz. The default is twice that, a choice of this project.
 
-    α is constant within each phase of a law and along each curve, so this is exact. A turn from rest to rest that
-    reaches the turn rate ω costs 2 ω (1 - α_th/α): few turns and gentle ones are cheap.
+    A base and a head have a constant α within each phase of a law and along each curve, so this is exact; an arm's axes
+    turn each other, and α is integrated. A turn from rest to rest that reaches the turn rate ω costs 2 ω (1 - α_th/α):
+    few turns and gentle ones are cheap.
     """
 
     threshold: float = FELT

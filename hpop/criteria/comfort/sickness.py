@@ -22,11 +22,12 @@ class Sickness:
 
     vection  share of the seen motion that is taken for one's own, in [0, 1]; 1 is complete vection, the worst case
 
-    The user sits still and sees the executed motion of the camera, in its own frame: a robot's accelerations tilt the
-    vertical that she expects, most about 0.2 Hz. See :mod:`hpop.criteria.comfort.svc` for the model (Wada and
-    others), its constants and what is this project's reading. The answer builds up over tau_I = 12 minutes, so short
-    drives give small numbers: compare them, and combine with ``rotation``, for a turn about the vertical leaves the
-    vertical where it is and costs nothing here unless the camera is off the axis or still accelerating.
+    The user sits still and sees the executed motion of the camera, in its own frame, its rotation about whatever axis;
+    her own head stays upright. A robot's accelerations tilt the vertical that she expects, most about 0.2 Hz. See
+    :mod:`hpop.criteria.comfort.svc` for the model (Wada and others), its constants and what is this project's reading.
+    The answer builds up over tau_I = 12 minutes, so short drives give small numbers: compare them, and combine with
+    ``rotation``, for a turn about the vertical leaves the vertical where it is and costs nothing here unless the camera
+    is off the axis or still accelerating.
     """
 
     vection: float = 1.0
