@@ -41,7 +41,7 @@ AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 class Roadmap:
     """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
 
-    samples     count  free positions, or configurations, drawn uniformly
+    samples     count  free positions, or configurations, drawn uniformly unless there are trees
     neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does, and 8 beyond
                        the plane
     far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
@@ -72,7 +72,7 @@ class Roadmap:
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
-    roadmap (its seed, samples and neighbours) is better in one cost and no worse in the others, costs rounded to the
+    roadmap (its options up to the seed) is better in one cost and no worse in the others, costs rounded to the
     criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
     samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); how far it still is, this planner does not
     say. Positions cost a state for each heading of each link, and a turn for each two headings of a position; where a

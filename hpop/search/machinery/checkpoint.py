@@ -12,7 +12,8 @@ flushed to the disk and moved into its place, so that whoever is killed leaves t
 The checksum tells accidents, it is no signature. Whatever the numbers of a file are, nothing in it is run, no place
 outside a table is read, and what a search has found after it went on are paths of the graph with their true costs. But
 nobody can tell without searching again whether labels are missing: a file from a stranger proves nothing about what is
-*not* there, and a front that comes of it may lack points. Go on from files that you, or whom you trust, have written.
+*not* there, and a front that comes of it may lack points. A lazy search also takes from it which arcs
+are free. Go on from files that you, or whom you trust, have written.
 """
 
 from __future__ import annotations
