@@ -34,7 +34,7 @@ def near_pairs(
     for place in range(2 * joints + 1):
         for row in range(3):
             poses[place, 0, row, row] = 1.0
-    directions, scratch, q = np.zeros((count, 3)), np.empty((7, 4)), np.empty(joints)
+    direction, scratch, q = np.empty(3), np.empty((7, 4)), np.empty(joints)
     found = 0
     for i in range(states.shape[0]):
         q[:] = states[i]
@@ -44,8 +44,8 @@ def near_pairs(
             a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
             if _apart(scene, a, b, poses[0], centres[0], within) >= within:
                 continue
-            directions[pair] = 0.0
-            apart, _ = _measure(scene, pair, poses[0], centres[0], directions, scratch, 0.0, within, within, PRECISE)
+            direction[:] = 0.0
+            apart, _ = _measure(scene, pair, poses[0], centres[0], direction, scratch, 0.0, within, within, PRECISE)
             if apart >= within:
                 continue
             if found < owner.size:
@@ -62,7 +62,7 @@ def near_pairs(
                         for side in range(2):
                             place = 1 + 2 * k + side
                             aside, _ = _measure(
-                                scene, pair, poses[place], centres[place], directions, scratch,
+                                scene, pair, poses[place], centres[place], direction, scratch,
                                 0.0, math.inf, math.inf, PRECISE,
                             )  # fmt: skip
                             gradient[found, k] += (aside if side == 0 else -aside) / (2.0 * ASIDE)

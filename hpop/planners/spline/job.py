@@ -1,4 +1,4 @@
-"""Making a spline of one path, step by step, each proved free, until none gains much; here or in a worker."""
+"""Making splines of one path, step by step, each proved free, until none gains much; here or in a worker."""
 
 from __future__ import annotations
 
@@ -52,12 +52,14 @@ class SplineJob:
 
     problem
     criteria  k
-    minimise  place of the one that counts most; None weighs all alike
+    smooth    places of those that have gradients; the others come as they come
+    minimise  place of the one that counts most; None: all alike, and from there on each by itself
     pieces    count of each spline, about
     """
 
     problem: Problem
     criteria: tuple[Criterion, ...]
+    smooth: tuple[int, ...]
     minimise: int | None
     pieces: int
     built: dict[str, Pieces] = field(default_factory=dict)
@@ -65,13 +67,8 @@ class SplineJob:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "built": {}}
 
-    @property
-    def smooth(self) -> list[int]:
-        """Places of the criteria that have gradients; the others come as they come."""
-        return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
-
-    def solve(self, trajectory: Trajectory) -> Outcome[Splined]:
-        """What comes of one path; depends on it alone."""
+    def solve(self, trajectory: Trajectory) -> Outcome[tuple[Splined, ...]]:
+        """The splines of one path; they depend on it alone."""
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         with ONE_PROGRAM:
             began = time.perf_counter()
@@ -83,40 +80,48 @@ class SplineJob:
             seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
-    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> Splined | str:
+    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> tuple[Splined, ...] | str:
         if not path.duration:
             return "goes nowhere"
         knots = Knots.along(path, pieces.law, self.pieces)
-        (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, self.smooth]
-        scale = np.where(bounds > 1e-3, bounds, 1.0)
-        aim = Aim(self._weights(), bounds, scale)
         if not self._is_free(knots):
             return "the spline through its knots cannot be proved to be free"
-        knots = self._improved(knots, pieces, aim, counts)
+        (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
+        scale, found, reason = np.where(bounds > 1e-3, bounds, 1.0), list[Splined](), ""
+        for weights in self._weights():
+            # Each goes on from the one before it: from all alike, mostly, which is near to any other.
+            knots = self._improved(knots, pieces, Aim(weights, bounds, scale), counts)
+            spline, worse = self._candidate(knots, pieces, bounds)
+            reason = reason or worse
+            found += [] if worse else [spline]
+        return tuple(found) or reason
+
+    def _candidate(self, knots: Knots, pieces: Pieces, bounds: FloatArray) -> tuple[Splined, str]:
+        """What a spline is planned to cost, and where it is worse than its path, in words."""
         goes = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [goes], self.problem.world)
         quanta = np.array([criterion.quantum for criterion in self.criteria])
-        worse = costs[self.smooth] > bounds + 0.5 * quanta[self.smooth]
-        if worse.any():
-            names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
-            return f"no better than its path in {', '.join(names)}"
+        worse = costs[list(self.smooth)] > bounds + 0.5 * quanta[list(self.smooth)]
+        names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
         planned = costs.copy()
-        planned[self.smooth] = pieces.costs(knots)
-        tolerance = QUADRATURE * np.abs(costs) + quanta
-        return Splined(goes, planned, tolerance, {"steps": counts["steps"], "pieces": knots.shares.size})
+        planned[list(self.smooth)] = pieces.costs(knots)
+        spline = Splined(goes, planned, QUADRATURE * np.abs(costs) + quanta, {"pieces": knots.shares.size})
+        return spline, f"no better than its path in {', '.join(names)}" if names else ""
 
-    def _weights(self) -> FloatArray:
+    def _weights(self) -> list[FloatArray]:
+        """Weights (k,) of the costs, one set for each spline of a path."""
         count = len(self.smooth)
-        if self.minimise is None:
-            return np.full(count, 1.0 / count)
-        return np.where(np.array(self.smooth) == self.minimise, 1.0, SPREAD)
+        alone = [np.where(np.arange(count) == j, 1.0, SPREAD) for j in range(count)]
+        if self.minimise is not None:
+            return [alone[self.smooth.index(self.minimise)]]
+        return [np.full(count, 1.0 / count), *(alone if count > 1 else [])]
 
     def _improved(self, knots: Knots, pieces: Pieces, aim: Aim, counts: Counter[str]) -> Knots:
         """The last of steps that each lower the merit and are free."""
         space = self.problem.model.space
         steps = Steps(knots.shares, pieces.law, np.array(space.low), np.array(space.high))
         merit, distance = aim.merit(pieces.costs(knots)), FIRST
-        while counts["steps"] < STEPS:
+        for _ in range(STEPS):
             counts["steps"] += 1
             apart = self._collision.separations(self._states(knots, pieces.law), APART)
             program = steps.of(knots, pieces.slopes(knots), apart, MARGIN, FRACTIONS)

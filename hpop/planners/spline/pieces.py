@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
+from hpop.errors import UnsupportedCriterion
 from hpop.motions import Model, Motions
 from hpop.motions.symbolic import lift
 from hpop.planners.programs.criteria import on_symbols
@@ -66,6 +67,17 @@ class Pieces:
             casadi.Function("costs", [columns, share], [costs]),
             casadi.Function("slopes", [columns, share], [costs, casadi.densify(casadi.jacobian(costs, columns))]),
         )
+
+    @classmethod
+    def with_gradients(cls, world: World, model: Model, criteria: Sequence[Criterion]) -> dict[int, str]:
+        """Why each criterion, by its place, has no gradient; nothing where it has one."""
+        reasons = dict[int, str]()
+        for j, criterion in enumerate(criteria):
+            try:
+                reasons[j] = "" if criterion.smooth and cls(world, model, [criterion]).build() else "it has no gradient"
+            except UnsupportedCriterion as error:
+                reasons[j] = str(error)
+        return reasons
 
     def build(self) -> Pieces:
         """Build the functions now."""

@@ -60,26 +60,35 @@ def planned(request, arm, world, paths):
     """A problem, its path, and what the planner makes of it."""
     rows = PATHS[request.param]
     problem = hpop.Problem(world, arm, rows[0], rows[-1], CRITERIA)
-    planner = make_planner({"spline": {"warm_start": [paths[request.param]], "pieces": 8}})
+    planner = make_planner({"spline": {"warm_start": [paths[request.param]], "pieces": 4}})
     return problem, paths[request.param], planner.solve(problem)
 
 
 def test_a_spline_is_better_than_its_path_and_the_path_stays(planned):
     problem, path, found = planned
-    spline, stays = found.trajectories
-    assert set(spline.kinds) == {"spline"}
+    *splines, stays = found.trajectories
     assert stays is path
-    costs, before = (np.array(list(problem.evaluate(one).values())) for one in (spline, path))
-    assert (costs <= before).all()
-    assert costs.sum() < 0.9 * before.sum()
+    before = np.array(list(problem.evaluate(path).values()))
+    for spline in splines:
+        assert set(spline.kinds) == {"spline"}
+        costs = np.array(list(problem.evaluate(spline).values()))
+        assert (costs <= before).all()
+        assert costs.sum() < 0.9 * before.sum()
     assert found.status is Status.COMPLETE
-    assert len(problem.front(found)) == 1
+    assert path not in problem.front(found).trajectories
+
+
+def test_one_spline_is_for_all_costs_alike_and_one_for_each(planned):
+    _, _, found = planned
+    alike, *each, _ = found.planned
+    assert len(each) == alike.size
+    assert all(costs[j] <= alike[j] for j, costs in enumerate(each))
 
 
 def test_what_was_planned_is_what_the_trajectory_costs(planned):
     problem, _, found = planned
-    costs = np.array(list(problem.evaluate(found.trajectories[0]).values()))
-    np.testing.assert_allclose(found.planned[0], costs, rtol=0.01)
+    costs = [list(problem.evaluate(trajectory).values()) for trajectory in found.trajectories]
+    np.testing.assert_allclose(found.planned, costs, rtol=0.01)
 
 
 def test_it_is_free_by_the_judge_and_keeps_the_limits_of_all_joints(planned):
@@ -175,13 +184,21 @@ def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
     ]
 
 
+def test_a_cost_that_is_known_on_numbers_alone_comes_as_it_comes(arm, world, paths):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration", {"exposure": {"radius": 0.3}}])
+    found = make_planner({"spline": {"warm_start": [paths[0]], "pieces": 2}}).solve(problem)
+    assert any(note.startswith("exposure is not improved by splines") for note in found.notes)
+    costs = [list(problem.evaluate(trajectory).values()) for trajectory in found.trajectories]
+    np.testing.assert_allclose(found.planned, costs, rtol=0.01, atol=1e-9)
+
+
 def test_a_worker_does_the_same(arm, world, paths):
     import pickle
 
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
-    job = SplineJob(problem, problem.criteria, None, 4)
+    job = SplineJob(problem, problem.criteria, (0, 1, 2), None, 2)
     here, there = (one.solve(paths[0]).found for one in (job, pickle.loads(pickle.dumps(job))))
-    np.testing.assert_array_equal(here.planned, there.planned)
+    np.testing.assert_array_equal(*([one.planned for one in splines] for splines in (here, there)))
 
 
 def test_robots_without_splines_and_costs_without_gradients_are_refused(arm, world, paths):
