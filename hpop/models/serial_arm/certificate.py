@@ -31,7 +31,7 @@ POOL = 1 << 14  # places for lists of pairs, beside two of all; where they are f
 
 
 @lean
-def _place(scene: Scene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
+def placed(scene: Scene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
     """Frames (n + 1, 3, 4) of joint values (n,), the first that of the world, and centres (B, 3) of the bodies."""
     for k in range(q.size):
         at, before, origin = poses[k + 1], poses[k], scene.origins[k]
@@ -82,7 +82,7 @@ def _outside(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: floa
 
 
 @lean
-def _apart(scene: Scene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
+def apart_at_least(scene: Scene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
     """A lower bound of the distance of two bodies by spheres round them, and if that is not enough by a box."""
     reach, x, y, z = scene.bodies.reach, centres[b, 0], centres[b, 1], centres[b, 2]
     dx, dy, dz = x - centres[a, 0], y - centres[a, 1], z - centres[a, 2]
@@ -96,7 +96,7 @@ def _apart(scene: Scene, a: int, b: int, poses: FloatArray, centres: FloatArray,
 
 
 @lean
-def _measure(
+def measured(
     scene: Scene,
     pair: int,
     poses: FloatArray,
@@ -219,7 +219,7 @@ def blocked_by(
             middle, half = 0.5 * (low[head] + high[head]), 0.5 * (high[head] - low[head])
             for k in range(joints):
                 q[k] = start[m, k] + middle * (end[m, k] - start[m, k])
-            _place(scene, q, poses, centres)
+            placed(scene, q, poses, centres)
             looks += 1
             proved, first, fits = half, used, used + ends[head] - begins[head] <= pool.size
             for place in range(begins[head], ends[head]):
@@ -228,7 +228,7 @@ def blocked_by(
                 frame = scene.frames[a]
                 speed, least = speeds[b, frame], kept + offs[b, frame]
                 enough = least + speed * half
-                apart = _apart(scene, a, b, poses, centres, enough)
+                apart = apart_at_least(scene, a, b, poses, centres, enough)
                 if apart >= enough:
                     continue
                 if known[b] != looks:
@@ -239,7 +239,7 @@ def blocked_by(
                     continue
                 suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
                 if apart < suffices:  # else another pair proves no more: this one is left to smaller intervals
-                    lower, upper = _measure(
+                    lower, upper = measured(
                         scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
                     )
                     if lower >= enough:
@@ -279,15 +279,15 @@ def nearest(scene: Scene, states: FloatArray, most: float, gap: float, least: Fl
     poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
     direction, scratch, bounds = np.empty(3), np.empty((7, 4)), np.empty(count)
     for i in range(states.shape[0]):
-        _place(scene, states[i], poses, centres)
+        placed(scene, states[i], poses, centres)
         least[i], first = most, 0
         for pair in range(count):
-            bounds[pair] = _apart(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, most)
+            bounds[pair] = apart_at_least(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, most)
             if bounds[pair] < bounds[first]:
                 first = pair
         for place in range(count):  # the one that seems nearest first: it spares most others
             pair = first if place == 0 else place - 1 if place <= first else place
             if bounds[pair] < least[i]:
                 direction[:] = 0.0
-                lower, _ = _measure(scene, pair, poses, centres, direction, scratch, 0.0, least[i], least[i], gap)
+                lower, _ = measured(scene, pair, poses, centres, direction, scratch, 0.0, least[i], least[i], gap)
                 least[i] = min(least[i], lower)

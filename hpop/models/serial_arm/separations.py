@@ -14,7 +14,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import kernel
-from hpop.models.serial_arm.certificate import _apart, _measure, _place
+from hpop.models.serial_arm.certificate import apart_at_least, measured, placed
 from hpop.models.serial_arm.scene import Scene
 
 PRECISE = 1e-9  # relative
@@ -38,21 +38,21 @@ def near_pairs(
     found = 0
     for i in range(states.shape[0]):
         q[:] = states[i]
-        _place(scene, q, poses[0], centres[0])
+        placed(scene, q, poses[0], centres[0])
         moved = False
         for pair in range(count):
             a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
-            if _apart(scene, a, b, poses[0], centres[0], within) >= within:
+            if apart_at_least(scene, a, b, poses[0], centres[0], within) >= within:
                 continue
             direction[:] = 0.0
-            apart, _ = _measure(scene, pair, poses[0], centres[0], direction, scratch, 0.0, within, within, PRECISE)
+            apart, _ = measured(scene, pair, poses[0], centres[0], direction, scratch, 0.0, within, within, PRECISE)
             if apart >= within:
                 continue
             if found < owner.size:
                 for k in range(joints if not moved else 0):
                     for side in range(2):
                         q[k] = states[i, k] + (ASIDE if side == 0 else -ASIDE)
-                        _place(scene, q, poses[1 + 2 * k + side], centres[1 + 2 * k + side])
+                        placed(scene, q, poses[1 + 2 * k + side], centres[1 + 2 * k + side])
                     q[k] = states[i, k]
                 moved = True
                 owner[found], distance[found] = i, apart
@@ -61,7 +61,7 @@ def near_pairs(
                     if scene.frames[a] <= k < scene.frames[b]:
                         for side in range(2):
                             place = 1 + 2 * k + side
-                            aside, _ = _measure(
+                            aside, _ = measured(
                                 scene, pair, poses[place], centres[place], direction, scratch,
                                 0.0, math.inf, math.inf, PRECISE,
                             )  # fmt: skip
