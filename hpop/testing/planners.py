@@ -16,9 +16,9 @@ import numpy as np
 import shapely
 
 from hpop.criteria.base import make_criterion, trajectory_costs
-from hpop.errors import CriterionError, HpopError, OptionError, UnsupportedCriterion, UnsupportedModel
+from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.front import Front
-from hpop.motions import Model
+from hpop.motions import Model, States, lacking
 from hpop.planners.base import Candidates, Planner, sweeps
 from hpop.planners.needs import needs_of
 from hpop.planners.objectives import integral_of
@@ -29,18 +29,20 @@ from hpop.testing.checks import Check, fault_of, raise_faults
 from hpop.testing.models import drawn_states
 from hpop.text import shown
 from hpop.verify import collision_free, verify
-from hpop.world import World
+from hpop.world import Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m
 LEFT, RIGHT = 1.2, 3.8  # m: a start has a smaller x, a goal a larger one
 ASIDE = 0.6  # m: neither is farther from the middle, where the box is
 WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between them
 TRIES = 1000  # states drawn, of which two free ones become start and goal
+POSTURES = 50  # drawn of a robot that is not of the plane, for the same
+BALL = 0.2  # radius, of the way between the start and the goal of a robot that is not of the plane
 REPORTS = (1, 2, 5)  # of its reports, at which it is interrupted
 SOON = 1e-3  # s: a time limit that is over before anything is found, or soon after
 ASKED = (("length", "exposure"), ("length", "proximity"), ("duration", "rotation"), ("length",))  # the first it accepts
 DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mean, a worst moment, with memory, no slope
-WORDS = frozenset({"base", "camera", "heading", "wheels", "joints", "plane", "turn-move", "rigid"})
+WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
 
 def check_planner(planner: Planner, *, models: Sequence[Model] = (), seed: int = 0) -> None:
@@ -79,7 +81,8 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), seed: int 
         yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _verified(problem, first)))  # noqa: B023
         yield Check(f"is saved and loaded{of}", fault_of(lambda: _saved(problem, first)))  # noqa: B023
         yield Check(f"finds the same again{of}", fault_of(lambda: _again(planner, problem, first)))  # noqa: B023
-        yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
+        if "plane" in model.provides:  # no wall parts the postures of any arm
+            yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
         yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria(planner, problem)))  # noqa: B023
         yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupted(planner, problem)))  # noqa: B023
         if "time_limit" in {option.name for option in fields(cast(Any, planner))}:
@@ -98,17 +101,47 @@ def registered_models() -> list[Model]:
 
 
 def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Problem:
-    """A room with a box in it, from a free state left to one right of it; what turns may be as it likes at the goal."""
+    """A small obstacle between a free state and another; what turns may be as it likes at the goal."""
     rng = np.random.default_rng(seed)
+    world, start, goal = (_in_a_room if "plane" in model.provides else _in_space)(model, rng)
+    space = model.space
+    turning = tuple(None if n in space.turning else v for n, v in zip(space.names, space.values(goal), strict=True))
+    return Problem(world, model, cast(Any, space.values(start)), turning, list(criteria))
+
+
+def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
+    """A room with a box in it, from left to right of it."""
     corner, size = rng.uniform((1.8, 1.2), (2.1, 1.5)), rng.uniform((0.6, 0.9), (0.9, 1.2))
     world = World.from_polygons([shapely.box(*corner, *(corner + size))], extent=shapely.box(0, 0, *ROOM))
-    states, space = drawn_states(model, world, rng, TRIES), model.space
-    free = model.collision(world).states_free(states) & model.judge(world).states_free(states)
+    states = _free_states(model, world, drawn_states(model, world, rng, TRIES))
     pose = model.pose("base" if "base" in model.provides else "camera", states)
-    free &= np.abs(pose.y - 0.5 * ROOM[1]) < ASIDE
-    start, goal = (space.values(states.take(np.flatnonzero(free & at)[:1])) for at in (pose.x < LEFT, pose.x > RIGHT))
-    turning = tuple(None if name in space.turning else value for name, value in zip(space.names, goal, strict=True))
-    return Problem(world, model, cast(Any, start), turning, list(criteria))
+    middle = np.abs(pose.y - 0.5 * ROOM[1]) < ASIDE
+    start, goal = (states.take(np.flatnonzero(middle & at)[:1]) for at in (pose.x < LEFT, pose.x > RIGHT))
+    return world, start, goal
+
+
+def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
+    """A ball between where the camera is and where it shall be."""
+    extent = shapely.box(0, 0, *ROOM)  # no wall in space
+    states = _free_states(model, World.from_solids([], extent=extent), model.space.sample(rng, POSTURES))
+    pose = model.pose("camera", states)
+    places = np.stack([pose.x, pose.y, pose.z], axis=1)
+    start = states.take(slice(1))
+    for other in range(1, states.size):
+        apart = float(np.linalg.norm(places[other] - places[0]))
+        ball = Solid(Sphere(BALL * apart), pose_at(tuple(0.5 * (places[0] + places[other]))), "ball")
+        world, goal = World.from_solids([ball], extent=extent), states.take(slice(other, other + 1))
+        if all(_free_states(model, world, end).size for end in (start, goal)):
+            return world, start, goal
+    raise ModelError(
+        f"none of {POSTURES} states of {getattr(model, 'name', type(model).__name__)} is free beside a ball"
+    )
+
+
+def _free_states(model: Model, world: World, states: States) -> States:
+    return states.take(
+        np.flatnonzero(model.collision(world).states_free(states) & model.judge(world).states_free(states))
+    )
 
 
 # What it says
@@ -136,8 +169,8 @@ class _Bare:
 
 
 def _refused(planner: Planner, model: Model) -> str:
-    problem = small_problem(model, ["length"])
-    bare = Problem(problem.world, cast(Model, _Bare(model)), problem.start, problem.goal, ["length"])
+    problem = small_problem(model, ["duration"])
+    bare = Problem(problem.world, cast(Model, _Bare(model)), problem.start, problem.goal, ["duration"])
     try:
         bare.solve(planner)
     except UnsupportedModel as error:
@@ -249,8 +282,10 @@ def _stop(progress: Progress) -> Never:
 def _criteria(planner: Planner, problem: Problem) -> str:
     for name in DEMANDING:
         asked = make_criterion(name)
+        if lacking(asked.requires, problem.model, problem.world):
+            continue
         called = {name, integral_of(asked).name if asked.aggregate == "time-mean" else name}
-        for criteria in ([name], ["length", name]):
+        for criteria in ([name], [problem.criteria[0].name, name]):
             try:
                 planner.solve(replace(problem, criteria=cast(Any, criteria)), _stop)
             except _Begun:
