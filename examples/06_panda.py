@@ -1,0 +1,79 @@
+"""A Panda reaches into a bookshelf: a problem of MotionBenchMaker, quick, turning the view little, looking at the can.
+
+It needs the problems (kavrakilab/vamp: panda.srdf and problems.tar.bz2 of resources/panda, unpacked), and the arm's
+meshes: `pip install example-robot-data trimesh`. HPOP_DATA is the folder that has mbm_panda in it.
+"""
+
+import importlib.metadata
+import os
+import sys
+from math import dist, radians
+from pathlib import Path
+
+import yaml
+
+import hpop
+import hpop.errors
+from hpop.models import SerialArm
+from hpop.view import save_pictures
+
+DATA = Path(os.environ.get("HPOP_DATA", Path(__file__).parents[2] / "shared/data")) / "mbm_panda"
+
+
+def panda_urdf() -> Path:
+    """The Panda's URDF in the wheel, which has its meshes; FileNotFoundError where that is not installed."""
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    if found := [file for file in files if file.match("panda_description/urdf/panda.urdf")]:
+        return Path(str(found[0].locate())).resolve()
+    raise FileNotFoundError("no meshes of the Panda: pip install example-robot-data trimesh")
+
+
+def main(folder: Path = Path("out/06_panda"), number: int = 1, samples: int = 2000) -> hpop.Front:
+    """Plan, choose, look."""
+    # World: the boards and cans of a scene as MoveIt has it; and what is asked in it.
+    problems = DATA / "problems/bookshelf_small_panda"
+    if not problems.is_dir():
+        raise FileNotFoundError(f"no folder {problems}; set HPOP_DATA to the folder that has mbm_panda in it")
+    world = hpop.World.from_moveit_scene(problems / f"scene{number:04d}.yaml")
+    asked = yaml.safe_load((problems / f"request{number:04d}.yaml").read_text())
+    joints = asked["start_state"]["joint_state"]
+    goal = {joint["joint_name"]: joint["position"] for joint in asked["goal_constraints"][0]["joint_constraints"]}
+    start = {name: at for name, at in zip(joints["name"], joints["position"], strict=True) if name in goal}
+
+    # Robot: fingers as far out as they go; a URDF has no accelerations. The camera is beside the fingers.
+    urdf = panda_urdf()
+    arm = SerialArm.from_urdf(
+        urdf,
+        srdf=DATA / "panda.srdf",
+        packages={"example-robot-data": urdf.parents[3]},
+        tip="panda_hand",
+        acceleration=5.0,
+        camera=(0.06, 0.0, 0.05, 0.0, radians(-90), 0.0),
+        fixed={"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04},
+    )
+
+    # Criteria: the can is the one nearest to where the hand shall be.
+    hand = arm.pose("tool", arm.space.state(goal))
+    cans = [tuple(solid.pose[:3, 3]) for solid in world.ground.solids if solid.name.startswith("Can")]
+    target = min(cans, key=lambda can: dist(can, (hand.x[0], hand.y[0], hand.z[0])))
+    problem = hpop.Problem(world, arm, start, goal, ["duration", "rotation", {"look_at": {"target": target}}])
+
+    # Plan: paths on a random roadmap, edges proved free; each becomes splines, none worse than its path.
+    front = problem.solve(planner="spline", warm_start={"roadmap": {"samples": samples}})
+    print(f"{len(front)} trajectories ({front.status}); {front.certificate}")
+
+    print(", ".join(f"{cost} {value:.2f}" for cost, value in front.knee().costs.items()))
+    folder.mkdir(parents=True, exist_ok=True)
+    front.save(folder / "front.json")
+    save_pictures(problem, front, folder)
+    return front
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except (hpop.errors.HpopError, FileNotFoundError) as error:
+        sys.exit(f"error: {error}")
