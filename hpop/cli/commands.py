@@ -155,7 +155,7 @@ def plan(
             _tidy(checkpoint, front)
         _draw(loaded, front, out, imports)
     except KeyboardInterrupt:  # nothing that was found is lost
-        what = "complete and saved" if _is_complete(front) else "saved"
+        what = "complete and saved" if report.is_complete(front) else "saved"
         left = f"the pictures were left out; `hpop show {quote(str(out))}` prints the front"
         echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
         sys.exit(INTERRUPTED)
@@ -164,7 +164,7 @@ def plan(
     if Status.INTERRUPTED in front.status:
         sys.exit(INTERRUPTED)
     if not len(front):
-        echo(f"error: nothing was found: {_why_nothing(front.status)}", err=True)
+        echo(f"error: nothing was found: {report.why_nothing(front.status)}", err=True)
         sys.exit(NOTHING_FOUND)
 
 
@@ -374,34 +374,11 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 def _tidy(checkpoint: str, front: Front) -> None:
     """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
+    from hpop.cli import report
+
     file = Path(checkpoint).resolve()
-    if _is_complete(front):
+    if report.is_complete(front):
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
         echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
-
-
-def _is_complete(front: Front) -> bool:
-    """Whether nothing is missing of what its planners can find."""
-    from hpop.frontier.union import JOINT
-    from hpop.status import Status
-
-    return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
-
-
-def _why_nothing(status: str) -> str:
-    """What ended the searches of a front without points, and what to do about it."""
-    from hpop.frontier.union import JOINT
-    from hpop.status import Status
-
-    ways: dict[str, str] = {
-        Status.TIME_LIMIT: "raise time_limit (s), or take a larger step",
-        Status.LABEL_LIMIT: "raise max_labels, or take a larger step",
-        Status.MEMORY_LIMIT: "raise max_memory (bytes), or take a larger step",
-        Status.POINT_LIMIT: "raise max_points",
-        Status.RUN_LIMIT: "give it more runs, or another seed",
-        Status.NO_PATH: "the notes say what is in the way",
-        Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
-    }
-    return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))

@@ -305,6 +305,31 @@ def _executed_table(problem: Problem, front: Front) -> Table:
     return table
 
 
+def is_complete(front: Front) -> bool:
+    """Whether nothing is missing of what its planners can find."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
+
+
+def why_nothing(status: str) -> str:
+    """What ended the searches of a front without points, and what to do about it."""
+    from hpop.frontier.union import JOINT
+    from hpop.status import Status
+
+    ways: dict[str, str] = {
+        Status.TIME_LIMIT: "raise time_limit (s), or make the graph smaller (a larger step, fewer samples)",
+        Status.LABEL_LIMIT: "raise max_labels, or make the graph smaller (a larger step, fewer samples)",
+        Status.MEMORY_LIMIT: "raise max_memory (bytes), or make the graph smaller (a larger step, fewer samples)",
+        Status.POINT_LIMIT: "raise max_points",
+        Status.RUN_LIMIT: "give it more runs, or another seed",
+        Status.NO_PATH: "the notes say what is in the way",
+        Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
+    }
+    return ". ".join(f"{part}: {ways[part]}" if part in ways else part for part in status.split(JOINT))
+
+
 def numbers(values: FloatArray, quantum: float) -> list[str]:
     """A column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray, frozen
@@ -155,6 +155,22 @@ class Obstacle:
     def heights(self) -> tuple[float, float]:
         """(z_min, z_max), m."""
         return self.z_min, self.z_max
+
+
+def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
+    """Prisms over shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError for anything else."""
+    if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
+        raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
+    prisms = list[Obstacle]()
+    for item in obstacles:
+        shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, (None, None))
+        if not isinstance(shape, Polygon | MultiPolygon):
+            raise MapError(
+                "an obstacle must be a shapely Polygon or MultiPolygon, such as shapely.Polygon([(0, 0), (1, 0), "
+                f"(1, 1)]); got {shown(shape)}."
+            )
+        prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
+    return tuple(prisms)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, Column
@@ -27,7 +27,7 @@ from hpop.world.field import Field
 from hpop.world.ground import WHOLE, Ground, Heights, union
 from hpop.world.planar import FreeSpace, without
 from hpop.world.sampling import obstructed
-from hpop.world.shapes import Obstacle, Raster, check_heights
+from hpop.world.shapes import Obstacle, Raster, check_heights, prisms_of
 from hpop.world.solids import MARGIN, Solid, check_solids
 
 if TYPE_CHECKING:
@@ -114,22 +114,9 @@ class World:
         >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
         array([1. , 0.5, 0. ])
         """
-        if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
-            raise MapError(
-                f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets."
-            )
-        prisms = []
-        for item in obstacles:
-            shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, WHOLE)
-            if not isinstance(shape, Polygon | MultiPolygon):
-                raise MapError(
-                    "an obstacle must be a shapely Polygon or MultiPolygon, such as shapely.Polygon([(0, 0), (1, 0), "
-                    f"(1, 1)]); got {shown(shape)}."
-                )
-            prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
         if isinstance(extent, BaseGeometry) and extent.is_empty:
             raise MapError("extent is empty: the robot would have nowhere to be.")
-        return cls(Ground(tuple(prisms), extent=_or_nothing(extent)), _or_nothing(keep_out))
+        return cls(Ground(prisms_of(obstacles), extent=_or_nothing(extent)), _or_nothing(keep_out))
 
     @classmethod
     def from_cells(
