@@ -338,6 +338,9 @@ def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> floa
 
 def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
     """Running values (M,) of a criterion with memory at the end of each motion, checked like :func:`motion_costs`."""
-    if not len(trajectory):
-        return np.zeros(0)
-    return _checked(criterion, History(world, trajectory), len(trajectory), "trajectory")
+    return running_values(criterion, History(world, trajectory))
+
+
+def running_values(criterion: Criterion, history: History) -> FloatArray:
+    """The same of a history."""
+    return _checked(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Motions:
     t0: Column | None = None
     panels: int | None = None
     turns: tuple[Column, Column] | None = None
+
+    whole: ClassVar[bool] = True  # each in the law's own time from its start to its end: alike if their ends are
 
     def __len__(self) -> int:
         return self.start.size
@@ -250,7 +252,7 @@ class Motions:
         lengths = farthest * share / self.world.cell
         angles = most_turned * share / PANEL_ANGLE
         # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
-        stretch = {"speed-up": 2.0, "slow-down": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
+        stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
         panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
         return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
 
@@ -263,7 +265,8 @@ class Motions:
         def pick(column: Column) -> Column:
             return column if owner is None else column[owner]
 
-        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape)
+        change = pick(phase.change) if phase.shape == "ramp" else 0.0
+        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape, change)
         start, end = picked_states(self.start, pick), picked_states(self.end, pick)
         share = picked.share(u)
 

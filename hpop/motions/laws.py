@@ -26,16 +26,20 @@ class Phase(NamedTuple):
     begin     (M,)  share of the motion done when the phase begins
     end       (M,)  share done when it ends
     shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
-              evenly, but the states do not change in proportion to it
+              evenly, but the states do not change in proportion to it; ramp: part of a speed-up or slow-down
+    change    (M,)  of a ramp: by how much faster than on average it ends, as a share of that; -1 to 1
     """
 
     duration: Column
     begin: Column
     end: Column
     shape: str
+    change: Column = 0.0
 
     def share(self, u: Column) -> Column:
         """Share of the motion done at fraction ``u`` of the phase's time."""
+        if self.shape == "ramp":
+            return self.begin + (self.end - self.begin) * u * (1.0 + self.change * (u - 1.0))
         grown = {"hold": 0.0 * u, "cruise": u, "drive": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
         return self.begin + (self.end - self.begin) * grown
 
@@ -47,11 +51,22 @@ class Phase(NamedTuple):
             "drive": (1.0 + 0.0 * u, 0.0),
             "speed-up": (2.0 * u, 2.0),
             "slow-down": (2.0 - 2.0 * u, -2.0),
+            "ramp": (1.0 + self.change * (2.0 * u - 1.0), 2.0 * self.change),
         }[self.shape]
         lasts = self.duration > 0
         frequency = np.where(lasts, 1.0 / np.where(lasts, self.duration, 1.0), 0.0)
         scale = (self.end - self.begin) * frequency
         return scale * first, scale * frequency * second
+
+    def part(self, first: Column, last: Column) -> Phase:
+        """What lies between two fractions (M,) of the phase's time."""
+        ends = self.share(first), self.share(last)
+        change = {"speed-up": 1.0, "slow-down": -1.0, "ramp": self.change}.get(self.shape)
+        if change is None:
+            return Phase(self.duration * (last - first), *ends, self.shape)
+        mean = 1.0 + change * (first + last - 1.0)  # speed in the part, as a share of that in the phase
+        change = np.where(mean > 0, change * (last - first) / np.where(mean > 0, mean, 1.0), 0.0)
+        return Phase(self.duration * (last - first), *ends, "ramp", change)
 
 
 class Law(Protocol):

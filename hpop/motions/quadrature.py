@@ -63,10 +63,11 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
             first, last = phase.begin[owner], phase.end[owner]
             covered = np.where(last > first, last - first, 1.0)
             ends = (np.clip((edge - first) / covered, 0.0, 1.0) for edge in (begin, begin + width))
-            low, high = (_time_of(phase.shape, part) for part in ends)
+            change = phase.change[owner] if phase.shape == "ramp" else 0.0
+            low, high = (_time_of(phase.shape, change, part) for part in ends)
             lasts = np.where(last > first, phase.duration[owner] * (high - low), 0.0)
             for node, weight in zip(LEGENDRE, LEGENDRE_WEIGHTS, strict=True):
-                share = phase._replace(begin=first, end=last).share(low + (high - low) * node)
+                share = phase._replace(begin=first, end=last, change=change).share(low + (high - low) * node)
                 place, power = (share - begin) / width, weight * lasts
                 for moment in moments:
                     moment += power
@@ -77,8 +78,11 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
     return weights
 
 
-def _time_of(shape: str, part: FloatArray) -> FloatArray:
+def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
     """Fraction of a phase's time in which a part of its share is done: the inverse of ``Phase.share``."""
+    if shape == "ramp":
+        below = (1.0 - change) + np.sqrt(np.maximum(0.0, (1.0 - change) ** 2 + 4.0 * change * part))
+        return np.asarray(np.minimum(1.0, np.divide(2.0 * part, below, out=np.zeros_like(part), where=below > 0)))
     if shape == "speed-up":
         return np.sqrt(part)
     return 1.0 - np.sqrt(1.0 - part) if shape == "slow-down" else part

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -40,16 +39,6 @@ def path_points(trajectory: Trajectory) -> FloatArray:
     model = trajectory.model
     pieces = _base_pieces if "base" in model.provides else _camera_pieces
     return mapped_points(model, _along(trajectory, pieces))
-
-
-def motion_lines(trajectory: Trajectory) -> list[FloatArray]:
-    """The path on a map motion by motion, points (k, 2), m; of a base straight ones, for motions that are short."""
-    model = trajectory.model
-    if "base" in model.provides:
-        points = mapped_points(model, trajectory.states)
-        return list(np.stack([points[:-1], points[1:]], axis=1))
-    points, ends = path_points(trajectory), np.append(0, np.cumsum(_pieces(trajectory, _camera_pieces)))
-    return [points[begin : end + 1] for begin, end in pairwise(ends)]
 
 
 def camera_path(trajectory: Trajectory) -> FloatArray:

@@ -62,7 +62,8 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     trace = problem.trace(trajectory)
     for column, axes in enumerate(panels[:-2]):
         _draw_criterion(axes, trace, column)
-    looks = ((trajectory, _look(PLANNED, 2.4)), (executed, _look(EXECUTED, 1.2)))
+    as_planned = executed is trajectory
+    looks = [(trajectory, _look(PLANNED, 2.4)), *([] if as_planned else [(executed, _look(EXECUTED, 1.2))])]
     rates = [camera_rates(motion, _moments(motion)) for motion, _ in looks]
     upright = all(each.upright for each in rates)
     for (motion, look), each in zip(looks, rates, strict=True):
@@ -76,16 +77,13 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     panels[0].set_xlim(0.0, max(trajectory.duration, executed.duration) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
     _align_names(figure, panels.tolist())
-    figure.suptitle(
-        f"Along {name}: planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s",
-        fontsize=LARGE,
-    )
+    lasts = f"planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s"
+    if as_planned:
+        lasts = f"{written(trajectory.duration, 's', False)}, executed as planned"
+    figure.suptitle(f"Along {name}: {lasts}", fontsize=LARGE)
     turns = [Patch(color=TURN, label="planned turn in place")] if turns_in_place(trajectory).any() else []
-    handles = [
-        *turns,
-        Line2D([], [], label="planned", **_look(PLANNED, 2.4)),
-        Line2D([], [], label="executed, from rest to rest", **_look(EXECUTED, 1.2)),
-    ]
+    labels = ["planned and executed"] if as_planned else ["planned", "executed, from rest to rest"]
+    handles = [*turns, *(Line2D([], [], label=text, **look) for text, (_, look) in zip(labels, looks, strict=True))]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
     return figure
 

@@ -26,7 +26,7 @@ from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import outline, view_of
 from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
-from hpop.view.paths import camera_heights, motion_lines, path_points
+from hpop.view.paths import camera_heights, path_points
 from hpop.view.robot import from_above
 from hpop.view.sheet import LINE
 from hpop.view.silhouettes import draw_map_obstacles
@@ -35,6 +35,7 @@ from hpop.view.style import (
     NORMAL,
     QUIET,
     SMALL,
+    mapped_body,
     mapped_points,
     new_figure,
     plain,
@@ -51,6 +52,7 @@ WORDS = 0.7  # inches above and below it
 DOT = 6.5  # points across, of a turn
 BEYOND = 5.5  # points by which a turn at an end is larger than the letter that covers its middle
 SPOT = 6  # digits, m, to which the places of turns agree that are made on one spot
+DIGITS = 10  # of the largest rate: what is beyond is rounding, and would move the ticks of 1 m a second
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
@@ -75,6 +77,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     trace = problem.trace(trajectory)
     view, ends = view_of(problem, [path_points(trajectory)]), path_points(trajectory)[[0, -1]].tolist()
     heights = camera_heights(problem, [trajectory])
+    drawn = name if mapped_body(problem.model) == "base" else f"{name}: path of the camera"
     columns = min(COLUMNS, len(trace.criteria))
     rows = math.ceil(len(trace.criteria) / columns)
     height = np.clip(MAP_WIDTH * view.height / view.width, 1.0, 2.0 * MAP_WIDTH) + WORDS
@@ -87,9 +90,9 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_patch(floor)
-        _draw_shown(figure, axes, trace, place, shown_along(trace, trajectory, place))
+        _draw_shown(figure, axes, trace, place, shown_along(trace, place))
         handles = [
-            Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=name),
+            Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),
             *_turn_entry(trajectory),
             *draw_ends(axes, ends[0], ends[1:]),
             *draw_map_obstacles(axes, problem, heights, view),
@@ -113,15 +116,24 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     return figure
 
 
-def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray:
+def shown_along(trace: Trace, column: int) -> FloatArray:
     """What the colours show of each piece (n,): its rate; of a count that adds up, how many there are in its motion.
 
-    Turns in place are drawn over each other, so those on one spot show how many there are on it.
+    What stays on one spot is drawn over each other: pieces of a motion on the spot show what it comes to on average, or
+    at worst, and of counts the turns on one spot how many there are on it.
     """
-    criterion = trace.criteria[column]
+    criterion, trajectory, owner = trace.criteria[column], trace.pieces.trajectory, trace.pieces.owner
+    points = mapped_points(trajectory.model, trace.states)
     if not _counts(criterion) or criterion.aggregate in ("time-mean", "max"):
-        return trace.rate[:, column]
-    owner = np.searchsorted(trajectory.times[1:-1], 0.5 * (trace.times[1:] + trace.times[:-1]), side="right")
+        rate, each = trace.rate[:, column], np.zeros(len(trajectory))
+        if criterion.aggregate == "max":
+            np.maximum.at(each, owner, rate)
+        else:
+            np.add.at(each, owner, rate * trace.pieces.durations)
+            each = np.divide(each, trajectory.durations, out=np.zeros_like(each), where=trajectory.durations > 0)
+        moves = np.zeros(len(trajectory), dtype=bool)
+        np.logical_or.at(moves, owner, (points[1:] != points[:-1]).any(axis=1))
+        return np.where(moves[owner], rate, each[owner])
     grown = np.diff(trace.running[:, column], prepend=0.0)  # (n,)
     number = np.zeros(len(trajectory))
     np.add.at(number, owner, grown)
@@ -134,15 +146,15 @@ def shown_along(trace: Trace, trajectory: Trajectory, column: int) -> FloatArray
 
 
 def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
-    criterion = trace.criteria[column]
-    points = mapped_points(trace.trajectory.model, trace.states)
-    norm = Normalize(0.0, float(shown.max(initial=0.0)) or 1.0)
-    turning = turns_in_place(trace.trajectory)
-    pieces = [line for line, turns in zip(motion_lines(trace.trajectory), turning, strict=True) if not turns]
+    criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
+    points = mapped_points(trajectory.model, trace.states)
+    norm = Normalize(0.0, float(f"{shown.max(initial=0.0):.{DIGITS}g}") or 1.0)
+    turning = turns_in_place(trajectory)
+    moving = ~turning[trace.pieces.owner]
     axes.add_collection(
         LineCollection(
-            pieces,
-            array=shown[~turning],
+            list(np.stack([points[:-1], points[1:]], axis=1)[moving]),
+            array=shown[moving],
             cmap=RATE_COLOURS,
             norm=norm,
             linewidths=3.0,
@@ -151,14 +163,13 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
             gid="rate",
         )
     )
-    turns = points[:-1][turning]
+    turns = mapped_points(trajectory.model, trajectory.states)[:-1][turning]
+    each = shown[np.cumsum(trace.pieces.counts)[turning] - 1]
     at_start, at_goal = _turns_at_ends(points, turns).values()
     letter = RING if (points[0] == points[-1]).all() else CIRCLE
     sizes = np.where(at_start | at_goal, letter + BEYOND, DOT) ** 2
     x, y = turns.T
-    axes.scatter(
-        x, y, c=shown[turning], cmap=RATE_COLOURS, norm=norm, s=sizes, edgecolors="white", zorder=5, gid="turns"
-    )
+    axes.scatter(x, y, c=each, cmap=RATE_COLOURS, norm=norm, s=sizes, edgecolors="white", zorder=5, gid="turns")
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)
@@ -187,13 +198,17 @@ def _turn_entry(trajectory: Trajectory) -> list[Handle]:
 def shown_label(criterion: Criterion) -> str:
     """Words for what the colours show of a criterion.
 
-    >>> from hpop.criteria import Clearance, Length, Turns
+    >>> from hpop.criteria import Clearance, Length, LookAt, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())
     ('m a second', 'count on the spot', 'm on the spot')
+    >>> shown_label(LookAt(target=(0.0, 0.0, 1.0)))  # rad s, added up
+    'rad on the spot'
     """
     if _counts(criterion):
         return "count on the spot"
     unit = "share" if criterion.unit == "1" else criterion.unit
+    if criterion.aggregate == "sum" and unit.endswith(" s"):
+        return f"{unit.removesuffix(' s')} on the spot"
     return f"{unit} on the spot" if criterion.aggregate in ("time-mean", "max") else f"{unit} a second"
 
 

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.criteria.base import make_criterion, trajectory_cost
+from hpop.motions import States
 from hpop.trace import trace
 from hpop.view import draw_trace
 from hpop.view.trace import camera_rates
+from tests.models.serial_arm.arms import arm6
 
 NAMES = ["obstruction", "turns", "length", "clearance", "exposure", "rotation", "duration"]
 
@@ -151,3 +154,15 @@ def test_the_legend_tells_of_turns_in_place_only_where_there_are_some(problem, t
     for drawn, there in ((trajectory, True), (straight, False)):
         (legend,) = draw_trace(problem, drawn).legends
         assert ("planned turn in place" in [text.get_text() for text in legend.get_texts()]) is there
+
+
+def test_what_is_executed_as_it_is_planned_is_one_line():
+    model = arm6()
+    ends = States(**{name: np.array([0.1, 0.6]) for name in model.space.names})
+    world = hpop.World.from_polygons([], extent=shapely.box(-1, -1, 1, 1))
+    reach = hpop.Trajectory.through(model, ends)
+    goal = model.space.values(ends.take(slice(1, None)))
+    figure = draw_trace(hpop.Problem(world, model, (0.1,) * 6, goal, ["duration"]), reach)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["planned and executed"]
+    assert figure.get_suptitle().endswith("s, executed as planned")
+    assert len(row(figure, "camera speed").lines) == 1

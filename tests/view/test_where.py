@@ -63,13 +63,13 @@ def test_there_is_one_map_a_criterion_with_its_cost(problem, trajectory):
 
 def test_the_colours_are_the_rates_of_the_trace_where_the_robot_moves(problem, trajectory):
     trace = problem.trace(trajectory)
-    moving = np.array([kind == "move" for kind in trace.trajectory.kinds])
+    moving = np.array([kind == "move" for kind in trace.pieces.kinds])
     figure = draw_where(problem, trajectory)
     for name in ("obstruction", "length"):
         drawn, rate = lines(maps(figure)[NAMES.index(name)]), trace.rate[:, NAMES.index(name)]
         np.testing.assert_array_equal(drawn.get_array(), rate[moving])
         assert drawn.norm.vmin == 0.0
-        assert drawn.norm.vmax == (rate.max() or 1.0)
+        assert drawn.norm.vmax == pytest.approx(rate.max() or 1.0)
 
 
 def test_a_slanting_way_of_one_rate_has_one_colour(problem):
@@ -107,7 +107,7 @@ def test_turns_on_a_spot_that_is_passed_again_add_up(problem):
 def test_a_turn_along_a_curve_colours_the_motion_in_which_it_ends(problem):
     curve = driven(hpop.DifferentialDrive(), (2, 2, 0), [(0.0, 1.0, 2.0), (0.5, 0.0, 3.0), (0.0, -1.0, 2.0)], speed=0.5)
     trace, turns = problem.trace(curve), NAMES.index("turns")
-    shown = shown_along(trace, curve, turns)
+    shown = shown_along(trace, turns)
     where = (trace.times[:-1, None] >= curve.times[:-1] - 1e-9) & (trace.times[1:, None] <= curve.times[1:] + 1e-9)
     assert where.any(axis=0).all()
     each = [set(shown[inside]) for inside in where.T]

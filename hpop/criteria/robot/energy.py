@@ -51,7 +51,7 @@ class Energy:
             v, a, turn, change = s.speed, s.acceleration, half * s.turn_rate, half * s.turn_acceleration
             return self._wheel(v - turn, a - change) + self._wheel(v + turn, a + change)
 
-        if m.law.varies != {"yaw"} or is_symbolic(m.base.rotation):
+        if not m.whole or m.law.varies != {"yaw"} or is_symbolic(m.base.rotation):
             return m.integrate(power)
         # Turns in place differ in their angles only, and a graph has many turns of few angles.
         _, first, place = np.unique(m.base.turned, return_index=True, return_inverse=True)
