@@ -10,7 +10,7 @@ import hpop
 from hpop.goals import LookAt
 from hpop.models import SerialArm
 from hpop.view import save_pictures
-from hpop.world.solids import Box, Cylinder, Solid, pose_at
+from hpop.world import Box, Cylinder, Solid, pose_at
 
 HERE = Path(__file__).parent
 BOARDS = {

@@ -30,6 +30,7 @@ PARTS = {
     "criteria": ["tests/criteria"],
     "frontier": ["tests/frontier"],
     "models": ["tests/models"],
+    "goals": ["tests/goals"],
     "world": ["tests/world"],
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],

@@ -35,6 +35,7 @@ hpop.history.History
 hpop.math.hypot
 hpop.math.smooth_abs
 hpop.models.DifferentialDrive
+hpop.models.SerialArm
 hpop.models.base.Mount
 hpop.models.base.Part
 hpop.models.base.PlanarModel

@@ -182,7 +182,9 @@ def distance(
         wy = ay - (pose[1, 0] * bx + pose[1, 1] * by + pose[1, 2] * bz + pose[1, 3])
         wz = az - (pose[2, 0] * bx + pose[2, 1] * by + pose[2, 2] * bz + pose[2, 3])
         direction[0], direction[1], direction[2] = x, y, z
-        lower = max(lower, (x * wx + y * wy + z * wz) / length - margin)
+        below = (x * wx + y * wy + z * wz) / length - margin
+        risen = below > lower
+        lower = max(lower, below)
         if lower >= enough or (size and upper - lower <= gap * upper):
             break
         known = False
@@ -203,9 +205,11 @@ def distance(
         if size == 4 or length <= TOUCHING * largest:
             upper = 0.0
             break
-        if not length - margin < upper:
+        if not (
+            length - margin < upper or risen
+        ):  # the lower bound is that of a direction: its error is of first order
             break
-        upper = max(0.0, length - margin)
+        upper = min(upper, max(0.0, length - margin))
         if upper < near or (upper < enough and lower >= suffices):
             break
     return lower, upper

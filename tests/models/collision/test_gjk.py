@@ -5,7 +5,7 @@ import math
 import fcl
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -108,6 +108,7 @@ def test_spheres_are_apart_by_their_centres_less_their_radii():
 
 
 @given(st.tuples(*[st.floats(-2.0, 2.0)] * 3), st.floats(0.01, 0.5), st.floats(0.01, 0.5), st.floats(0.01, 0.5))
+@example((0.0, 1e-7, -1.234375), 0.046875, 0.5, 0.5)  # the distance is known to the last bit before the direction is
 def test_a_sphere_and_a_cylinder_are_apart_by_the_closed_form(at, radius, length, ball):
     x, y, z = at
     off = math.hypot(max(math.hypot(x, y) - radius, 0.0), max(abs(z) - length / 2, 0.0))
