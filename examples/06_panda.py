@@ -7,8 +7,10 @@ meshes: `pip install example-robot-data trimesh`. HPOP_DATA is the folder that h
 import importlib.metadata
 import os
 import sys
+from contextlib import suppress
 from math import dist, radians
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -18,20 +20,19 @@ from hpop.models import SerialArm
 from hpop.view import save_pictures
 
 DATA = Path(os.environ.get("HPOP_DATA", Path(__file__).parents[2] / "shared/data")) / "mbm_panda"
+PLANNER = {"spline": {"warm_start": {"roadmap": {"samples": 2000}}}}
 
 
 def panda_urdf() -> Path:
     """The Panda's URDF in the wheel, which has its meshes; FileNotFoundError where that is not installed."""
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        files = []
-    if found := [file for file in files if file.match("panda_description/urdf/panda.urdf")]:
-        return Path(str(found[0].locate())).resolve()
+    with suppress(importlib.metadata.PackageNotFoundError):
+        for file in importlib.metadata.files("example-robot-data") or []:
+            if file.match("panda_description/urdf/panda.urdf"):
+                return Path(str(file.locate())).resolve()
     raise FileNotFoundError("no meshes of the Panda: pip install example-robot-data trimesh")
 
 
-def main(folder: Path = Path("out/06_panda"), number: int = 1, samples: int = 2000) -> hpop.Front:
+def main(folder: Path = Path("out/06_panda"), number: int = 1, planner: Any = PLANNER) -> hpop.Front:
     """Plan, choose, look."""
     # World: the boards and cans of a scene as MoveIt has it; and what is asked in it.
     problems = DATA / "problems/bookshelf_small_panda"
@@ -62,10 +63,9 @@ def main(folder: Path = Path("out/06_panda"), number: int = 1, samples: int = 20
     problem = hpop.Problem(world, arm, start, goal, ["duration", "rotation", {"look_at": {"target": target}}])
 
     # Plan: paths on a random roadmap, edges proved free; each becomes splines, none worse than its path.
-    front = problem.solve(planner="spline", warm_start={"roadmap": {"samples": samples}})
+    front = problem.solve(planner)
     print(f"{len(front)} trajectories ({front.status}); {front.certificate}")
 
-    print(", ".join(f"{cost} {value:.2f}" for cost, value in front.knee().costs.items()))
     folder.mkdir(parents=True, exist_ok=True)
     front.save(folder / "front.json")
     save_pictures(problem, front, folder)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import math
+import runpy
 import sys
 from functools import partial
 from pathlib import Path
@@ -10,10 +12,16 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import hpop
+from hpop.cli import main
+from hpop.cli.pictures import PicturesBeside
+from hpop.frontier import is_nondominated
+from hpop.goals import LookAt
 from hpop.planners.lattice import Lattice
-from hpop.view import draw_map, save_pictures
+from hpop.verify import verify
+from hpop.view import draw_map, draw_side, save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
@@ -153,3 +161,90 @@ def test_no_path_of_the_papers_figure_keeps_everything_clear_with_fewer_turns():
     front = problem.solve(Lattice(step=0.25))
     fewer = front.costs[front.costs[:, 1] < 8]
     assert np.all(fewer[:, 0] > 0)
+
+
+# An arm with a camera in its hand
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Each takes a second or more."""
+    monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder, **options: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
+
+
+def assert_looked_at(problem: hpop.Problem, front: hpop.Front) -> None:
+    """All trajectories end with the target in the middle of the view, within the band, the picture upright."""
+    goal = problem.target
+    assert isinstance(goal, LookAt)
+    ends = [trajectory.states.take([-1]) for trajectory in front.trajectories]
+    for pose in (problem.model.pose("camera", end) for end in ends):
+        way = np.array(goal.target) - [pose.x[0], pose.y[0], pose.z[0]]
+        ahead = np.array([column[0] for column in pose.ahead])
+        assert goal.distance[0] - 1e-6 <= np.linalg.norm(way) <= goal.distance[1] + 1e-6
+        assert ahead @ way / np.linalg.norm(way) >= math.cos(math.radians(1.0)) - 1e-9
+        assert abs(pose.roll[0]) <= math.radians(1.0) + 1e-9
+
+
+def test_an_arm_looks_at_a_can_and_all_that_it_does_is_verified(tmp_path, monkeypatch):
+    drawn = []
+
+    def save_side(problem, front, folder):
+        """The picture that is an arm's own; the others take as long as all the planning."""
+        assert any(str(artist.get_gid()).startswith("views of") for artist in draw_side(problem, front).findobj())
+        assert verify(problem, front) == []
+        assert_looked_at(problem, front)
+        drawn.append(front)
+
+    monkeypatch.setattr("hpop.view.save_pictures", save_side)
+    arms = example("06_arm.py")
+    monkeypatch.setattr(arms, "CANS", {"below": arms.CANS["below"]})
+    (front,) = arms.main(tmp_path, samples=10)
+    assert drawn == [front]
+    assert len(front) > 1
+    assert is_nondominated(front.costs).all()
+    assert any(set(trajectory.kinds) == {"spline"} for trajectory in front.trajectories)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_an_arm_before_a_shelf_is_planned_and_shown_from_the_command_line(tmp_path):
+    scenario, folder = tmp_path / "shelf.yaml", tmp_path / "out"
+    text = (EXAMPLES / "arm_shelf.yaml").read_text().replace("arm/arm6", str(EXAMPLES / "arm/arm6"))
+    before, _, planner = text.partition("planner:")
+    assert "spline: {warm_start: {roadmap: {samples: 2000}}}" in planner
+    scenario.write_text(before + "planner: {roadmap: {samples: 200}}\n")
+    planned = CliRunner().invoke(main, ["plan", str(scenario), "--out", str(folder)])
+    assert planned.exit_code == 0, planned.output
+    assert "look_at" in planned.output
+    shown = CliRunner().invoke(main, ["show", str(folder)])
+    assert shown.exit_code == 0, shown.output
+    assert "verified" in shown.output
+    front = hpop.Front.load(folder / "front.json")
+    assert len(front) > 3
+    assert is_nondominated(front.costs).all()
+    assert_looked_at(hpop.Problem.from_description(front.problem), front)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_panda_reaches_into_a_bookshelf(tmp_path, shared_data):
+    data = shared_data("mbm_panda")
+    panda = example("06_panda.py")
+    assert data == panda.DATA
+    try:
+        panda.panda_urdf()
+    except FileNotFoundError as reason:
+        pytest.skip(str(reason))
+    front = panda.main(tmp_path, planner={"roadmap": {"samples": 50}})
+    assert front.names == ("duration", "rotation", "look_at")
+    assert is_nondominated(front.costs).all()
+    again = hpop.Front.load(tmp_path / "front.json")
+    assert verify(hpop.Problem.from_description(again.problem), again) == []
+
+
+def test_the_panda_without_its_data_says_what_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setenv("HPOP_DATA", str(tmp_path))
+    with pytest.raises(SystemExit, match=r"no folder .* set HPOP_DATA to the folder that has mbm_panda in it"):
+        runpy.run_path(str(EXAMPLES / "06_panda.py"), run_name="__main__")
+    monkeypatch.setattr("importlib.metadata.files", lambda name: None)
+    with pytest.raises(FileNotFoundError, match="pip install example-robot-data trimesh"):
+        example("06_panda.py").panda_urdf()
