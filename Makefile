@@ -39,6 +39,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/weighted_sum_corridor.py --out out/bench/weighted_sum_corridor.json
 	$(BIN)/python benchmarks/mean.py --out out/bench/mean.json
 	$(BIN)/python benchmarks/arm.py --out out/bench/arm.json
+	$(BIN)/python benchmarks/arm_plans.py --out out/bench/arm_plans.json
 
 reference: $(READY)
 	$(BIN)/python docs/make_reference.py

@@ -1,4 +1,4 @@
-"""Benchmark of an arm's geometry: poses, states, clearances and certified motions a second of one core.
+"""Benchmark of an arm's geometry: poses, goals, states, clearances and certified motions a second of one core.
 
 ``python benchmarks/arm.py --out out/bench/arm.json``
 
@@ -10,41 +10,24 @@ free states to others: a share of the way to one that is drawn as well. Seconds 
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mbm
 import numpy as np
 
 import hpop
+from hpop.goals import LookAt
 from hpop.models.serial_arm.model import SerialArm
 from hpop.motions import Motions, States
 
-ROOT = Path(__file__).parents[1]
 POSES = 100_000
 STATES = 20_000
+GOALS = 1_000
 SHARES = {"far": 1.0, "middling": 0.3, "near": 0.1}
-SCENES = ("bookshelf_small", "table_pick")
-
-
-def panda(data: Path) -> SerialArm | None:
-    """The arm, if its files are there."""
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        return None
-    urdf = next(Path(str(f.locate())) for f in files if str(f).endswith("panda_description/urdf/panda.urdf"))
-    return SerialArm.from_urdf(
-        urdf,
-        tip="panda_hand",
-        acceleration=5.0,
-        srdf=data / "panda.srdf",
-        packages={"example-robot-data": urdf.parents[3]},
-        fixed={"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04},
-    )
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -61,6 +44,19 @@ def columns(arm: SerialArm, states: States) -> list[Any]:
     """All of the camera's poses."""
     pose = arm.pose("camera", States(**states.__dict__))  # of other states: what is known of the same ones is kept
     return [pose.x, pose.y, pose.z, *pose.ahead, *pose.left, *pose.up]
+
+
+def goals(arm: SerialArm) -> dict[str, Any]:
+    """States in which the camera looks at what is grasped, from 20 to 40 cm away, by inverse kinematics."""
+    asked = mbm.problem(arm, mbm.SETS[0], 1)
+    target = asked.criteria[2].target
+    problem = hpop.Problem(asked.world, arm, asked.start, LookAt(target, (0.2, 0.4)), ["duration"])
+    states = problem.target.states(problem, np.random.default_rng(1), GOALS)
+    return {
+        "seconds": seconds(lambda: problem.target.states(problem, np.random.default_rng(1), GOALS)),
+        "found": states.size,
+        "free": int(arm.collision(asked.world).states_free(states).sum()),
+    }
 
 
 def measured(arm: SerialArm, world: hpop.World, rng: np.random.Generator) -> dict[str, Any]:
@@ -89,19 +85,17 @@ def measured(arm: SerialArm, world: hpop.World, rng: np.random.Generator) -> dic
 def main() -> None:
     """Measure, print and write it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--out", type=Path, help="JSON file to write")
     arguments = parser.parse_args()
-    data, rng = arguments.data / "mbm_panda", np.random.default_rng(1)
-    arm = panda(data) if data.is_dir() else None
+    arm, rng = mbm.panda(), np.random.default_rng(1)
     if arm is None:
-        print(f"nothing is measured: it takes the wheel example-robot-data, and {data}")
+        print(mbm.LACKING)
         return
     drawn = arm.space.sample(rng, POSES)
     report: dict[str, Any] = {f"poses_{POSES}_s": seconds(lambda: columns(arm, drawn))}
-    for name in SCENES:
-        world = hpop.World.from_moveit_scene(data / "problems" / f"{name}_panda" / "scene0001.yaml")
-        report[name] = measured(arm, world, rng)
+    report[f"goals_{GOALS}"] = goals(arm)
+    for name in mbm.SETS:
+        report[name] = measured(arm, mbm.world(name, 1), rng)
     print(json.dumps(report, indent=1))
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -75,6 +75,14 @@ def test_make_bench_fails_on_a_regression_and_still_writes_what_it_measured(
     assert json.loads(out.read_text())["instances"] == [worse]
 
 
+def test_make_bench_runs_every_benchmark_that_writes_its_figures():
+    texts = {file.name: file.read_text() for file in BENCHMARKS.glob("*.py")}
+    writing = {name for name, text in texts.items() if '"--out", type=Path' in text and "png" not in text}
+    made = (BENCHMARKS.parent / "Makefile").read_text()
+    assert {name for name in writing if f"benchmarks/{name} --out" not in made} == set()
+    assert "arm_plans.py" in writing
+
+
 def test_an_absent_map_is_skipped_with_a_line(module, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(module("maps"), "DATA", tmp_path)
     assert module("lattice").ladder([("pal_office", 0.25)]) == []

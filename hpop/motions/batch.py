@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
+ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
+DIGITS = 9  # of the numbers by which such ends are found
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
@@ -78,6 +80,25 @@ class Motions:
         return sum(phase.duration for phase in self.phases)
 
     @cached_property
+    def twins(self) -> IntArray:
+        """Of each motion (M,) the place of the one that goes back through the same states, or its own.
+
+        What adds up along both alike is then added up for one of them. Only a law that says that it is ``reversible``
+        has such motions; of two the first in the batch is the place of both.
+        """
+        places = np.arange(len(self))
+        if self._symbolic or not getattr(self.law, "reversible", False):
+            return places
+        names = self.start.names
+        start, end = (np.stack([getattr(states, name) for name in names]) for states in (self.start, self.end))
+        numbers = np.sqrt(np.arange(2.0, 2.0 + len(names)))  # two states hardly ever have the same sum
+        ends = np.sort(np.round([numbers @ start, numbers @ end], DIGITS), axis=0)
+        _, first, which = np.unique(ends[0] + 1j * ends[1], return_index=True, return_inverse=True)
+        twin = first[which]
+        back = (np.abs(start - end[:, twin]) <= ALIKE) & (np.abs(end - start[:, twin]) <= ALIKE)
+        return np.where(back.all(axis=0), twin, places)
+
+    @cached_property
     def base(self) -> Body:
         """The robot's base."""
         return self.model.body("base", self)
@@ -91,9 +112,10 @@ class Motions:
         """Time integral (M,) of a rate along each motion.
 
         Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
-        degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says. A rate that
-        reads nothing that changes (the camera's position during a turn about it) is exact, and so is one that reads
-        accelerations that stay the same within each phase.
+        degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says, and once for
+        motions there and back (:attr:`twins`) if the rate reads states alone. A rate that reads nothing that changes
+        (the camera's position during a turn about it) is exact, and so is one that reads accelerations that stay the
+        same within each phase.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -200,7 +222,8 @@ class Motions:
         """Time integral (M,) of a rate that reads states alone."""
         nothing = 0.0 * self.duration
         whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
-        return adaptive_integrals(self._at(rate, whole), timed(self.phases), np.flatnonzero(self.duration), len(self))
+        some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
+        return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, len(self))[self.twins]
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
         """The rate at fractions of a phase, of motions that are named."""

@@ -26,31 +26,32 @@ class ArmBody(Body):
     def __init__(self, name: str, kinematics: Kinematics, motions: Motions) -> None:
         ends = {key: kinematics.pose(name, states) for key, states in (("start", motions.start), ("end", motions.end))}
         self.__dict__.update(ends, _name=name, _kinematics=kinematics, _ends=(motions.start, motions.end))
-        self.__dict__.update(_pieces=motions.panels)
+        self.__dict__.update(_pieces=motions.panels, _twins=motions.twins)
 
     _name: str
     _kinematics: Kinematics
     _ends: tuple[States, States]
     _pieces: int | None
+    _twins: IntArray
 
     @cached_property
     def length(self) -> Column:
-        return self._along(lambda twist: norm(twist.velocity))
+        return self._along(lambda twist: norm(twist.velocity), self._twins)
 
     @cached_property
     def turned(self) -> Column:
-        return self._along(lambda twist: norm(twist.rotation))
+        return self._along(lambda twist: norm(twist.rotation), self._twins)
 
     @cached_property
     def rotation(self) -> Column:
-        return self._along(lambda twist: twist.rotation[2])
+        return self._along(lambda twist: twist.rotation[2], np.arange(self._twins.size))
 
     @property
     def turns(self) -> tuple[Column, ...]:
         return (self.rotation,)
 
-    def _along(self, amount: Callable[[Twist], Column]) -> Column:
-        """What twists add up to between the ends (M,)."""
+    def _along(self, amount: Callable[[Twist], Column], twins: IntArray) -> Column:
+        """What twists add up to between the ends (M,), that of motions with the same twin once."""
         start, end = self._ends
         names = self._kinematics.chain.names
         ways = States(**{name: getattr(end, name) - getattr(start, name) for name in names})
@@ -62,7 +63,7 @@ class ArmBody(Body):
 
         symbolic = any(is_symbolic(getattr(ways, name)) for name in names)
         if not symbolic and self._pieces is None:
-            return adaptive_integrals(at, evenly, np.arange(start.size), start.size)
+            return adaptive_integrals(at, evenly, np.unique(twins), start.size)[twins]
         count = self._pieces or PIECES
         return sum(
             weight / count * at((i + node) / count)

@@ -31,6 +31,7 @@ class Reach:
     kind: str = "reach"
 
     quadrature = "adaptive"
+    reversible = True  # back through the same states in the same times
 
     @property
     def varies(self) -> frozenset[str]:

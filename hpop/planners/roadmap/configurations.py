@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 ARC = 16  # bytes of an arc beside its costs
-PIECES = 64  # a chain is as much work as so many arcs of one motion
+ORDERED = 40  # and while it is looked which of them go there and back
+PIECES = 64  # to look whether a chain is free is as much work as so many arcs of one motion
+COSTED = 8  # and so are its costs: in smaller blocks more time is spent between them
 NEAREST, FAR, PAIRS = 8, 8, 10  # of a robot beyond the plane: neighbours, far links, pairs of trees
 GOAL_STATES = 100  # drawn of a goal that is more than one state
 
@@ -141,14 +143,18 @@ class ConfigurationRoadmap(TrajectoryGraph):
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: costs of chains in quanta, rounded once."""
         arcs, doing = self.arcs, f"{self.words} was built"
-        self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), doing)
-        costs = np.empty((arcs.heads.size, len(criteria)), np.int64)
+        size = arcs.heads.size
+        self.spending.check(doing, size * (8 * len(criteria) + ARC + ORDERED))
+        self.spending.hold(size * (8 * len(criteria) + ARC), doing)
+        costs, (tails, heads) = np.empty((size, len(criteria)), np.int64), arcs.ends(slice(0, size))
+        there_and_back = np.lexsort((np.maximum(tails, heads), np.minimum(tails, heads)))
 
-        def paid(part: slice) -> tuple[slice, IntArray]:
-            return part, self._chains(*arcs.ends(part)).costs(criteria)
+        def paid(part: slice) -> tuple[IntArray, IntArray]:
+            places = there_and_back[part]
+            return places, self._chains(tails[places], heads[places]).costs(criteria)
 
-        for part, counts in self.spending.each(paid, blocks(arcs.heads.size, PIECES), doing):
-            costs[part] = counts
+        for places, counts in self.spending.each(paid, blocks(size, COSTED), doing):
+            costs[places] = counts
         costs.setflags(write=False)
         return Graph.from_csr(arcs.start, arcs.heads, costs, aggregates=aggregates(criteria))
 
