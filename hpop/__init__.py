@@ -12,7 +12,7 @@ from hpop.lazy import on_first_use
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion, criterion
     from hpop.front import Front
-    from hpop.models import DifferentialDrive, PanTilt, SerialArm
+    from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
     from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
@@ -28,6 +28,7 @@ _HOMES = {
     "DifferentialDrive": "hpop.models",
     "Front": "hpop.front",
     "Lattice": "hpop.planners",
+    "MobileArm": "hpop.models",
     "Motions": "hpop.motions",
     "PanTilt": "hpop.models",
     "Problem": "hpop.problem",
@@ -44,6 +45,7 @@ __all__ = [
     "DifferentialDrive",
     "Front",
     "Lattice",
+    "MobileArm",
     "Motions",
     "PanTilt",
     "Problem",

@@ -20,6 +20,7 @@ from hpop.cli.pictures import PicturesBeside
 from hpop.frontier import is_nondominated
 from hpop.goals import LookAt
 from hpop.planners.lattice import Lattice
+from hpop.scenario import load_scenario
 from hpop.verify import verify
 from hpop.view import draw_map, draw_side, save_pictures
 
@@ -118,6 +119,24 @@ def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp
     saved = hpop.Front.load(tmp_path / "front.json")
     assert isinstance(saved.trajectories[0].model, hpop.PanTilt)
     np.testing.assert_array_equal(saved.costs, front.costs)
+
+
+def test_a_base_drives_an_arm_to_a_shelf_in_several_ways(tmp_path, monkeypatch):
+    def save_map(problem, front, folder):
+        """One of its pictures."""
+        draw_map(problem, front).savefig(folder / "map.png", dpi=40)
+
+    monkeypatch.setattr("hpop.view.save_pictures", save_map)
+    front = example("07_mobile_arm.py").main(tmp_path, samples=100)
+    assert len(front) > 1
+    model = front.trajectories[0].model
+    assert load_scenario(EXAMPLES / "mobile_arm.yaml").problem.model == model
+    for trajectory in front.trajectories:  # the base stands, in front of the shelf, while the arm reaches to the can
+        assert {"move", "reach"} <= set(trajectory.kinds)
+        end, camera = trajectory.states.take([-1]), model.pose("camera", trajectory.states.take([-1]))
+        assert 3.0 < end.x[0] < 4.55
+        apart = np.linalg.norm([camera.x[0] - 4.75, camera.y[0] - 2.5, camera.z[0] - 0.82])
+        assert apart == pytest.approx(0.3, abs=0.1 + 1e-6)
 
 
 def test_the_studys_picture_says_what_each_line_is(tmp_path):

@@ -142,8 +142,8 @@ class InverseKinematics:
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:
-    """The space in which states of a model are sought: of a robot in the plane within the bounds of the world."""
-    if "plane" not in model.provides:
+    """The space in which states of a model are sought: of a base that x and y place, within the bounds of the world."""
+    if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
         return model.space
     x_min, y_min, x_max, y_max = world.bounds
     return model.space.bounded(x=(x_min, x_max), y=(y_min, y_max))

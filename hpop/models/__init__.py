@@ -1,7 +1,8 @@
 """Robot models; importing this package registers those that come with hpop."""
 
 from hpop.models.differential_drive import DifferentialDrive
+from hpop.models.mobile_arm import MobileArm
 from hpop.models.pan_tilt import PanTilt
 from hpop.models.serial_arm import SerialArm
 
-__all__ = ["DifferentialDrive", "PanTilt", "SerialArm"]
+__all__ = ["DifferentialDrive", "MobileArm", "PanTilt", "SerialArm"]

@@ -37,6 +37,8 @@ class StateSpace:
     weights  m a unit: how far a robot moves in the time in which the column changes by one; of distances
     turning  names of the columns in which 2 pi is a whole turn; their values have no limits
     named    states that have a name, which may be given in their place
+    rest     values of some columns while the others change, if these have such: an arm is folded while its base drives;
+             half of what is drawn has them
 
     >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
     >>> print(plane)
@@ -52,6 +54,7 @@ class StateSpace:
     weights: tuple[float, ...]
     turning: frozenset[str] = frozenset()
     named: Mapping[str, Values] = dataclasses.field(default_factory=dict, hash=False)
+    rest: Mapping[str, float] = dataclasses.field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for field in ("names", "units", "low", "high", "weights"):
@@ -169,5 +172,9 @@ class StateSpace:
         return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
 
     def sample(self, rng: np.random.Generator, n: int) -> States:
-        """States (n,), uniform between low and high."""
-        return States(**dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True)))
+        """States (n,), uniform between low and high; of a space with a rest half of them, by chance, at rest."""
+        drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))
+        if self.rest:
+            rests = rng.random(n) < 0.5
+            drawn |= {name: np.where(rests, value, drawn[name]) for name, value in self.rest.items()}
+        return States(**drawn)

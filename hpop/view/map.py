@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 
 from hpop.arrays import FloatArray
 from hpop.front import Front
+from hpop.goals import GoalSet
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
@@ -195,7 +196,8 @@ def _draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> S
             )
             arrow.set_gid(f"{name} heading")
     words = ("", "") if "base" not in problem.model.provides else (_headings([start]), _headings(goals))
-    said = words[0], goal_words(problem, len(goals)) + words[1]
+    heading = words[1] if isinstance(problem.target, GoalSet) else words[1].replace(", ", ",\n", 1)  # else too long
+    said = words[0], goal_words(problem, len(goals)) + heading
     return draw_ends(axes, start[:2], [goal[:2] for goal in goals], said)
 
 

@@ -135,12 +135,14 @@ class DifferentialDrive(PlanarModel):
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """Collision geometry: the body on the floor, and the mast that carries the camera."""
-        body = (
-            (Part(((0.0, 0.0),), float(self.radius), 0.0, self.body_height),)
-            if self.footprint is None
-            else convex_parts(self.footprint, 0.0, self.body_height)
-        )
-        return (*body, Part((self.camera_offset,), self.mast_radius, 0.0, self.camera_height))
+        return (*self.body_parts, Part((self.camera_offset,), self.mast_radius, 0.0, self.camera_height))
+
+    @cached_property
+    def body_parts(self) -> tuple[Part, ...]:
+        """Those of the body on the floor."""
+        if self.footprint is None:
+            return (Part(((0.0, 0.0),), float(self.radius), 0.0, self.body_height),)
+        return convex_parts(self.footprint, 0.0, self.body_height)
 
     def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
         """Wheel speeds v ± ω b/2 and accelerations along a trajectory; ask it of an execution.

@@ -19,6 +19,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
+from hpop.goals.inverse_kinematics import sampled_space
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import Arcs, blocks
 from hpop.planners.graphs.chains import Chains
@@ -221,10 +222,8 @@ def configuration_roadmap(
     far : to how many farther away; None takes none in the plane, else 8
     trees : pairs of them that look for guides; None takes none in the plane, else 10
     """
-    space, model = problem.model.space, problem.model
-    if in_plane := "plane" in model.provides:  # within the bounds of the world, which the model's space cannot know
-        x_min, y_min, x_max, y_max = problem.world.bounds
-        space = space.bounded(x=(x_min, x_max), y=(y_min, y_max))
+    model = problem.model
+    space, in_plane = sampled_space(model, problem.world), "plane" in model.provides
     of_goals, of_samples, of_trees, of_links = np.random.default_rng(seed).spawn(4)
     start, (goals, sought) = _start(problem), _goals(problem, of_goals)
     connections = Connections(problem, space)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,10 +42,13 @@ def guided(
 
     That is where the distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times the length of the
     shortest guide: what informed RRT* (Gammell et al. 2014, doi 10.1109/IROS.2014.6942976) calls its informed set.
+
+    Of a space with a rest half of either are at rest, the inner states of guides among them; others are where a guide,
+    the start or a goal is, but for what rests.
     """
     shortest, near = length(found[0], connections), round(NEAR * number)
     longest, space = LONGER * shortest, connections.space
-    box = _box(connections, start, goals, longest)
+    box, ends = replace(_box(connections, start, goals, longest), rest={}), np.vstack([start, goals])
     begin, end = (np.concatenate([guide.rows[side] for guide in found]) for side in (slice(-1), slice(1, None)))
     sizes = connections.apart(begin, end)
     metre = np.divide(1.0, connections.weights, out=np.zeros_like(begin[0]), where=connections.weights > 0)
@@ -53,21 +57,38 @@ def guided(
         for name, *bounds in zip(space.names, space.low, space.high, strict=True)
     ]
 
+    def settled(rows: FloatArray, places: FloatArray) -> FloatArray:
+        """Rows (n, k), some of them at rest, and those that are not but for that at one of places (n, k)."""
+        if not space.rest:
+            return rows
+        moved = np.where([name in space.rest for name in space.names], rows, places)
+        return np.where(rng.random((len(rows), 1)) < 0.5, rested(space, rows), moved)
+
     def beside(count: int) -> FloatArray:
         piece = rng.choice(len(begin), count, p=sizes / sizes.sum())
         share = rng.random((count, 1))
         spread = shortest * CLOSEST * (FARTHEST / CLOSEST) ** rng.random((count, 1))
         rows = begin[piece] + share * connections.differences(begin[piece], end[piece])
         rows += spread * metre * rng.standard_normal(rows.shape) / math.sqrt(max(1, int((metre > 0).sum())))
+        rows = settled(rows, np.where(share < 0.5, begin[piece], end[piece]))
         return rows[((rows >= [low for low, _ in limits]) & (rows <= [high for _, high in limits])).all(axis=1)]
 
     def within(count: int) -> FloatArray:
         rows = connections.rows(box.sample(rng, count))
+        rows = settled(rows, ends[rng.integers(len(ends), size=count)] if space.rest else rows)
         return rows[informed(connections, start, goals, longest, rows)]
 
-    return np.concatenate(
-        [_drawn(connections, beside, near, spending), _drawn(connections, within, number - near, spending)]
-    )
+    inner = rested(space, np.concatenate([guide.rows[1:-1] for guide in found]))[: near if space.rest else 0]
+    inner = inner[connections.collision.states_free(connections.states(inner))]
+    near -= len(inner)
+    drawn = _drawn(connections, beside, near, spending)
+    return np.concatenate([inner, drawn, _drawn(connections, within, number - len(inner) - near, spending)])
+
+
+def rested(space: StateSpace, rows: FloatArray) -> FloatArray:
+    """Rows (n, k), what rests in them at rest."""
+    rest = [space.rest.get(name, np.nan) for name in space.names]
+    return np.where(np.isnan(rest), rows, rest)
 
 
 def informed(
