@@ -119,7 +119,9 @@ class SplineJob:
     def _improved(self, knots: Knots, pieces: Pieces, aim: Aim, counts: Counter[str]) -> Knots:
         """The last of steps that each lower the merit and are free."""
         space = self.problem.model.space
-        steps = Steps(knots.shares, pieces.law, np.array(space.low), np.array(space.high))
+        turning = np.array([name in space.turning for name in pieces.law.names])
+        low, high = np.where(turning, -np.inf, space.low), np.where(turning, np.inf, space.high)
+        steps = Steps(knots.shares, pieces.law, low, high)
         merit, distance = aim.merit(pieces.costs(knots)), FIRST
         for _ in range(STEPS):
             counts["steps"] += 1

@@ -18,11 +18,11 @@ from typing import Protocol
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.motions import Curve, Model, States
+from hpop.motions import Curve, Model, States, is_curve
 from hpop.trajectory import Trajectory
 
 LAW = "spline"
-LEAST_PIECES = 2  # of each motion that becomes a spline: it begins and ends at rest
+LEAST_PIECES = 2  # of each motion from rest to rest that becomes a spline
 
 
 class SplineLaw(Curve, Protocol):
@@ -63,11 +63,14 @@ class Knots:
     def along(cls, trajectory: Trajectory, law: SplineLaw, count: int) -> Knots:
         """Through what a trajectory passes, at its speeds there, at times spread over it, some in each motion.
 
-        Motions straight in the joints stay so; the duration is the least that the limits allow.
+        Motions straight in the joints stay so, and splines stay what they are; the duration is the least that the
+        limits allow.
         """
         lasts = trajectory.durations
         motions = np.flatnonzero(lasts > 0)
-        pieces = np.maximum(LEAST_PIECES, np.round(count * lasts[motions] / lasts.sum()).astype(np.int64))
+        goes_on = np.array([is_curve(trajectory.model.laws[trajectory.kinds[i]]) for i in motions])
+        least = np.where(goes_on, 1, LEAST_PIECES)
+        pieces = np.maximum(least, np.round(count * lasts[motions] / lasts.sum()).astype(np.int64))
         shares = np.repeat(lasts[motions] / pieces, pieces) / lasts.sum()
         times = np.concatenate([[0.0], np.cumsum(shares)]) * lasts.sum()
         times[-1] = trajectory.duration
@@ -76,7 +79,7 @@ class Knots:
         slopes = np.stack([np.broadcast_to(getattr(rates, name), times.shape) for name in law.names], axis=1)
         slopes = slopes * trajectory.duration
         ends = np.concatenate([[0], np.cumsum(pieces)])
-        slopes[ends] = 0.0  # at rest
+        slopes[ends[:-1][~goes_on]] = slopes[ends[1:][~goes_on]] = 0.0  # at rest
         return cls(values, slopes, shares, 0.0).quickest(law)
 
     @property

@@ -40,12 +40,13 @@ class Spline:
     minimise    name of the cost that is minimised; None makes a spline for all costs alike, each relative to the
                 path's, and from there on one for each cost by itself
     warm_start  what gives the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    time_limit  s      warm starts included
+    time_limit  s      warm starts included; looked at between paths
 
-    Sequential linear programming: from the path itself, slowed down where cubics need it, knots and slopes are moved
-    step by step, distances of bodies and costs replaced by their tangents; a step counts only if the costs, evaluated,
-    are lower and the certificate of the collision model says that the spline is free all along. So every step is a
-    valid plan, and so is what a limit leaves.
+    Sequential linear programming: from the path itself, which may be a spline already, or else slowed down where cubics
+    need it, knots and slopes are moved step by step, distances of bodies and costs replaced by their tangents; a step
+    counts only if the costs, evaluated, are lower and the certificate of the collision model says that the spline is
+    free all along. So every step is a valid plan. What a limit or Ctrl-C leaves are the splines of the paths that are
+    done, and all paths.
 
     Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient on
     symbols; the others come as they come, with a note. Guarantees that every spline is free by certificate, keeps the
