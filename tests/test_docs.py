@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -131,6 +131,62 @@ def test_the_curve_in_the_docs_is_what_it_says():
     assert curve.kinds == ("drive",) * 5
     assert curve.states.names == ("x", "y", "yaw", "speed", "turn_rate", "clock")
     assert sum((abs(column) > 0.1).sum() for column in curve.turns) == 2
+
+
+def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
+    """From the URDF to a front that is verified, block after block; pictures take seconds."""
+    from hpop.verify import verify
+
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder: Path(folder).mkdir(parents=True))
+    names: dict = {}
+    for block in blocks("docs/arm.md"):
+        exec(compile(block, "docs/arm.md", "exec"), names)
+    problem, front, smooth, path = (names[name] for name in ("problem", "front", "smooth", "path"))
+    why = names["arm"].collision(names["world"]).why_blocked(names["bent"])
+    assert why.startswith("the link 'hand' touches the obstacle 'can', or")
+    for words in ("free states of the goal", "guides", "edges were checked in"):
+        assert words in front.certificate
+    assert smooth.best("duration").costs["duration"] < path.costs["duration"]
+    assert {kind for trajectory in smooth.trajectories for kind in trajectory.kinds} == {"spline"}
+    assert verify(problem, front) == verify(problem, smooth) == []
+
+
+def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
+    """Rows: improved by splines; without symbols; with memory; refused."""
+    from hpop.criteria.base import make_criterion
+    from hpop.errors import CriterionError
+    from hpop.planners.spline.pieces import Pieces
+    from hpop.registry import criteria
+    from hpop.scenario import load_scenario
+    from hpop.world.content import Landmark
+
+    shelf = load_scenario(ROOT / "examples/arm_shelf.yaml").problem
+    world = shelf.world.with_content(landmarks=[Landmark(0.7, 0.25, z=0.43)])
+    table = (ROOT / "docs/arm.md").read_text().partition("## Criteria")[2].partition("\n\nMeans")[0]
+    rows = [re.findall(r"`(\w+)`", line.split("|")[2]) for line in table.splitlines() if "`" in line]
+    at_home = {name for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}
+    assert sorted(name for row in rows for name in row) == sorted(at_home)
+    improved, rough, remembering, refused = (
+        [
+            make_criterion({name: {"target": (0.7, 0.25, 0.43)} if "target" in _options(criteria[name]) else {}})
+            for name in row
+        ]
+        for row in rows
+    )
+    for criterion in (*improved, *rough, *remembering):
+        replace(shelf, world=world, criteria=(criterion,))
+    assert all(criterion.smooth for criterion in improved)
+    assert all(Pieces.with_gradients(world, shelf.model, rough).values())
+    assert {criterion.aggregate for criterion in remembering} == {"trajectory"}
+    for criterion in refused:
+        with pytest.raises(CriterionError, match=criterion.name):
+            replace(shelf, criteria=(criterion,)).solve("roadmap", samples=1)
+
+
+def _options(cls: type) -> set[str]:
+    return {option.name for option in fields(cls)}
 
 
 @pytest.mark.parametrize("file", ["README.md", *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))])
