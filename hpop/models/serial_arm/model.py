@@ -64,8 +64,9 @@ class SerialArm(Model):
                               nearest to it
     field_of_view  rad        (horizontal, vertical) angles of what the camera sees, or None for all round
 
-    It has one law, "reach": from rest to rest, all joints having done the same share of their ways at each moment. Two
-    states are as far apart as the joints need seconds at their greatest speeds, as a root of squares, times 1 m/s.
+    It has two laws: "reach", from rest to rest, all joints having done the same share of their ways at each moment, and
+    "spline", cubics of time from knot to knot. Two states are as far apart as the joints need seconds at their greatest
+    speeds, as a root of squares, times 1 m/s.
     """
 
     name: ClassVar[str]

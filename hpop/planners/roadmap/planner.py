@@ -139,7 +139,7 @@ class Roadmap:
         """The roadmap, and a note if it has fewer samples than were asked for."""
         roadmap = self.roadmap(problem, spending)
         drawn = roadmap.options["samples"]
-        few = f"only {drawn} of {self.samples:,} samples: next to nothing of the map is free"
+        few = f"only {drawn} of {self.samples:,} samples: next to nothing is free where they are drawn"
         notes = roadmap.notes if isinstance(roadmap, ConfigurationRoadmap) else ()
         return roadmap, (few, *notes) if drawn < self.samples else notes
 
