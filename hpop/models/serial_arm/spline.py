@@ -104,8 +104,9 @@ class Spline:
         return none, none
 
     def strays(self, start: States, end: States) -> Column:
-        """0 (M,), infinite where time runs backwards."""
-        return np.where(end.clock >= start.clock, 0.0, np.inf)
+        """0 (M,); infinite where time runs backwards, and where none passes, how far a joint or its speed jumps."""
+        jump = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in self.varies - {CLOCK}], axis=0)
+        return np.where(end.clock > start.clock, 0.0, np.where(end.clock == start.clock, jump, np.inf))
 
     def ways(self, name: str, start: States, end: States) -> Column:
         """How far (M,), rad or m, a joint goes at most, there and back: between the control points of its cubic."""

@@ -56,3 +56,14 @@ def test_time_that_runs_backwards_leads_nowhere():
     assert LAW.strays(at, later) == [0.0]
     assert LAW.strays(later, at) == [np.inf]
     assert isinstance(at, States)
+
+
+@pytest.mark.parametrize("jumps", ["a", "b_rate"])
+def test_nothing_jumps_in_no_time(jumps):
+    """It would cost nothing, and no limit would know of it."""
+    at = LAW.knots([np.zeros(1)] * 2, [np.zeros(1)] * 2, np.zeros(1))
+    there = States(**at.__dict__ | {jumps: np.array([0.1])})
+    assert LAW.strays(at, at) == [0.0]
+    assert LAW.strays(at, there) == [0.1]
+    later = States(**there.__dict__ | {"clock": np.ones(1)})
+    assert LAW.strays(at, later) == [0.0]
