@@ -111,7 +111,8 @@ class StagedPlanner(Planner, Protocol):
     """A planner that has a first answer soon and better ones later.
 
     ``stages`` gives the candidates of each stage in turn. Those before the last are UNFINISHED; the last are what
-    ``solve`` finds. After Ctrl-C in a stage its candidates are INTERRUPTED and no other stage follows.
+    ``solve`` finds, which may keep those before where it found not all. After Ctrl-C in a stage its candidates are
+    INTERRUPTED and no other stage follows.
     """
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]: ...

@@ -10,36 +10,30 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.errors import QueryError
 from hpop.goals import GoalSet
-from hpop.goals.inverse_kinematics import sampled_space
-from hpop.motions import States, StateSpace
+from hpop.motions import States
 from hpop.planners.graphs.arcs import Arcs, blocks
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
-from hpop.planners.roadmap.guides import Connections, Guide, guides
 from hpop.planners.roadmap.links import START, linked
 from hpop.planners.roadmap.samples import guided, uniform
+from hpop.planners.roadmap.survey import GOAL_STATES, Survey, all_of, along
 from hpop.planners.spending import Spending
 from hpop.search import Graph
-
-if TYPE_CHECKING:
-    from hpop.problem import Problem
 
 ARC = 16  # bytes of an arc beside its costs
 ORDERED = 40  # and while it is looked which of them go there and back
 PIECES = 64  # to look whether a chain is free is as much work as so many arcs of one motion
 COSTED = 8  # and so are its costs: in smaller blocks more time is spent between them
-NEAREST, FAR, PAIRS = 8, 8, 10  # of a robot beyond the plane: neighbours, far links, pairs of trees
-GOAL_STATES = 100  # drawn of a goal that is more than one state
+NEAREST, FAR = 8, 8  # of a robot beyond the plane: neighbours, far links
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,40 +197,28 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
 
 def configuration_roadmap(
-    problem: Problem,
-    samples: int,
-    neighbours: int | None,
-    far: int | None,
-    trees: int | None,
-    seed: int,
-    spending: Spending,
+    known: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
 ) -> ConfigurationRoadmap:
-    """The roadmap between a problem's start and goal, lazy unless the robot is one of the plane.
+    """The roadmap between the start and the goals of a survey, lazy unless the robot is one of the plane.
 
-    Raises QueryError when one of them is blocked, OptionError for more links than a graph can have.
+    Raises OptionError for more links than a graph can have.
 
     Parameters
     ----------
     samples : free configurations that are drawn; fewer where next to nothing is free
     neighbours : to how many of the nearest each is linked; None takes ceil(2e log n) of n in the plane, else 8
     far : to how many farther away; None takes none in the plane, else 8
-    trees : pairs of them that look for guides; None takes none in the plane, else 10
     """
-    model = problem.model
-    space, in_plane = sampled_space(model, problem.world), "plane" in model.provides
-    of_goals, of_samples, of_trees, of_links = np.random.default_rng(seed).spawn(4)
-    start, (goals, sought) = _start(problem), _goals(problem, of_goals)
-    connections = Connections(problem, space)
-    begin, ends = connections.rows(start)[0], connections.rows(goals)
-    pairs = (0 if in_plane else PAIRS) if trees is None else trees
-    found = _guides(connections, begin, ends, pairs, of_trees, spending)
+    problem, connections, seed = known.problem, known.connections, known.seed
+    model, space, in_plane = problem.model, connections.space, "plane" in problem.model.provides
+    _, of_samples, _, of_links = np.random.default_rng(seed).spawn(4)
+    start, goals, found, pairs = known.start, known.goals, known.guides, known.pairs
     if found:
-        rows = guided(connections, begin, ends, found, samples, of_samples, spending)
+        rows = guided(connections, *known.ends, found, samples, of_samples, spending)
     else:
         rows = uniform(connections, samples, of_samples, spending)
-    inner = np.concatenate([rows[:0], *(guide.rows[1:-1] for guide in found)])
-    free = connections.states(np.concatenate([inner, rows]))
-    nodes = _all_of(space, [start, free, goals])
+    free = connections.states(np.concatenate([known.inner, rows]))
+    nodes = all_of(space, [start, free, goals])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
     farther = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
@@ -244,11 +226,10 @@ def configuration_roadmap(
     if farther:
         name, chosen = f"{name}, {farther} far links", {**chosen, "far": farther}
     if pairs:
-        name, chosen = f"{name}, {len(found)} guides of {len(inner)} states", {**chosen, "trees": pairs}
+        name, chosen = f"{name}, {len(found)} guides of {len(known.inner)} states", {**chosen, "trees": pairs}
     if not isinstance(problem.target, GoalSet):
-        name += f", {goals.size} free states of the goal ({sought} found, {GOAL_STATES} sought)"
-        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": sought}
-    places = list(range(1 + free.size, nodes.size))
+        name += f", {goals.size} free states of the goal ({known.sought} found, {GOAL_STATES} sought)"
+        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": known.sought}
     return ConfigurationRoadmap(
         model,
         problem.world,
@@ -260,11 +241,11 @@ def configuration_roadmap(
             goals,
             count=near,
             far=farther,
-            chosen=_along(found, places),
+            chosen=along(found, known.places(free.size)),
             rng=of_links,
             spending=spending,
         ),
-        [START, *places] if problem.target.reached(model, start)[0] else places,
+        known.targets(free.size),
         name=name,
         chosen=chosen,
         lazy=not in_plane,
@@ -273,76 +254,16 @@ def configuration_roadmap(
     )
 
 
-def _guides(
-    connections: Connections,
-    start: FloatArray,
-    goals: FloatArray,
-    pairs: int,
-    rng: np.random.Generator,
-    spend: Spending,
-) -> list[Guide]:
-    """Ways that pairs of trees find; what is free of a goal is sought as it is at the start."""
-    return guides(connections, start, np.where(np.isnan(goals), start, goals), pairs, rng, spend) if pairs else []
-
-
-def _along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
-    """Links (L, 2) along guides, whose inner states are the first nodes after the start."""
-    parts, node = [np.zeros((0, 2), np.int64)], START + 1
-    for guide in found:
-        inner = len(guide.rows) - 2
-        way = np.array([START, *range(node, node + inner), goals[guide.goal]])
-        parts.append(np.stack([way[:-1], way[1:]], axis=1))
-        node += inner
-    return np.concatenate(parts)
-
-
-# Start and goals
-
-
-def _start(problem: Problem) -> States:
-    """The start (1,); QueryError where it is blocked."""
-    start = problem.model.space.state(problem.start)
-    if reason := problem.model.collision(problem.world).why_blocked(start):
-        raise QueryError(f"the start {_written(problem.start)} is not usable: {reason}.")
-    return start
-
-
-def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
-    """Goals (G,) that are not blocked, NaN where they are free; of a goal of another kind some of its states.
-
-    With them, how many there were before those that are blocked were left out.
-
-    Raises QueryError where all are blocked.
-    """
-    model, target = problem.model, problem.target
-    collision = model.collision(problem.world)
-    if not isinstance(target, GoalSet):
-        states = target.states(problem, rng, GOAL_STATES)
-        free = collision.states_free(states)
-        if not free.any():
-            reason = collision.why_blocked(states.take(slice(0, 1)))
-            raise QueryError(f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}.")
-        return states.take(free), states.size
-    usable, refusals = list[States](), list[str]()
-    for i, member in enumerate(target.members):
-        drawn = GoalSet((member,)).states(problem, rng, GOAL_STATES)
-        if collision.states_free(drawn).any():
-            usable.append(model.space.state(member, free=model.space.angles))
-            continue
-        what = f"goal {i}" if len(target.members) > 1 else "goal"
-        tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
-        reason = collision.why_blocked(drawn.take(slice(0, 1)))
-        refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.")
-    if not usable:
-        raise QueryError(" ".join(refusals))
-    return _all_of(model.space, usable), len(target.members)
-
-
-def _written(values: Sequence[float | None]) -> str:
-    """A state, as messages name it."""
-    return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
-
-
-def _all_of(space: StateSpace, parts: Sequence[States]) -> States:
-    """States of several parts, in order."""
-    return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})
+def guide_roadmap(known: Survey, spending: Spending) -> ConfigurationRoadmap:
+    """The roadmap of the guides alone, a part of all that have samples as well."""
+    free = len(known.inner)
+    return ConfigurationRoadmap(
+        known.problem.model,
+        known.problem.world,
+        all_of(known.connections.space, [known.start, known.connections.states(known.inner), known.goals]),
+        along(known.guides, known.places(free)),
+        known.targets(free),
+        name=f"{len(known.guides)} guides of {free} states (seed {known.seed})",
+        chosen={"trees": known.pairs, "seed": known.seed},
+        spending=spending,
+    )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,17 +15,18 @@ from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.options import MOST_SEED, set_wholes
-from hpop.planners.base import Candidates, planner
+from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap
+from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
 from hpop.planners.roadmap.headings import StateRoadmap
+from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
-from hpop.status import Budget, Progress, ProgressCallback
+from hpop.status import Budget, Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -115,29 +118,50 @@ class Roadmap:
         adds up along edges, CriterionError for a cost that is negative or not finite, CheckpointError for a checkpoint
         of another question.
         """
+        answers = iter(self.stages(problem, progress))
+        found = next(answers)
+        for later in answers:
+            found = later if later.status.is_final else joined(found, later)
+        return found
+
+    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
+        """The ways along the guides soon, then those of the whole roadmap.
+
+        So what a limit or Ctrl-C leaves is more than nothing as soon as the trees have met. Only the last stage comes
+        where there are no guides, or where a search goes on from a checkpoint: a first answer would take the place of
+        the better front that it had when it was stopped. Raises as :meth:`solve` does.
+        """
         objectives = edge_objectives(problem.criteria, "roadmap")
         refuse_unanswerable(problem, objectives, "roadmap")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
+        goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
         spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         try:
-            roadmap, notes = self._noted(problem, spending)
+            known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+            if known is not None and known.guides and not goes_on:
+                along = on_roadmap("roadmap", problem, objectives, guide_roadmap(known, spending), progress, ())
+                with spending.paused():
+                    yield _unfinished(along)
+                if along.status is Status.INTERRUPTED:
+                    return
+            roadmap, notes = self._noted(self._made(problem, known, spending))
         except Exhausted as stop:
-            return stopped("roadmap", objectives, stop, spending)
-        return on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
+            yield stopped("roadmap", objectives, stop, spending)
+            return
+        yield on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
 
     def graph_query(
         self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
     ) -> GraphQuery:
         """The problem on the roadmap's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
         refuse_unanswerable(problem, objectives, "roadmap")
-        roadmap, notes = self._noted(problem, spending)
+        roadmap, notes = self._noted(self.roadmap(problem, spending))
         roadmap = replace(roadmap, lazy=False) if isinstance(roadmap, ConfigurationRoadmap) else roadmap
         return roadmap_query(objectives, roadmap, progress, notes)
 
-    def _noted(self, problem: Problem, spending: Spending) -> tuple[AnyRoadmap, tuple[str, ...]]:
-        """The roadmap, and a note if it has fewer samples than were asked for."""
-        roadmap = self.roadmap(problem, spending)
+    def _noted(self, roadmap: AnyRoadmap) -> tuple[AnyRoadmap, tuple[str, ...]]:
+        """A roadmap, and a note if it has fewer samples than were asked for."""
         drawn = roadmap.options["samples"]
         few = f"only {drawn} of {self.samples:,} samples: next to nothing is free where they are drawn"
         notes = roadmap.notes if isinstance(roadmap, ConfigurationRoadmap) else ()
@@ -148,12 +172,15 @@ class Roadmap:
 
         Building it may spend what the limits leave.
         """
-        headed = problem.model.provides >= HEADED and isinstance(problem.target, GoalSet)
-        make = self._of_positions if headed else self._of_configurations
-        return make(problem, spending or Spending())
+        spending = spending or Spending()
+        known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+        return self._made(problem, known, spending)
 
-    def _of_configurations(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
-        return configuration_roadmap(problem, self.samples, self.neighbours, self.far, self.trees, self.seed, spending)
+    def _made(self, problem: Problem, known: Survey | None, spending: Spending) -> AnyRoadmap:
+        """The roadmap of configurations where something is known of them, else that of positions."""
+        if known is None:
+            return self._of_positions(problem, spending)
+        return configuration_roadmap(known, self.samples, self.neighbours, self.far, spending)
 
     def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
         if self.far or self.trees:
@@ -194,6 +221,21 @@ class Roadmap:
             if len(drawn) >= self.samples:
                 break
         return drawn[: self.samples]
+
+
+def _has_positions(problem: Problem) -> bool:
+    """Whether the samples of a problem's roadmap are positions."""
+    return problem.model.provides >= HEADED and isinstance(problem.target, GoalSet)
+
+
+def _unfinished(along: Candidates) -> Candidates:
+    """Say of the ways along guides that the search goes on, unless it was interrupted."""
+    return replace(
+        along,
+        status=along.status if along.status is Status.INTERRUPTED else Status.UNFINISHED,
+        certificate=f"{along.certificate}; the whole roadmap was not searched",
+        provenance=tuple(origin | {"stage": "guides"} for origin in along.provenance),
+    )
 
 
 class PositionedEnds(NamedTuple):
