@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, ClassVar, NoReturn, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from hpop.arrays import BoolArray, Column, FloatArray
-from hpop.errors import ModelError, QueryError, UnsupportedModel
+from hpop.errors import ModelError, QueryError
 from hpop.math import hypot, smooth_abs
 from hpop.models.base import model
 from hpop.models.collision.parts import Part as Prism
@@ -236,10 +236,6 @@ class MobileArm(Model):
         """From states a (M,) to values of the joints, where they are numbers."""
         (leg,) = self.arm.connect(a, States(**{name: joints[name] for name in self.joints}))
         return leg._replace(end=States(**a.__dict__ | leg.end.__dict__))
-
-    def stations(self, yaw: FloatArray) -> NoReturn:
-        """None: a lattice has no postures of an arm."""
-        raise UnsupportedModel(f"{self.name} has no stations on a lattice; take planner 'roadmap'")
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
         """What the robot really does: moves in one line are one, and all goes from rest to rest."""
