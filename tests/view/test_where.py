@@ -9,7 +9,10 @@ import pytest
 import shapely
 
 import hpop
+from hpop.criteria import make_criterion
 from hpop.models.driven import driven
+from hpop.motions import States
+from hpop.trace import trace
 from hpop.view import draw_where
 from hpop.view.where import shown_along
 from hpop.world.content import Landmark, Person
@@ -198,3 +201,16 @@ def test_a_turn_round_a_goal_at_the_start_is_a_ring_round_both(problem):
         assert {text.get_text() for text in axes.texts} == {"S"}
         goal = next(line for line in axes.lines if line.get_gid() == "goal")
         assert np.sqrt(dots(axes).get_sizes().max()) > goal.get_markersize() + 4
+
+
+def test_a_head_that_pans_on_the_spot_has_one_colour_there_the_mean_of_its_rate():
+    """Its pieces are drawn over each other: the last alone would be seen."""
+    model = hpop.PanTilt()
+    columns = zip(model.space.names, np.array([[1, 1, 0, 0, 0], [1, 1, 0, 1.5, 0], [3, 1, 0, 1.5, 0]]).T, strict=True)
+    goes = hpop.Trajectory.through(model, States(**{name: np.array(column, float) for name, column in columns}))
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 5, 5))
+    found = trace([make_criterion("rotation")], goes, world)
+    pans = np.array(found.pieces.kinds) == "pan"
+    assert np.ptp(found.rate[pans, 0]) > 0.5
+    np.testing.assert_allclose(shown_along(found, 0)[pans], 1.5 / goes.durations[0])
+    np.testing.assert_array_equal(shown_along(found, 0)[~pans], found.rate[~pans, 0])
