@@ -13,7 +13,7 @@ from hpop.goals.base import REACHED, goal
 from hpop.goals.bearing import LEAST as CLOSEST
 from hpop.goals.bearing import off_axis, off_axis_rates, roll_of, roll_rate
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
-from hpop.math import dot, norm, wrap
+from hpop.math import dot, hypot, norm, wrap
 from hpop.motions import Pose, Twist, Vector
 from hpop.options import LEAST, MOST, Angle, real, set_reals
 
@@ -26,7 +26,7 @@ class LookAt(Region):
     target           m    (x, y, z), in the middle of the view
     distance         m    (least, greatest) from the camera to it
     roll             rad  of the camera to the right, 0 with the horizon level; None leaves it free. It says nothing of
-                          a camera that looks straight up or down
+                          a camera that looks straight up or down, within 1e-6 rad
     angle_tolerance  rad  by how much the view may be off, the target from its middle and the roll together
 
     Whether something stands between camera and target is for a criterion to say.
@@ -89,8 +89,7 @@ class LookAt(Region):
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
         """Distance, angles to the left and above the middle, and by how much the roll is off."""
         offset = self._offset(pose)
-        rolled = () if self.roll is None else (wrap(roll_of(pose) - self.roll),)
-        return norm(offset), *off_axis(pose, offset), *rolled
+        return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
 
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
         """How fast these change."""
@@ -99,6 +98,11 @@ class LookAt(Region):
         approach = dot(offset, (x, y, z)) / np.maximum(norm(offset), CLOSEST)
         rolled = () if self.roll is None else (roll_rate(pose, twist),)
         return approach, *off_axis_rates(pose, twist, offset, (x, y, z)), *rolled
+
+    def _off_roll(self, pose: Pose) -> Column:
+        """By how much the roll is off: by nothing where the camera shows no horizon."""
+        off_vertical = np.arctan2(hypot(pose.left[2], pose.up[2]), np.abs(pose.ahead[2]))
+        return np.where(off_vertical <= REACHED, 0.0, wrap(roll_of(pose) - self.roll))
 
     def _offset(self, pose: Pose) -> Vector:
         """From the camera to the target, m."""

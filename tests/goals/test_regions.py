@@ -142,6 +142,19 @@ def test_a_body_that_is_turned_by_half_a_turn_has_not_reached_it(goal: Any, stat
     assert not goal.reached(HEAD, states_of(HEAD, states)).any()
 
 
+@pytest.mark.parametrize("down", [-1.0, 1.0])
+def test_a_camera_that_looks_straight_up_or_down_has_no_roll_that_could_be_wrong(down: float) -> None:
+    """Off the vertical by less than a millionth, its roll is never off; by more, it is."""
+    tilts = down * (math.pi / 2 - np.array([0.0, 9e-7, 2e-6, 0.01]))
+    states = states_of(HEAD, [(0, 0, 0, 0, tilt) for tilt in tilts])
+    camera = HEAD.pose("camera", states)
+    place = (float(camera.x[0]), float(camera.y[0]), float(camera.z[0]) + down)
+    for roll in (1.0, math.pi):
+        goal = LookAt(place, (0.5, 1.5), roll=roll)
+        *_, off = goal.coordinates(camera)
+        assert (off == 0.0).tolist() == goal.reached(HEAD, states).tolist() == [True, True, False, False]
+
+
 def test_the_same_seed_finds_the_same_states_and_another_finds_others() -> None:
     one, same, other = (drawn(HEAD, REGIONS[0][1], seed=seed) for seed in (3, 3, 4))
     assert all((getattr(one, name) == getattr(same, name)).all() for name in HEAD.space.names)

@@ -66,7 +66,7 @@ class ArmCollision:
 
     def _with_pairs(self) -> Scene:
         scene = scene_of(self.chain, self.parts, self._solids)
-        inside = within_reach(scene, self.chain)
+        inside = within_reach(scene, self.chain, NEAR)
         own = [
             (a, b)
             for (a, one), (b, other) in combinations(enumerate(self.parts), 2)

@@ -60,15 +60,15 @@ def paired(scene: Scene, pairs: Sequence[tuple[int, int]]) -> Scene:
     return scene._replace(pairs=np.array(rows, np.int64).reshape(-1, 2))
 
 
-def within_reach(scene: Scene, chain: Chain) -> BoolArray:
-    """Whether each body (B, B), its joints within their limits, may come to where another stands that never moves."""
+def within_reach(scene: Scene, chain: Chain, near: float) -> BoolArray:
+    """Whether each body (B, B), its joints within their limits, may come so near, m, to another that never moves."""
     slides = np.where(chain.sliding, np.maximum(np.abs(chain.low), np.abs(chain.high)), 0.0)
     steps = np.append(slides[:1], np.linalg.norm(scene.origins[1:, :, 3], axis=1) + slides[1:])
     lengths = np.append(0.0, np.cumsum(steps))  # lengths[i]: from the origin of the first joint to that of frame i
     reach = lengths[scene.frames] + np.linalg.norm(scene.bodies.centre, axis=1) + scene.bodies.reach
     offs = scene.origins[0, :, 3] - scene.bodies.centre
     outside = np.abs(np.einsum("bij,bj->bi", scene.bodies.box[:, :3], offs)) - scene.bodies.box[:, 3]
-    return np.asarray(np.linalg.norm(np.maximum(0.0, outside), axis=1) <= reach[:, None])
+    return np.asarray(np.linalg.norm(np.maximum(0.0, outside), axis=1) <= reach[:, None] + near)
 
 
 def _along_z(axis: FloatArray) -> FloatArray:

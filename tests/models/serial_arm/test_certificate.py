@@ -91,6 +91,17 @@ def test_a_lever_grazes_a_wall_between_two_free_ends():
         assert arm.judge.motions_free(arm.motions(ends[:1], ends[1:])) == free
 
 
+@pytest.mark.parametrize(("apart", "free"), [(0.0001, False), (0.0004, False), (0.0011, True)])
+def test_a_wall_just_out_of_reach_is_too_near_as_well(apart, free):
+    """An outstretched ball reaches 0.51 m and no farther."""
+    arm = gripper(0.1, slides=False)
+    wall = Solid(Box((0.2, 4.0, 4.0)), pose_at((0.61 + apart, 0.0, 0.0)), "wall")
+    arm = replace(arm, world=World.from_solids([wall]))
+    (state,) = arm.collision.states_free(arm.states([[0.0]]))
+    (motion,) = arm.collision.motions_free(arm.motions([[-0.5]], [[0.5]]))
+    assert (state, motion) == (free, free)
+
+
 def test_a_thin_wall_is_not_stepped_over():
     """1 mm of wall, between states 3 rad apart."""
     arm = gripper(0.1, slides=False)
