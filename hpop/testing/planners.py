@@ -123,7 +123,8 @@ def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, S
 def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
     """A ball between where the camera is and where it shall be."""
     extent = shapely.box(0, 0, *ROOM)  # no wall in space
-    states = _free_states(model, World.from_solids([], extent=extent), model.space.sample(rng, POSTURES))
+    nowhere = World.from_solids([], extent=extent)
+    states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))
     pose = model.pose("camera", states)
     places = np.stack([pose.x, pose.y, pose.z], axis=1)
     start = states.take(slice(1))

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from hpop.errors import UnsupportedModel
+from hpop.models.mobile_arm import MobileArm
 from hpop.planners.base import make_planner
 from hpop.planners.needs import needs_of
 from hpop.registry import make_model, models, planners
@@ -22,6 +23,7 @@ from tests.models.serial_arm.arms import arm6
 
 PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 COARSE: dict[str, Any] = {"lattice": {"step": 0.5}}
+ON_TOP = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)  # m and rad: where the base carries the arm
 OPTIONS: dict[str, dict[str, Any]] = {
     "any-angle": {"step": 0.5, "max_positions": 30},
     "epsilon-constraint": {"step": 0.5, "max_points": 2, "rounds": 1},
@@ -37,14 +39,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def models_here() -> dict[str, Any]:
-    """The models of the house, an arm of four joints, and the example plugin's, which the house does not know."""
+    """The models of the house, arms among them, and the example plugin's, which the house does not know."""
     sys.path.insert(0, str(PLUGIN))
     try:
         importlib.import_module("hpop_example_plugin.holonomic")
     finally:
         sys.path.remove(str(PLUGIN))
     names = [name for name, cls in models.items() if cls.__module__.startswith("hpop")]
-    return {name: arm6(tip="forearm") if name == "serial_arm" else make_model(name) for name in names}
+    arms = {"serial_arm": arm6(tip="forearm"), "mobile_arm": MobileArm(arm6(tip="forearm", base=ON_TOP))}
+    return {name: arms[name] if name in arms else make_model(name) for name in names}
 
 
 MODELS = models_here()

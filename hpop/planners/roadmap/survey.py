@@ -48,8 +48,9 @@ class Survey:
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """Start (k,) and goals (G, k) as rows."""
-        return self.connections.rows(self.start)[0], self.connections.rows(self.goals)
+        """Start (k,) and goals (G, k) as rows; what is free of a goal is as it is at the start."""
+        start, goals = self.connections.rows(self.start)[0], self.connections.rows(self.goals)
+        return start, np.where(np.isnan(goals), start, goals)
 
     @cached_property
     def inner(self) -> FloatArray:
