@@ -152,7 +152,9 @@ class Faults:
             return None
         if isinstance(given, str) and space.named:
             with self.collected(place):
-                return dict(zip(space.names, space.called(given, what), strict=True))
+                called = space.called(given, what)
+                space.state(called, free=space.angles, what=what)  # refused here, where the name stands
+                return dict(zip(space.names, called, strict=True))
             return None
         by_name = isinstance(given, dict)
         keys: dict[str, str | int] = {name: name if by_name else i for i, name in enumerate(space.names)}

@@ -24,16 +24,18 @@ Values = tuple[float, ...]
 class ArmFile(NamedTuple):
     """What the files of an arm say.
 
-    chain   with the bodies "tool" and "camera"
-    parts   its solids
-    apart   pairs of links whose collisions are not looked at: they touch by design, or the SRDF says so
-    states  values of the chain's joints by the name of a state
-    hashes  SHA-256 of the URDF and of its meshes in the order in which it names them, and of the SRDF if there is one
+    chain    with the bodies "tool" and "camera"
+    parts    its solids
+    apart    pairs of links whose collisions are not looked at: they touch by design, or the SRDF says so
+    unknown  links, in alphabetical order, of which the SRDF says so and which the URDF does not have
+    states   values of the chain's joints by the name of a state
+    hashes   SHA-256 of the URDF and of its meshes in the order in which it names them, and of the SRDF if there is one
     """
 
     chain: Chain
     parts: tuple[Part, ...]
     apart: frozenset[Pair]
+    unknown: tuple[str, ...]
     states: Mapping[str, Values]
     hashes: tuple[str, ...]
     srdf_hash: str | None
@@ -76,9 +78,10 @@ def read_arm(
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]
         apart |= semantics.apart(solid)
+    unknown = {link for pair in apart for link in pair} - robot.links.keys()
     states = {} if semantics is None else _states(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
-    return ArmFile(chain, parts, apart, states, tuple(hashes.values()), srdf_hash)
+    return ArmFile(chain, parts, apart, tuple(sorted(unknown)), states, tuple(hashes.values()), srdf_hash)
 
 
 def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:

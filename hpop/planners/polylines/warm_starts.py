@@ -13,6 +13,7 @@ from hpop.errors import OptionError
 from hpop.front import Front
 from hpop.planners.base import Planner, make_planner, sweeps
 from hpop.planners.judgement import judge
+from hpop.planners.needs import refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.polylines.straightened import straightened
 from hpop.registry import planners
@@ -97,6 +98,7 @@ def known_trajectories(
     spec, status, notes = starting.warm_start, Status.COMPLETE, list[str]()
     if isinstance(spec, str | Mapping):
         planner = warm_planner(starting, time_limit=starting.time_limit)
+        refuse_unsupported(planner, problem.model)
         on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
         found = planner.solve(problem, progress, **on_executor)
         status = found.status

@@ -182,6 +182,14 @@ def test_a_scenario_names_its_files_from_its_own_folder_and_states_by_name(scena
         load_scenario(scenario("[0, 0]"))
 
 
+def test_a_named_state_beyond_a_limit_is_refused_where_a_scenario_names_it(scenario, tmp_path):
+    srdf = tmp_path / "robot" / "arm6.srdf"
+    path = scenario()
+    srdf.write_text(srdf.read_text().replace('value="-1.2"', 'value="-2.2"'))
+    with pytest.raises(QueryError, match=r"arm.yaml, line 10, start: .*shoulder_to_upper_arm .*got -2.2"):
+        load_scenario(path)
+
+
 def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenario, tmp_path):
     problem = load_scenario(scenario()).problem
     rows = zip(problem.model.space.names, problem.start, problem.goals[0], strict=True)

@@ -150,6 +150,14 @@ def test_an_srdf_with_a_mistake_is_refused(tmp_path, text, said):
         arm6(srdf=path)
 
 
+def test_links_of_an_srdf_that_the_urdf_does_not_have_are_named_in_a_note(tmp_path):
+    assert arm6().notes == ()
+    path = tmp_path / "arm.srdf"
+    pairs = '<disable_collisions link1="base" link2="thumb"/><disable_collisions link1="camera" link2="finger"/>'
+    path.write_text(f'<robot name="arm">{pairs}</robot>')
+    assert ["'finger', 'thumb', which the URDF does not have" in note for note in arm6(srdf=path).notes] == [True]
+
+
 def test_a_named_state_beyond_a_limit_is_refused_when_it_is_asked_for(tmp_path):
     """MoveIt's SRDF of the Panda has one: that is no reason to refuse the arm."""
     path = tmp_path / "arm.srdf"
