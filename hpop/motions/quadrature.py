@@ -2,7 +2,9 @@
 
 Five nodes, those of Kronrod's rule (1965), interpolate the rate on a piece of the motion; so do the inner three.
 Where the two integrals differ by more than a share of the whole, the piece is halved and looked at again. Interpolants
-of degree 2 and 4 that agree to that share leave an error of about its square.
+of degree 2 and 4 that agree to that share leave an error of about its square, but where they agree by chance: of 400
+reaches through the whole space of an arm, rotation and look_at of the worst were 1 % off, and half within 3e-6. What
+happens between nodes alone is not seen: of a rate that jumps, as occlusion's, a fifth of a motion was missed.
 
 A rate that reads the states alone is interpolated over the share of the motion done, and integrated over time exactly:
 one rule then serves all phases of a law's timing, whose joints would be kinks of the rate over time.
