@@ -13,10 +13,14 @@ from hpop.world.proxemics import any_moves
 
 
 def reach(model: Model, radius: float | None) -> float:
-    """Radius, m, of the robot about its axis: as given, or as far as the model's parts reach (0 without parts)."""
+    """Radius, m, of the robot about its axis: as given, or as far as its upright parts reach (0 without parts).
+
+    Those are the model's ``parts``, or those of its ``platform``, if it carries links that are none.
+    """
     if radius is not None:
         return radius
-    return max((float(part.reach) for part in getattr(model, "parts", ())), default=0.0)
+    upright = getattr(model, "platform", None) or getattr(model, "parts", ())
+    return max((float(part.reach) for part in upright), default=0.0)
 
 
 def check_radius(radius: float | None) -> None:

@@ -12,6 +12,8 @@ import shapely
 
 import hpop
 from hpop.arrays import FloatArray
+from hpop.criteria import make_criterion
+from hpop.criteria.others.robot import reach
 from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models import MobileArm
 from hpop.motions import Motions, Pose, States
@@ -334,3 +336,9 @@ def test_an_arm_whose_joint_is_called_as_a_state_of_the_base_is_refused(tmp_path
     with pytest.raises(ModelError, match="'yaw' is called as a state of its base"):
         MobileArm(hpop.SerialArm.from_urdf(tmp_path / "crane.urdf", tip="eye", acceleration=2.0), BASE)
     assert MobileArm(arm, BASE, folded=(0.0,) * 4).joints == arm.joints
+
+
+@pytest.mark.parametrize("name", ["hall_zones", "time_to_collision"])
+def test_what_people_see_of_it_is_as_wide_as_its_base(robot, name):
+    criterion = make_criterion(name)
+    assert reach(robot, criterion.robot_radius) == max(part.reach for part in robot.base.body_parts)
