@@ -41,6 +41,7 @@ BALL = 0.2  # radius, of the way between the start and the goal of a robot that 
 REPORTS = (1, 2, 5)  # of its reports, at which it is interrupted
 SOON = 1e-3  # s: a time limit that is over before anything is found, or soon after
 ASKED = (("length", "exposure"), ("length", "proximity"), ("duration", "rotation"), ("length",))  # the first it accepts
+IN_SPACE = ASKED[2:]  # the same of a robot that is not of the plane, whose exposure takes rays
 DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mean, a worst moment, with memory, no slope
 WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
@@ -180,8 +181,9 @@ def _refused(planner: Planner, model: Model) -> str:
 
 
 def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
-    """Fill in the problem and what is found, with the first criteria of `ASKED` that the planner accepts."""
-    for criteria in ASKED:
+    """Fill in the problem and what is found, with the first criteria of those asked that the planner accepts."""
+    asked = ASKED if "plane" in model.provides else IN_SPACE
+    for criteria in asked:
         try:
             problem = small_problem(model, criteria, seed)
             candidates = planner.solve(problem)
@@ -194,7 +196,7 @@ def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem,
             return f"none in an empty room: {candidates.status}, {'; '.join(candidates.notes)}"
         found.append((problem, candidates))
         return ""
-    return f"it accepts none of {', '.join(' and '.join(criteria) for criteria in ASKED)}"
+    return f"it accepts none of {', '.join(' and '.join(criteria) for criteria in asked)}"
 
 
 def _said(problem: Problem, found: Candidates) -> str:
