@@ -19,7 +19,7 @@ def reach(model: Model, radius: float | None) -> float:
     """
     if radius is not None:
         return radius
-    upright = getattr(model, "platform", None) or getattr(model, "parts", ())
+    upright = model.platform if hasattr(model, "platform") else getattr(model, "parts", ())
     return max((float(part.reach) for part in upright), default=0.0)
 
 
