@@ -7,7 +7,7 @@ from hpop.registry import criteria
 
 NAMES = tuple(name for name, cls in criteria.items() if cls.__module__.startswith("hpop."))
 TARGET = (5.0, 4.5, 1.0)
-FINE = {"occlusion": {"radius": 1.0, "rays": 300}}  # the share of few rays jumps within a motion
+FINE = {"occlusion": {"radius": 1.0, "rays": 100}}  # the share of few rays jumps within a motion
 
 
 def own_criterion(name: str) -> Criterion:

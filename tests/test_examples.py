@@ -158,6 +158,7 @@ def test_the_studys_picture_says_what_each_line_is(tmp_path):
         assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
 
 
+@pytest.mark.proof
 def test_the_papers_structure_is_reproduced(tmp_path):
     """One optimum with V = 0 and N = 8; one with N = 0 that is the shortest; others between."""
     front = example("paper_figure/paper_figure.py").main(tmp_path)

@@ -86,7 +86,13 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(room: Path, warm: Warm) ->
     assert said.read_text().endswith(f"all is drawn beside\n{last}\n")
 
 
-@pytest.mark.parametrize("ignored", [False, True], ids=["as a job", "where Ctrl-C is ignored, as for jobs of a script"])
+@pytest.mark.parametrize(
+    "ignored",
+    [
+        pytest.param(False, id="as a job", marks=pytest.mark.proof),
+        pytest.param(True, id="where Ctrl-C is ignored, as for jobs of a script"),
+    ],
+)
 def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(
     room: Path, warm: Warm, ignored: bool
 ) -> None:

@@ -68,9 +68,11 @@ def test_the_analytic_front_ends_in_a_straight_line_and_in_a_half_circle():
     ("planner", "options", "above"),
     [
         ("lattice", {"step": 0.5}, EIGHT_WAYS),
-        ("lattice", {"step": 0.25}, EIGHT_WAYS),
+        pytest.param("lattice", {"step": 0.25}, EIGHT_WAYS, marks=pytest.mark.proof),
         ("weighted-sum", {"step": 0.5}, EIGHT_WAYS),
-        ("epsilon-constraint", {"step": 0.5}, 0.02),  # few segments, as the lattice's paths have
+        pytest.param(
+            "epsilon-constraint", {"step": 0.5}, 0.02, marks=pytest.mark.proof
+        ),  # few segments, as lattices have
         ("any-angle", {"step": 0.5}, EIGHT_WAYS),
         ("roadmap", {"samples": 300}, 0.05),
     ],
@@ -108,7 +110,7 @@ def shortest(shortfall):
         ("epsilon-constraint", {"step": 0.5}, 0.03),  # few segments, as the lattice's paths have
         ("weighted-sum-corridor", {"step": 0.5}, 0.07),  # tangents of the disc in place of the disc
         ("any-angle", {"step": 0.5}, 0.1),  # corners on the lattice's grid
-        ("roadmap", {"samples": 300}, 0.12),  # random corners
+        pytest.param("roadmap", {"samples": 300}, 0.12, marks=pytest.mark.proof),  # random corners
     ],
 )
 def test_length_against_distance_from_a_disc(planner, options, above):
@@ -146,8 +148,9 @@ def test_weighted_sums_miss_exactly_the_unsupported_points(dented):
     assert set(front) - set(in_quanta(WeightedSum(step=0.5).solve(DENT))) == unsupported
 
 
+@pytest.mark.proof
 def test_epsilon_constraint_finds_what_weighted_sums_miss(dented):
-    """A point at or below each unsupported point of the lattice."""
+    """A point at or below each unsupported point of the lattice; in `make test`, below every point of a coarser one."""
     _, unsupported = dented
     candidates = EpsilonConstraint(step=0.5).solve(DENT)
     quanta = np.array([criterion.quantum for criterion in candidates.objectives])

@@ -223,6 +223,7 @@ def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
     assert f"{count} of {count} only nearly: the objective fell no more" in candidates.certificate
 
 
+@pytest.mark.proof
 def test_costs_with_a_kink_at_rest_end_too():
     """Without second derivatives it would take more than twice as many solves."""
     asked = job(BLOCK, "optic_flow", "length", start=(1, 2, 0), goal=(5, 2, 0))

@@ -37,7 +37,7 @@ def office(shared_data):
     return Problem(world, ROBOT, (6, -8, np.pi / 2), (-10, 1, None), ["length", "turns", "clearance"]), 0.5
 
 
-@pytest.mark.parametrize("name", ["museum", "pal_office"])
+@pytest.mark.parametrize("name", ["museum", pytest.param("pal_office", marks=pytest.mark.proof)])
 def test_regions_are_free_contain_their_segments_and_overlap_at_the_vertices(name, shared_data):
     problem, step = museum() if name == "museum" else office(shared_data)
     polylines = paths(problem, step)
