@@ -23,6 +23,7 @@ from hpop.planners.graphs.arcs import Arcs, blocks
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
+from hpop.planners.roadmap.guides import length
 from hpop.planners.roadmap.links import START, linked
 from hpop.planners.roadmap.samples import guided, uniform
 from hpop.planners.roadmap.survey import GOAL_STATES, Survey, all_of, along
@@ -213,7 +214,7 @@ def configuration_roadmap(
     model, space, in_plane = problem.model, connections.space, "plane" in problem.model.provides
     _, of_samples, _, of_links = np.random.default_rng(seed).spawn(4)
     start, goals, found, pairs = known.start, known.goals, known.guides, known.pairs
-    if found:
+    if found and length(found[0], connections) > 0.0:  # else the start is at a goal, and near it nothing is sought
         rows = guided(connections, *known.ends, found, samples, of_samples, spending)
     else:
         rows = uniform(connections, samples, of_samples, spending)

@@ -61,3 +61,10 @@ def test_a_limit_that_passes_after_the_guides_leaves_their_ways_to_the_planner_t
     assert found.status is Status.TIME_LIMIT
     assert verify(asked, asked.front(found)) == []
     assert len(found.trajectories) > 0
+
+
+def test_a_start_that_is_at_the_goal_stays_there() -> None:
+    robot = Joints(3)
+    front = problem(robot, goal=robot.start).solve(Roadmap(samples=30))
+    assert front.costs.tolist() == [[0.0] * len(front.names)]
+    assert len(front.trajectories[0]) == 0
