@@ -45,9 +45,8 @@ class Pieces:
         """The model's law."""
         return cast(SplineLaw, self.model.laws[LAW])
 
-    @cached_property
-    def _functions(self) -> tuple[Any, Any]:
-        """Costs of a piece, and those with their Jacobian, as CasADi functions of its columns and its share."""
+    def _symbols(self) -> tuple[list[Any], Any]:
+        """The columns of a piece and its share, and its costs in them."""
         import casadi
 
         n = len(self.law.names)
@@ -62,19 +61,25 @@ class Pieces:
 
         start, end = knot(0, 0.0 * duration), knot(2 * n, share * duration)
         motions = Motions(self.world, self.model, self.law, start, end, panels=PANELS)
-        costs = casadi.vertcat(*[on_symbols(criterion, motions) for criterion in self.criteria])
-        return (
-            casadi.Function("costs", [columns, share], [costs]),
-            casadi.Function("slopes", [columns, share], [costs, casadi.densify(casadi.jacobian(costs, columns))]),
-        )
+        return [columns, share], casadi.vertcat(*[on_symbols(criterion, motions) for criterion in self.criteria])
+
+    @cached_property
+    def _functions(self) -> tuple[Any, Any]:
+        """Costs of a piece, and those with their Jacobian, as CasADi functions of its columns and its share."""
+        import casadi
+
+        symbols, costs = self._symbols()
+        jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
+        return casadi.Function("costs", symbols, [costs]), casadi.Function("slopes", symbols, [costs, jacobian])
 
     @classmethod
     def with_gradients(cls, world: World, model: Model, criteria: Sequence[Criterion]) -> dict[int, str]:
         """Why each criterion, by its place, has no gradient; nothing where it has one."""
         reasons = dict[int, str]()
         for j, criterion in enumerate(criteria):
+            reasons[j] = "" if criterion.smooth else "it has no gradient"
             try:
-                reasons[j] = "" if criterion.smooth and cls(world, model, [criterion]).build() else "it has no gradient"
+                _ = criterion.smooth and cls(world, model, [criterion])._symbols()
             except UnsupportedCriterion as error:
                 reasons[j] = str(error)
         return reasons
