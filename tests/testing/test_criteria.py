@@ -281,7 +281,10 @@ def test_a_criterion_that_gives_no_costs_is_told_so_once(criterion):
     assert [check.claim for check in conformance(criterion)] == [FINITE]
 
 
-@pytest.mark.parametrize("name", NAMES)
+DEAR = ("peak_optic_flow", "mean_heading_mismatch")  # the worst and the mean of what another is the sum of
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.proof) if n in DEAR else n for n in NAMES])
 def test_every_criterion_that_comes_with_hpop_passes(name):
     """With its defaults; other options and other worlds are in the criterion's own tests."""
     check_criterion(own_criterion(name))

@@ -262,6 +262,7 @@ def test_a_repair_that_does_not_converge_is_tried_again_without_exact_second_der
     assert outcome.counts["saved by quasi-Newton"] >= 1
 
 
+@pytest.mark.proof
 def test_a_worst_moment_far_above_its_bound_is_not_bounded_out_of_reach():
     """The program's moments miss half of the flow past the statues; less by all that would ask for next to none."""
     museum = World.from_geojson(Path(__file__).parents[3] / "examples" / "museum.geojson")

@@ -103,6 +103,7 @@ def test_it_is_free_by_the_judge_and_keeps_the_limits_of_all_joints(planned):
         assert np.abs(getattr(changes, name)).max() <= problem.model.chain.acceleration[i] * (1 + 1e-9)
 
 
+@pytest.mark.proof
 def test_minimising_one_cost_makes_that_smaller(arm, world, paths):
     problem = hpop.Problem(world, arm, PATHS[1][0], PATHS[1][-1], CRITERIA)
 
@@ -196,7 +197,7 @@ def test_a_worker_does_the_same(arm, world, paths):
     import pickle
 
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
-    job = SplineJob(problem, problem.criteria, (0, 1, 2), None, 2)
+    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2)
     here, there = (one.solve(paths[0]).found for one in (job, pickle.loads(pickle.dumps(job))))
     np.testing.assert_array_equal(*([one.planned for one in splines] for splines in (here, there)))
 
