@@ -274,7 +274,7 @@ def test_time_that_runs_out_is_said(monkeypatch):
 
 
 def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost():
-    options = {"step": 1.0, "max_points": 5}
+    options = {"step": 0.5, "max_points": 5}  # work enough that a worker is killed at work
     serial = EpsilonConstraint(**options).solve(PAPER)
     with processes(2) as pool:
         there = EpsilonConstraint(**options).solve(PAPER, executor=pool)
