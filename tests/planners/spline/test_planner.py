@@ -193,6 +193,7 @@ def test_a_cost_that_is_known_on_numbers_alone_comes_as_it_comes(arm, world, pat
     np.testing.assert_allclose(found.planned, costs, rtol=0.01, atol=1e-9)
 
 
+@pytest.mark.proof
 def test_a_worker_does_the_same(arm, world, paths):
     import pickle
 
