@@ -215,3 +215,9 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     shutil.rmtree(there / "robot")
     with pytest.raises(Exception, match=r"the URDF '.*arm6.urdf' cannot be opened"):
         Front.load(there / "front.json")
+
+
+@pytest.mark.parametrize("given", [{"urdf": None}, {"urdf": "arm.urdf", "packages": {"meshes": None}}])
+def test_no_path_in_the_place_of_one_is_refused(given):
+    with pytest.raises(ModelError, match="is the path of a file, got None"):
+        SerialArm(**given, tip="tool", acceleration=3.0)
