@@ -88,7 +88,7 @@ class SerialArm(Model):
             raise ModelError(f"the tip is the name of a link, got {shown(self.tip)}")
         packages = _named("packages", self.packages, "folders")
         given = {"urdf": self.urdf, "srdf": self.srdf, **{f"package {name}": path for name, path in packages.items()}}
-        paths = {name: _path(name, value) for name, value in given.items() if (name, value) != ("srdf", None)}
+        paths = {name: _path(name, value) for name, value in given.items() if value is not None or name != "srdf"}
         fixed = _numbers("fixed", self.fixed, -MOST, "values, rad or m,")
         acceleration = self.acceleration
         if isinstance(acceleration, Mapping):

@@ -217,7 +217,9 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
         Front.load(there / "front.json")
 
 
-@pytest.mark.parametrize("given", [{"urdf": None}, {"urdf": "arm.urdf", "packages": {"meshes": None}}])
-def test_no_path_in_the_place_of_one_is_refused(given):
-    with pytest.raises(ModelError, match="is the path of a file, got None"):
+@pytest.mark.parametrize(
+    "given", [{"urdf": None}, {"urdf": "a.urdf", "packages": {"m": None}}, {"urdf": "a.urdf", "srdf": np.zeros(3)}]
+)
+def test_what_is_no_path_is_refused_in_the_place_of_one(given):
+    with pytest.raises(ModelError, match="is the path of a file, got"):
         SerialArm(**given, tip="tool", acceleration=3.0)
