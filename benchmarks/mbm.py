@@ -17,45 +17,46 @@ from hpop.models.serial_arm.model import SerialArm
 
 DATA = Path(os.environ.get("HPOP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "mbm_panda"
 SETS = ("bookshelf_small", "table_pick")
-NUMBERS = range(1, 21)
+NUMBERS = range(1, 21)  # of the problems in each
+FINGERS = 0.04  # m
 CAMERA = (0.06, 0.0, 0.05, 0.0, -1.5707963267948966, 0.0)  # beside the fingers, looking where they point
 LACKING = f"nothing is measured: it takes the wheel example-robot-data, and {DATA} (set HPOP_DATA)"
 
 
-def panda() -> SerialArm | None:
-    """The arm, if its files are there."""
+def panda(data: Path = DATA, fingers: float = FINGERS) -> SerialArm | None:
+    """The arm, its fingers so many metres out, if its files are there."""
     try:
         files = importlib.metadata.files("example-robot-data") or []
     except importlib.metadata.PackageNotFoundError:
-        return None
-    urdf = next(Path(str(f.locate())) for f in files if str(f).endswith("panda_description/urdf/panda.urdf"))
-    if not DATA.is_dir():
+        files = []
+    urdf = next((Path(str(f.locate())) for f in files if str(f).endswith("panda_description/urdf/panda.urdf")), None)
+    if urdf is None or not data.is_dir():
         return None
     return SerialArm.from_urdf(
         urdf,
         tip="panda_hand",
         acceleration=5.0,
-        srdf=DATA / "panda.srdf",
+        srdf=data / "panda.srdf",
         packages={"example-robot-data": urdf.parents[3]},
         camera=CAMERA,
-        fixed={"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04},
+        fixed={"panda_finger_joint1": fingers, "panda_finger_joint2": fingers},
     )
 
 
-def world(name: str, number: int) -> hpop.World:
-    """The scene of a problem."""
-    return hpop.World.from_moveit_scene(DATA / "problems" / f"{name}_panda" / f"scene{number:04d}.yaml")
+def asked(name: str, number: int, data: Path = DATA) -> tuple[hpop.World, dict[str, float], dict[str, float]]:
+    """World, start and goal of a problem by set and number."""
+    folder = data / "problems" / f"{name}_panda"
+    request = yaml.load((folder / f"request{number:04d}.yaml").read_text(), yaml.CSafeLoader)
+    given = request["start_state"]["joint_state"]
+    start = dict(zip(given["name"], given["position"], strict=True))
+    goal = {one["joint_name"]: one["position"] for one in request["goal_constraints"][0]["joint_constraints"]}
+    world = hpop.World.from_moveit_scene(folder / f"scene{number:04d}.yaml")
+    return world, {joint: start[joint] for joint in goal}, goal
 
 
 def problem(arm: SerialArm, name: str, number: int, *more: Any) -> hpop.Problem:
     """To grasp soon, without turning the view, in sight of what is grasped; and more criteria."""
-    request = yaml.load(
-        (DATA / "problems" / f"{name}_panda" / f"request{number:04d}.yaml").read_text(), yaml.CSafeLoader
-    )
-    given = request["start_state"]["joint_state"]
-    start = dict(zip(given["name"], given["position"], strict=True))
-    goal = {one["joint_name"]: one["position"] for one in request["goal_constraints"][0]["joint_constraints"]}
+    world, start, goal = asked(name, number)
     tool = arm.pose("tool", arm.space.state(goal))
     target = [float(place[0]) for place in (tool.x, tool.y, tool.z)]
-    criteria = ["duration", "rotation", {"look_at": {"target": target}}, *more]
-    return hpop.Problem(world(name, number), arm, {joint: start[joint] for joint in goal}, goal, criteria)
+    return hpop.Problem(world, arm, start, goal, ["duration", "rotation", {"look_at": {"target": target}}, *more])

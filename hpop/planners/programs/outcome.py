@@ -8,12 +8,29 @@ from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
+from hpop.arrays import FloatArray
+from hpop.trajectory import Trajectory
+
 F = TypeVar("F")
 
 # Held by a job at work, and by whoever else builds symbols. An executor may have threads, as a Dask worker has unless
 # told otherwise, and neither CasADi's symbols nor the linear solver of IPOPT bear them: two programs at once end the
 # process.
 ONE_PROGRAM = Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """What became of a warm start: a trajectory, its costs as the program added them up, and how it came about.
+
+    planned    (k,)
+    tolerance  (k,)  by how much they may be off
+    """
+
+    trajectory: Trajectory
+    planned: FloatArray
+    tolerance: FloatArray
+    provenance: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)

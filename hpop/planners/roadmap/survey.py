@@ -82,20 +82,10 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
     start, (goals, sought) = _start(problem), _goals(problem, of_goals)
     connections = Connections(problem, space)
     pairs = (0 if in_plane else PAIRS) if trees is None else trees
-    found = _guides(connections, connections.rows(start)[0], connections.rows(goals), pairs, of_trees, spending)
+    begin, ends = connections.rows(start)[0], connections.rows(goals)
+    ends = np.where(np.isnan(ends), begin, ends)  # what is free of a goal is sought as it is at the start
+    found = guides(connections, begin, ends, pairs, of_trees, spending) if pairs else []
     return Survey(problem, connections, start, goals, sought, pairs, found, seed)
-
-
-def _guides(
-    connections: Connections,
-    start: FloatArray,
-    goals: FloatArray,
-    pairs: int,
-    rng: np.random.Generator,
-    spend: Spending,
-) -> list[Guide]:
-    """Ways that pairs of trees find; what is free of a goal is sought as it is at the start."""
-    return guides(connections, start, np.where(np.isnan(goals), start, goals), pairs, rng, spend) if pairs else []
 
 
 def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:

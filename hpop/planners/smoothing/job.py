@@ -17,7 +17,7 @@ from hpop.models.differential_drive.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
+from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
 from hpop.planners.smoothing.phases import Phases
@@ -34,20 +34,6 @@ SPREAD = 1e-2  # weight of the costs that are not minimised
 OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
 LEAST_LEFT = 0.4  # of what it is there: more may be out of reach
 POINTS = 20  # of each interval, by which its way is compared with the polyline
-
-
-@dataclass(frozen=True, eq=False)
-class Smoothed:
-    """A candidate: what is driven, its costs as the program added them up, and how it came about.
-
-    planned    (k,)
-    tolerance  (k,)  by how much they may be off
-    """
-
-    trajectory: Trajectory
-    planned: FloatArray
-    tolerance: FloatArray
-    provenance: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +60,7 @@ class SmoothingJob:
         """Places of the criteria that enter the program; its structure settles the others."""
         return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
 
-    def solve(self, trajectory: Trajectory) -> Outcome[Smoothed]:
+    def solve(self, trajectory: Trajectory) -> Outcome[Improved]:
         """What comes of one polyline; depends on it alone."""
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         with ONE_PROGRAM:
@@ -83,7 +69,7 @@ class SmoothingJob:
             seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
-    def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Smoothed | str:
+    def _smoothed(self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]) -> Improved | str:
         whole = Polyline.of(trajectory, self.problem)
         polyline = whole.simplified(LEAST_TURN)
         if not len(polyline.lengths):
@@ -98,7 +84,7 @@ class SmoothingJob:
         solved = self._solve(program, polyline, epsilon, counts)
         return solved if isinstance(solved, str) else self._checked(*solved, structure, whole, epsilon, counts)
 
-    def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Smoothed | str:
+    def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Improved | str:
         """Without turns nothing is free but the speeds: as fast as they may be."""
         model, length = (
             on_wheels(self.problem.model),
@@ -111,7 +97,7 @@ class SmoothingJob:
         goes = driven(model, pose, controls)
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
         provenance = self._provenance("nothing is free", 0, 0, 0)
-        return judged.reasons[0] or Smoothed(goes, judged.costs[0], self._tolerance(judged.costs[0], goes), provenance)
+        return judged.reasons[0] or Improved(goes, judged.costs[0], self._tolerance(judged.costs[0], goes), provenance)
 
     def _program(self, structure: Phases, seconds: dict[str, float]) -> DrivenProgram:
         if structure not in self.programs:
@@ -170,7 +156,7 @@ class SmoothingJob:
         polyline: Polyline,
         epsilon: FloatArray,
         counts: Counter[str],
-    ) -> Smoothed | str:
+    ) -> Improved | str:
         """A candidate that keeps its bounds, its turns and its way, or which of these it does not."""
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
         if judged.reasons[0]:
@@ -185,7 +171,7 @@ class SmoothingJob:
         planned = judged.costs[0].copy()
         planned[self.smooth] = solution.costs
         provenance = self._provenance(solution.status, solution.iterations, turns, counts["repairs"])
-        return Smoothed(goes, planned, self._tolerance(planned, goes), provenance)
+        return Improved(goes, planned, self._tolerance(planned, goes), provenance)
 
     def _space(self, part: Any) -> Any:
         return self.problem.world.free_space((part.z_min, part.z_max))

@@ -16,8 +16,8 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.planners.programs.criteria import minimised, smooth_places
 from hpop.planners.programs.nlp import require_ipopt
-from hpop.planners.programs.outcome import Outcome, Tally
-from hpop.planners.smoothing.job import Smoothed, SmoothingJob
+from hpop.planners.programs.outcome import Improved, Outcome, Tally
+from hpop.planners.smoothing.job import SmoothingJob
 from hpop.planners.smoothing.program import FLAT
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
@@ -90,7 +90,7 @@ class Smoothing:
         warm = warm_starts(self, problem, progress, executor)
         count = len(warm.trajectories)
 
-        def report(done: Mapping[int, Outcome[Smoothed]]) -> None:
+        def report(done: Mapping[int, Outcome[Improved]]) -> None:
             watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
 
         with Sweep(SmoothingJob.solve, job, executor) as sweep:
@@ -105,7 +105,7 @@ class Smoothing:
 def _candidates(
     job: SmoothingJob,
     objectives: Objectives,
-    outcomes: Mapping[int, Outcome[Smoothed]],
+    outcomes: Mapping[int, Outcome[Improved]],
     status: Status,
     notes: Sequence[str],
 ) -> Candidates:

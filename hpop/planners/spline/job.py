@@ -12,7 +12,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.motions import JointCollision, States
-from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
+from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.spline.knots import LAW, Knots, SplineLaw
 from hpop.planners.spline.pieces import Pieces
 from hpop.planners.spline.step import Aim, Steps
@@ -30,20 +30,6 @@ STEPS = 30
 GAIN = 2e-3  # relative: of a step that is not worth another
 QUADRATURE = 0.01  # relative: costs on the nodes of a piece against those that are reported
 SPREAD = 1e-2  # weight of the costs that are not minimised
-
-
-@dataclass(frozen=True, eq=False)
-class Splined:
-    """A candidate: what is planned, its costs as the program added them up, and how it came about.
-
-    planned    (k,)
-    tolerance  (k,)  by how much they may be off
-    """
-
-    trajectory: Trajectory
-    planned: FloatArray
-    tolerance: FloatArray
-    provenance: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +53,7 @@ class SplineJob:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "built": {}}
 
-    def solve(self, trajectory: Trajectory) -> Outcome[tuple[Splined, ...]]:
+    def solve(self, trajectory: Trajectory) -> Outcome[tuple[Improved, ...]]:
         """The splines of one path; they depend on it alone."""
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         with ONE_PROGRAM:
@@ -80,14 +66,14 @@ class SplineJob:
             seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
-    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> tuple[Splined, ...] | str:
+    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> tuple[Improved, ...] | str:
         if not path.duration:
             return "goes nowhere"
         knots = Knots.along(path, pieces.law, self.pieces)
         if not self._is_free(knots):
             return "the spline through its knots cannot be proved to be free"
         (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
-        scale, found, reason = np.where(bounds > 1e-3, bounds, 1.0), list[Splined](), ""
+        scale, found, reason = np.where(bounds > 1e-3, bounds, 1.0), list[Improved](), ""
         for weights in self._weights():
             # Each goes on from the one before it: from all alike, mostly, which is near to any other.
             knots = self._improved(knots, pieces, Aim(weights, bounds, scale), counts)
@@ -96,7 +82,7 @@ class SplineJob:
             found += [] if worse else [spline]
         return tuple(found) or reason
 
-    def _candidate(self, knots: Knots, pieces: Pieces, bounds: FloatArray) -> tuple[Splined, str]:
+    def _candidate(self, knots: Knots, pieces: Pieces, bounds: FloatArray) -> tuple[Improved, str]:
         """What a spline is planned to cost, and where it is worse than its path, in words."""
         goes = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [goes], self.problem.world)
@@ -105,7 +91,7 @@ class SplineJob:
         names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
         planned = costs.copy()
         planned[list(self.smooth)] = pieces.costs(knots)
-        spline = Splined(goes, planned, QUADRATURE * np.abs(costs) + quanta, {"pieces": knots.shares.size})
+        spline = Improved(goes, planned, QUADRATURE * np.abs(costs) + quanta, {"pieces": knots.shares.size})
         return spline, f"no better than its path in {', '.join(names)}" if names else ""
 
     def _weights(self) -> list[FloatArray]:

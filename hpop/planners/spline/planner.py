@@ -17,8 +17,8 @@ from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.programs.criteria import minimised
-from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome, Tally
-from hpop.planners.spline.job import Splined, SplineJob
+from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome, Tally
+from hpop.planners.spline.job import SplineJob
 from hpop.planners.spline.pieces import Pieces
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
@@ -94,7 +94,7 @@ class Spline:
         warm = known_trajectories(self, problem, progress, executor)
         count = len(warm.trajectories)
 
-        def report(done: Mapping[int, Outcome[tuple[Splined, ...]]]) -> None:
+        def report(done: Mapping[int, Outcome[tuple[Improved, ...]]]) -> None:
             watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
 
         with Sweep(SplineJob.solve, job, executor) as sweep:
@@ -109,7 +109,7 @@ class Spline:
 def _candidates(
     job: SplineJob,
     objectives: Objectives,
-    outcomes: Mapping[int, Outcome[tuple[Splined, ...]]],
+    outcomes: Mapping[int, Outcome[tuple[Improved, ...]]],
     warm: WarmStarts,
     status: Status,
     notes: Sequence[str],
