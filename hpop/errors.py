@@ -15,6 +15,9 @@ from typing import ClassVar
 
 from hpop.text import printable, shown
 
+NOTE = "note: "
+"""How a note of an exception begins that stands on a line of its own: one on the map, where an end cannot be used."""
+
 
 class HpopError(Exception):
     """Base of every error that hpop raises on purpose."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.quanta import stated
-from hpop.errors import CriterionError, OptionError
+from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.front import Front
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
@@ -128,13 +128,18 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """What a planner finds, in stages if it has any."""
-    if staged(planner):
-        yield from planner.stages(problem, progress)
-    elif executor is not None and sweeps(planner):
-        yield planner.solve(problem, progress, executor=executor)
-    else:
-        yield planner.solve(problem, progress)
+    """What a planner finds, in stages if it has any; where an end cannot be used, the map's notes may say why."""
+    try:
+        if staged(planner):
+            yield from planner.stages(problem, progress)
+        elif executor is not None and sweeps(planner):
+            yield planner.solve(problem, progress, executor=executor)
+        else:
+            yield planner.solve(problem, progress)
+    except QueryError as error:
+        for note in problem.world.notes:
+            error.add_note(f"{NOTE}{note}")
+        raise
 
 
 def _evaluated(

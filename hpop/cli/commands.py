@@ -25,6 +25,7 @@ from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
 from hpop.cli.terminal import Commands, echo, warnings_as_notes
 from hpop.errors import (
+    NOTE,
     HpopError,
     OptionError,
     OutputError,
@@ -71,7 +72,9 @@ def _user_errors(command: F) -> F:
             with endings_interrupt(), warnings_as_notes():
                 return command(*args, **kwargs)
         except HpopError as error:
-            code, text = error.exit_code, "; ".join([str(error), *getattr(error, "__notes__", ())])
+            code, text = error.exit_code, str(error)
+            for note in getattr(error, "__notes__", ()):
+                text += f"\n{note}" if note.startswith(NOTE) else f"; {note}"
         except KeyboardInterrupt:
             code, text = INTERRUPTED, "interrupted"
         except MemoryError:

@@ -56,14 +56,10 @@ from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
     CylinderSize,
-    GeoJSON,
-    Image,
     LandmarkEntry,
-    MoveItScene,
-    MovingAI,
+    MapFile,
     PersonEntry,
     ReaderFile,
-    RosMap,
     ScenarioFile,
     SolidEntry,
     Solids,
@@ -261,16 +257,13 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
     landmarks, zones = content.landmarks, content.zones
     if section.geojson is not None:
         given = section.geojson
-        paths = {
+        paths: dict[str, Any] = {
             role: [folder / path for path in ([named] if isinstance(named, str) else named)]
             for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
         }
-        read, notes = geojson_content.read(
-            **paths,
-            scale=given.scale,
-            origin=given.origin,
-            width=given.flow_width,
-        )
+        found = cast(dict[str, Any], world.source)["options"]  # what was not given is known now
+        placed = {key: found[key] for key in ("scale", "origin", "units")}
+        read, notes = geojson_content.read(**paths, **placed, width=given.flow_width)
         landmarks, zones = read.landmarks + landmarks, read.zones + zones
         world = _with_notes(world, notes)
     if not (content.people or landmarks or zones):
@@ -285,38 +278,17 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
 
 def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
     """The world of a section as its reader gives it; paths are relative to the folder."""
-    match next(value for _, value in section if value is not None):
-        case RosMap() as given:
-            keep_out = None if given.keep_out is None else folder / given.keep_out
-            return World.from_ros_map(
-                folder / given.path, unknown_is_free=given.unknown_is_free, keep_out=keep_out, height=given.height
-            )
-        case MovingAI() as given:
-            return World.from_movingai(folder / given.path, resolution=given.resolution)
-        case GeoJSON() as given:
-            return World.from_geojson(
-                folder / given.path, scale=given.scale, origin=given.origin, polygons=given.polygons
-            )
-        case Image() as given:
-            return World.from_image(
-                folder / given.path,
-                given.resolution,
-                threshold=given.threshold,
-                origin=given.origin,
-                height=given.height,
-            )
-        case MoveItScene() as given:
-            return World.from_moveit_scene(folder / given.path)
-        case Solids() as given:
-            return World.from_solids(solids, extent=None if given.extent is None else shapely.Polygon(given.extent))
-        case given:
-            prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
-            closed = [shapely.Polygon(corners) for corners in given.keep_out]
-            for polygon in closed:
-                check_coordinates(polygon, "keep_out")
-            check_joinable(closed, "keep_out")
-            return World.from_polygons(
-                prisms,
-                extent=None if given.extent is None else shapely.Polygon(given.extent),
-                keep_out=shapely.union_all(closed) if closed else None,
-            )
+    name, given = next((name, value) for name, value in section if value is not None)
+    if isinstance(given, MapFile):
+        options = {key: value for key, value in _given(given).items() if key not in given.beside}
+        paths = {key: folder / options[key] for key in given.files & options.keys() if options[key] is not None}
+        return read_world(name, **{**options, **paths})
+    extent = None if given.extent is None else shapely.Polygon(given.extent)
+    if isinstance(given, Solids):
+        return World.from_solids(solids, extent=extent)
+    prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
+    closed = [shapely.Polygon(corners) for corners in given.keep_out]
+    for polygon in closed:
+        check_coordinates(polygon, "keep_out")
+    check_joinable(closed, "keep_out")
+    return World.from_polygons(prisms, extent=extent, keep_out=shapely.union_all(closed) if closed else None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 from pydantic_core import PydanticCustomError
@@ -43,43 +43,55 @@ class _Strict(BaseModel):
     model_config = STRICT
 
 
-class RosMap(_Strict):
+class MapFile(_Strict):
+    """What a reader reads, and its options.
+
+    files   keys of paths, which are relative to the scenario's folder
+    beside  keys that are no options of the reader: what else is read into the world
+    """
+
+    files: ClassVar[frozenset[str]] = frozenset({"path"})
+    beside: ClassVar[frozenset[str]] = frozenset()
+    path: str
+
+
+class RosMap(MapFile):
     """A ROS map_server map; ``keep_out`` is a mask of the same kind."""
 
-    path: str
+    files = frozenset({"path", "keep_out"})
     unknown_is_free: bool = False
     keep_out: str | None = None
     height: Heights | None = None
 
 
-class MovingAI(_Strict):
+class MovingAI(MapFile):
     """A MovingAI grid map; ``resolution`` is the side of a cell, m."""
 
-    path: str
     resolution: float = Field(default=1.0, gt=0)
 
 
-class GeoJSON(_Strict):
-    """A GeoJSON floor plan; coordinates less ``origin`` times ``scale`` are metres.
+class GeoJSON(MapFile):
+    """A GeoJSON floor plan; coordinates less ``origin`` times ``scale`` are metres, or they are degrees.
 
-    Other files, of the same scale and origin, may hold points that are landmarks, lines that are flows of visitors
-    ``flow_width`` m across, and polygons that are zones.
+    Other files, of the same scale, origin and units, may hold points that are landmarks, lines that are flows of
+    visitors ``flow_width`` m across, and polygons that are zones.
     """
 
-    path: str
+    beside = frozenset({"landmarks", "flows", "zones", "flow_width"})
     scale: float = Field(default=1.0, gt=0)
-    origin: Annotated[Pair, _form("an origin [x, y] in the file's units")] = (0.0, 0.0)
+    origin: Annotated[Pair, _form("an origin [x, y] in the file's units")] | None = None
     polygons: Literal["obstacles", "free", "outline"] = "obstacles"
+    units: Literal["m", "deg"] | None = None
+    wall_width: float | None = Field(default=None, gt=0)
     landmarks: Paths = []
     flows: Paths = []
     zones: Paths = []
     flow_width: float = Field(default=FLOW_WIDTH, gt=0)
 
 
-class Image(_Strict):
+class Image(MapFile):
     """A blueprint image in which dark is obstacle; ``resolution`` is the side of a pixel, m."""
 
-    path: str
     resolution: float = Field(gt=0)
     threshold: float = Field(default=0.5, gt=0, lt=1)
     origin: Origin = (0.0, 0.0, 0.0)
@@ -101,10 +113,8 @@ class Polygons(_Strict):
     keep_out: list[list[Point]] = []
 
 
-class MoveItScene(_Strict):
+class MoveItScene(MapFile):
     """A planning scene of MoveIt or MotionBenchMaker, in YAML."""
-
-    path: str
 
 
 class CylinderSize(_Strict):

@@ -36,7 +36,7 @@ def describe(world: World) -> dict[str, Any]:
     prisms = [obstacle for obstacle in world.obstacles if obstacle.solid is None]
     return {
         "kind": "geometry",
-        "obstacles": [{"polygon": _geometry(o.polygon), "z": _heights(o.heights)} for o in prisms],
+        "obstacles": [_prism(prism) for prism in prisms],
         **({"solids": solids} if solids else {}),
         "raster": None if raster is None else _raster(raster),
         "keep_out": _geometry(world.keep_out),
@@ -185,7 +185,9 @@ def _refuse_lost(description: Mapping[str, Any]) -> None:
 
 
 def _from_geometry(data: Mapping[str, Any]) -> World:
-    prisms = tuple(Obstacle(_polygons(o["polygon"]), *_range(o["z"])) for o in data["obstacles"])
+    prisms = tuple(
+        Obstacle(_polygons(o["polygon"]), *_range(o["z"]), name=str(o.get("name", ""))) for o in data["obstacles"]
+    )
     raster = data["raster"]
     ground = Ground(
         obstacles=prisms,
@@ -195,6 +197,11 @@ def _from_geometry(data: Mapping[str, Any]) -> World:
         solids=tuple(Solid.build(solid) for solid in data.get("solids", ())),
     )
     return World(ground, _polygons(data["keep_out"]), tuple(str(note) for note in data["notes"]))
+
+
+def _prism(prism: Obstacle) -> dict[str, Any]:
+    called = {"name": prism.name} if prism.name else {}
+    return {"polygon": _geometry(prism.polygon), "z": _heights(prism.heights), **called}
 
 
 def _raster(raster: Raster) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_widenable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import read_bytes
-from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, Placement, check_origin, geometries
+from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, placed, shaped
+from hpop.world.placement import Placement, Units
 from hpop.world.shapes import check_positive
 
 FLOW_WIDTH = 3.0
@@ -31,6 +32,7 @@ def read(
     zones: Paths = (),
     scale: float = 1.0,
     origin: tuple[float, float] = (0.0, 0.0),
+    units: Units = "m",
     width: float = FLOW_WIDTH,
 ) -> tuple[Content, tuple[str, ...]]:
     """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
@@ -47,8 +49,9 @@ def read(
     zones : path or paths
         Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, or a
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
-    scale, origin
-        As `hpop.world.geojson.read` has them for the plan to which this belongs.
+    scale, origin, units
+        As `hpop.world.geojson.read` has them for the plan to which this belongs; ``world.source["options"]`` says which
+        it found where they were not given.
     width : float
         Of the way along a flow, m.
 
@@ -64,9 +67,9 @@ def read(
         sense.
     """
     width = check_positive("width", width)
-    source = _Source(Placement(check_positive("scale", scale), check_origin(origin)), FeatureNotes())
+    source = _Source(Placement(scale, origin, units), FeatureNotes())
     seen = source.made(landmarks, POINTS, _landmark)
-    ways = source.made(flows, LINES, lambda line, description: _flow(line, description, width))
+    ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
     rules = source.made(zones, POLYGONS, _zone)
     content = Content(
         landmarks=tuple(item for item in seen if isinstance(item, Landmark)),
@@ -75,15 +78,7 @@ def read(
     return content, source.notes.lines()
 
 
-@dataclass(frozen=True)
-class _Description:
-    """What a feature says of itself: its name (empty without one) and properties."""
-
-    name: str
-    properties: dict[str, Any]
-
-
-Maker = Callable[[Any, _Description], Landmark | Zone | str | None]
+Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
 """From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
 
 
@@ -100,11 +95,14 @@ class _Source:
         for path in [paths] if isinstance(paths, str | Path) else paths:
             found = False
             content = read_bytes(path, "GeoJSON file")
-            for feature, parts in geometries(content, path, kinds, self.placement, self.notes):
+            of, shapes = shaped(content, path, kinds, self.notes)
+            self.placement.refuse_degrees(of, shapes)
+            for feature, parts in placed(of, shapes, self.placement.settled(of, shapes), self.notes):
                 found = True
-                description = self._described(feature)
+                if not isinstance(feature.data.get("properties"), dict):
+                    self.notes.add(feature, "no properties")
                 for part in parts:
-                    thing = _told(make, part, description, feature)
+                    thing = _told(make, part, feature)
                     if isinstance(thing, str):
                         self.notes.add(feature, thing)
                     elif thing is not None:
@@ -113,47 +111,37 @@ class _Source:
                 raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes.lines(path))}".rstrip())
         return things
 
-    def _described(self, feature: Feature) -> _Description:
-        properties = feature.data.get("properties")
-        if not isinstance(properties, dict):
-            self.notes.add(feature, "no properties")
-            properties = {}
-        named = [properties.get(key) for key in ("name", "label", "title")]
-        candidates = [*named, feature.data.get("id"), properties.get("id"), properties.get("type")]
-        texts = (" ".join(str(item).split()) for item in candidates if isinstance(item, str | int))
-        return _Description(next((text for text in texts if text), ""), properties)
 
-
-def _told(make: Maker, part: BaseGeometry, description: _Description, feature: Feature) -> Landmark | Zone | str | None:
+def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
     """What a part stands for; an error says where."""
     try:
-        return make(part, description)
+        return make(part, feature)
     except MapError as error:
         raise MapError(f"{feature}: {error}") from None
 
 
-def _landmark(point: Point, description: _Description) -> Landmark:
-    given = {key: description.properties.get(key) for key in ("z", "facing", "weight")}
+def _landmark(point: Point, feature: Feature) -> Landmark:
+    given = {key: feature.properties.get(key) for key in ("z", "facing", "weight")}
     return Landmark(
-        point.x, point.y, name=description.name, **{key: value for key, value in given.items() if value is not None}
+        point.x, point.y, name=feature.name, **{key: value for key, value in given.items() if value is not None}
     )
 
 
-def _flow(line: LineString, description: _Description, width: float) -> Zone | str:
-    own = description.properties.get("width")
+def _flow(line: LineString, feature: Feature, width: float) -> Zone | str:
+    own = feature.properties.get("width")
     width = width if own is None else check_positive("property width", own)
     if line.length == 0:
         return "a line without length, left out"
     check_widenable(line, width / 2, "the flow")
-    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=description.name)
+    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=feature.name)
 
 
-def _zone(area: Polygon, description: _Description) -> Zone | str | None:
-    kind, limit, closed = (description.properties.get(key) for key in ("kind", "limit", "closed"))
+def _zone(area: Polygon, feature: Feature) -> Zone | str | None:
+    kind, limit, closed = (feature.properties.get(key) for key in ("kind", "limit", "closed"))
     if kind == "speed" or (kind is None and limit is not None):
-        return Zone("speed", area, limit=limit, name=description.name)
+        return Zone("speed", area, limit=limit, name=feature.name)
     if kind == "keep-out" or (kind is None and isinstance(closed, int | float) and closed):
-        return Zone("keep-out", area, name=description.name)
+        return Zone("keep-out", area, name=feature.name)
     if kind is None and closed is not None:
         return None  # it says that it is open
     got = "" if kind is None else f"; its kind is {shown(kind)}"

@@ -124,12 +124,14 @@ class Obstacle:
     polygon       shapely Polygon   m   outline in the world frame, holes allowed
     z_min, z_max  float             m   -inf and inf mean "the whole height"
     solid         Solid or None     what this is the prism round; None where the prism itself was given
+    name          str               what messages call it
     """
 
     polygon: Polygon
     z_min: float = -math.inf
     z_max: float = math.inf
     solid: Solid | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         """Check the outline and the heights."""
@@ -149,7 +151,7 @@ class Obstacle:
     @classmethod
     def around(cls, solid: Solid) -> Obstacle:
         """The upright prism round a solid."""
-        return cls(solid.outline, *solid.heights, solid)
+        return cls(solid.outline, *solid.heights, solid, solid.name)
 
     @property
     def heights(self) -> tuple[float, float]:

@@ -194,13 +194,15 @@ class World:
         path: str | Path,
         *,
         scale: float = 1.0,
-        origin: tuple[float, float] = (0.0, 0.0),
+        origin: tuple[float, float] | None = None,
         polygons: Literal["obstacles", "free", "outline"] = "obstacles",
+        units: Literal["m", "deg"] | None = None,
+        wall_width: float | None = None,
     ) -> World:
-        """Read a vector floor plan; see `hpop.world.geojson.read`."""
+        """Read a vector floor plan, in metres or in degrees; see `hpop.world.geojson.read`."""
         from hpop.world import geojson
 
-        return geojson.read(path, scale=scale, origin=origin, polygons=polygons)
+        return geojson.read(path, scale=scale, origin=origin, polygons=polygons, units=units, wall_width=wall_width)
 
     @classmethod
     def from_image(

@@ -6,9 +6,12 @@ import math
 import numpy as np
 import pytest
 import shapely
+from click.testing import CliRunner
+from geographiclib.geodesic import Geodesic
 
+from hpop.cli import main
 from hpop.errors import MapError
-from hpop.world import World
+from hpop.world import World, geojson_content
 
 MUSEUM = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}  # metres from EPSG:3857, see SOURCE.txt
 
@@ -53,7 +56,7 @@ def test_the_museum_areas_are_free_space(shared_data):
 
 
 def test_a_layer_without_polygons_says_what_it_holds(shared_data):
-    with pytest.raises(MapError, match=r"9 features \(0 to .*\): a 'Point', not a polygon"):
+    with pytest.raises(MapError, match=r"9 features \(0 'birds', 1 'africa', .*\): a 'Point', not a polygon"):
         World.from_geojson(shared_data("field_museum_main") / "main_level_labels.geojson")
 
 
@@ -107,6 +110,7 @@ def test_what_is_left_out_or_mended_is_told(tmp_path):
         f"{path}: feature 3: a 'LineString', not a polygon, left out.",
         f"{path}: feature 4: no valid polygon (Self-intersection), mended.",
         f"{path}: feature 5: an empty Polygon, left out.",
+        f"{path}: wall_width: 0.1 makes walls of its lines, 0.1 m thick.",
     )
 
 
@@ -171,3 +175,151 @@ def test_missing_empty_and_binary_files_are_refused(tmp_path):
     for name in ("empty", "binary", "none", "."):
         with pytest.raises(MapError):
             World.from_geojson(tmp_path / name)
+
+
+# Degrees: RFC 7946, what geojson.io and QGIS write
+
+
+def in_degrees(origin, metres):
+    """Corners (n, 2), m east and north of a point, as longitude and latitude: along geodesics, by GeographicLib."""
+    corners = []
+    for east, north in metres:
+        found = Geodesic.WGS84.Direct(
+            origin[1], origin[0], math.degrees(math.atan2(east, north)), math.hypot(east, north)
+        )
+        corners.append([found["lon2"], found["lat2"]])
+    return corners
+
+
+def length_on_earth(a, b):
+    return Geodesic.WGS84.Inverse(a[1], a[0], b[1], b[0])["s12"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lengths_of_a_building_in_degrees_are_those_of_a_geodesic_library(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    place = (rng.uniform(-179, 179), rng.uniform(-89, 89))
+    along, across, turned = rng.uniform(5, 1500), rng.uniform(5, 1500), rng.uniform(0, math.tau)
+    turn = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+    ring = in_degrees(place, np.array(square(0, 0, along, across)) @ turn)
+    assert np.ptp(np.array(ring), axis=0).max() < 0.1 or abs(place[1]) > 80
+    world = World.from_geojson(write(tmp_path, feature([*ring[:4], ring[0]])), units="deg")
+    corners = shapely.get_coordinates(world.obstacles[0].polygon)
+    for i in range(4):
+        expected = length_on_earth(ring[i], ring[(i + 1) % 4])
+        assert math.dist(corners[i], corners[i + 1]) == pytest.approx(expected, rel=1e-4)
+    assert abs(length_on_earth(ring[0], ring[2]) - math.dist(corners[0], corners[2])) < 1e-4 * math.hypot(along, across)
+
+
+def test_degrees_are_recognised_and_told_with_the_way_out(tmp_path):
+    ring = in_degrees((-87.6166, 41.8662), square(0, 0, 60, 30))
+    path = write(tmp_path, feature(ring), feature(ring[0], ring[2], kind="LineString"))
+    world = World.from_geojson(path, wall_width=0.2, polygons="outline")
+    x0, y0, x1, y1 = world.bounds
+    assert (x0, y0, x1, y1) == pytest.approx((0, 0, 60, 30), abs=0.01)
+    assert world.obstacles[0].polygon.area == pytest.approx(0.2 * (math.hypot(60, 30) + 0.2), rel=1e-3)
+    assert "degrees" in world.notes[0]
+    assert "longitude -87.616" in world.notes[0]
+    assert "units: m" in world.notes[0]
+    again = World.from_description(world.describe())
+    assert again.bounds == world.bounds
+    as_metres = World.from_geojson(path, units="m")
+    assert max(as_metres.bounds[2] - as_metres.bounds[0], 0.001) < 0.1
+
+
+def test_the_origin_of_degrees_is_a_point_on_the_earth(tmp_path):
+    ring = in_degrees((7.6, 51.9), square(10, 20, 60, 50))
+    world = World.from_geojson(write(tmp_path, feature(ring)), origin=(7.6, 51.9))
+    assert world.bounds == pytest.approx((10, 20, 60, 50), abs=0.01)
+
+
+def test_a_plan_in_metres_or_other_units_of_a_plane_is_left_as_it_is(tmp_path):
+    assert World.from_geojson(write(tmp_path, feature(square(0, 0, 30, 20)))).bounds == (0, 0, 30, 20)
+    kilometres = write(tmp_path, feature(square(0, 0, 0.05, 0.03)))
+    assert World.from_geojson(kilometres, scale=1000).bounds == pytest.approx((0, 0, 50, 30))
+
+
+@pytest.mark.parametrize(
+    ("features", "options", "message"),
+    [
+        ([feature(square(0, 0, 30, 20)), feature(square(7.6, 51.9, 7.6004, 51.9003), name="hall")], {},
+         r"feature 1 'hall' spans 0.0004 x 0.0003 at \(7.6, 51.9\), as degrees do, and the others 30 x 51.9"),
+        ([feature(square(0, 0, 1, 1)), feature(square(-9.7e6, 5.1e6, -9.6e6, 5.2e6), name="hall")], {"units": "deg"},
+         r"feature 1 'hall': \(-9.7e\+06, 5.1e\+06\) is no longitude and latitude"),
+        ([feature(square(7.6, 51.9, 7.61, 51.91)), feature(square(7.9, 51.9, 7.905, 51.905))], {}, "units m or deg"),
+        ([feature(square(7.6, 51.9, 7.61, 51.91))], {"scale": 0.5, "units": "deg"}, "leave out scale"),
+        ([feature(square(7.6, 51.9, 7.61, 51.91))], {"origin": (0, 0)}, "more than 1 degree"),
+        ([feature(square(0, 0, 30, 20))], {"units": "feet"}, "m, deg"),
+    ],
+)  # fmt: skip
+def test_degrees_mixed_with_metres_are_refused(tmp_path, features, options, message):
+    with pytest.raises(MapError, match=message):
+        World.from_geojson(write(tmp_path, *features), **options)
+
+
+def test_zones_in_degrees_of_a_plan_in_metres_are_refused(tmp_path):
+    zones = write(tmp_path, feature(square(7.6, 51.9, 7.6004, 51.9003), name="quiet", limit=0.5))
+    with pytest.raises(MapError, match=r"feature 0 'quiet' .* as degrees do, but the plan is in metres"):
+        geojson_content.read(zones=zones)
+
+
+# Lines, outlines, names
+
+
+def test_lines_are_walls_of_a_width(tmp_path):
+    room = [*square(0, 0, 6, 4)[:4], [0, 1.5]]  # a door between (0, 1.5) and (0, 0)
+    path = write(tmp_path, feature(*room, kind="LineString", height=2.5))
+    world = World.from_geojson(path, wall_width=0.2)
+    assert world.bounds == pytest.approx((-0.1, -0.1, 6.1, 4.1))  # corners are closed, and ends reach as far
+    x, y = np.array([3.0, 0.0, 6.05, 6.0]), np.array([2.0, 0.75, 4.05, 2.0])
+    assert world.clearance(x, y) == pytest.approx([1.9, 0.1, 0.0, 0.0])  # the door is the walls' border away
+    assert world.obstacles[0].heights == (0, 2.5)
+    with pytest.raises(MapError, match=r"has no polygon: .* wall_width: 0.1 makes walls of its lines"):
+        World.from_geojson(path)
+    with pytest.raises(MapError, match="has no polygon"):
+        World.from_geojson(path, wall_width=0.2, polygons="outline")
+
+
+@pytest.mark.parametrize("width", [0, -1, "0.1", math.nan, True])
+def test_a_wrong_width_of_walls_is_refused(tmp_path, width):
+    with pytest.raises(MapError, match="wall_width"):
+        World.from_geojson(write(tmp_path, feature(square(0, 0, 1, 1))), wall_width=width)
+
+
+def test_an_outline_that_contains_everything_is_told_with_the_way_out(tmp_path):
+    house, case = feature(square(0, 0, 9, 7), name="House"), feature(square(2, 2, 3, 3))
+    wall = feature([0, 5], [4, 5], kind="LineString")
+    closed = World.from_geojson(write(tmp_path, case, house, wall), wall_width=0.2)
+    assert [
+        note for note in closed.notes if "feature 1 'House' contains all else" in note and "polygons: outline" in note
+    ]
+    assert World.from_geojson(write(tmp_path, case, house, wall), polygons="outline").extent.area == 63
+    ring = feature(square(0, 0, 9, 7), square(1, 1, 8, 6), name="Wall")
+    assert not World.from_geojson(write(tmp_path, case, ring)).notes  # a wall has room within
+
+
+def test_what_is_noted_of_features_names_them(tmp_path):
+    points = [feature(0, 0, kind="Point", name=name) for name in ("door", "desk")]
+    path = write(tmp_path, feature(square(0, 0, 1, 1), square(0.2, 0.2, 0.8, 0.8)), *points)
+    assert World.from_geojson(path).notes == (
+        f"{path}: 2 features (1 'door', 2 'desk'): a 'Point', not a polygon, left out.",
+    )
+    with pytest.raises(MapError, match="feature 0 'stairs': property height"):
+        World.from_geojson(write(tmp_path, feature(square(0, 0, 1, 1), name="stairs", height=-1)))
+
+
+def test_a_start_that_is_not_free_names_the_obstacle_and_tells_the_notes_of_the_map(tmp_path):
+    write(tmp_path, feature(square(0, 0, 9, 7), name="House"), feature(square(2, 2, 3, 3)))
+    asked = {
+        "world": {"geojson": {"path": "plan.geojson"}},
+        "start": [5, 5, 0],
+        "goal": [8, 5, 0],
+        "criteria": ["length"],
+    }
+    (tmp_path / "scenario.yaml").write_text(json.dumps(asked))
+    result = CliRunner().invoke(main, ["plan", str(tmp_path / "scenario.yaml"), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 5
+    refused, note = result.output.splitlines()[-2:]
+    assert "it is inside the obstacle 'House'" in refused
+    assert note.startswith("note: ")
+    assert "polygons: outline" in note

@@ -37,7 +37,7 @@ def test_the_museums_labels_are_landmarks_and_the_one_without_a_place_is_told(sh
     birds = content.landmarks[names.index("birds")]
     # By hand from the file: -9753555.605853485 and 5141014.957947677 less the origin, times the scale.
     assert (birds.x, birds.y) == pytest.approx((71.394146515 * 0.7447, 140.957947677 * 0.7447))
-    assert [note.split("geojson: ")[1] for note in notes] == ["feature 8: no geometry, left out."]
+    assert [note.split("geojson: ")[1] for note in notes] == ["feature 8 'messages_wilderness': no geometry, left out."]
 
 
 def test_the_museums_pictograms_and_amenities_have_names(shared_data):
@@ -207,7 +207,7 @@ def test_a_bare_geometry_is_read(tmp_path):
         (
             "landmarks",
             feature("Point", [0, 0], {"name": "Sue", "weight": 0}),
-            "feature 0: landmark 'Sue' needs a weight",
+            "feature 0 'Sue': landmark 'Sue' needs a weight",
         ),
         ("landmarks", feature("Point", [0, 0], {"facing": "north"}), "feature 0: a landmark: facing must be"),
         ("landmarks", feature("Point", [0, math.nan], {}), "feature 0: its coordinates must be finite"),

@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 
 from hpop.models.collision.parts import Part
+from hpop.text import shown
+from hpop.world.shapes import overlaps
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -23,9 +25,17 @@ def reason(world: World, part: Part, x: float, y: float) -> str:
     if shapely.covers(world.closed, here):
         return "it is in a keep-out zone or in a person who stands there. Move it"
     if shapely.covers(world.solid(part.z_min, part.z_max), here):
-        return "it is inside an obstacle. Move it"
+        return f"it is inside {_name(world, part, here, 0.0) or 'an obstacle'}. Move it"
     distance = float(world.clearance(np.array([x]), np.array([y]), z=(part.z_min, part.z_max))[0])
+    nearest = _name(world, part, here, distance) or "the nearest obstacle, keep-out zone or map border"
     return (
-        f"the nearest obstacle, keep-out zone or map border is {distance:.3f} m away and the robot reaches "
-        f"{part.reach:.3f} m. Move it, or take a smaller robot"
+        f"{nearest} is {distance:.3f} m away and the robot reaches {part.reach:.3f} m. Move it, or take a smaller robot"
+    )
+
+
+def _name(world: World, part: Part, here: shapely.Point, distance: float) -> str:
+    """What the obstacle within a distance (m) is called, of those a part of a robot meets; "" where it has no name."""
+    met = (o for o in world.obstacles if o.name and overlaps(o.heights, (part.z_min, part.z_max)))
+    return next(
+        (f"the obstacle {shown(o.name)}" for o in met if shapely.distance(o.polygon, here) <= distance + 1e-9), ""
     )
