@@ -1,9 +1,10 @@
 """Lazy search: whether an arc is free is asked only where a path that was found takes it.
 
-Search the graph as if all arcs were free, ask about those on the paths found, leave out what is blocked, and search
-again, until all arcs of a front are free. That front is the one of the free part of the graph: what was left out is
-blocked, and to remove what was not asked about cannot improve a front whose paths all stay. Lazy roadmaps (Bohlin and
-Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do so for one shortest path.
+Search the graph as if all arcs were free, ask about those on the paths found until each path is known to be free or
+blocked (:mod:`.asked_arcs`), leave out what is blocked, and search again, until all paths of a front are free. That
+front is the one of the free part of the graph: what was left out is blocked, and to remove what was not asked about
+cannot improve a front whose paths all stay. Lazy roadmaps (Bohlin and Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do
+so for one shortest path.
 """
 
 from __future__ import annotations
@@ -18,20 +19,16 @@ import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
+from hpop.search.asked_arcs import BLOCKED, FREE, AskedArcs, Free
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, not_kept
 from hpop.search.queries import ParetoPaths
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
-UNKNOWN, FREE, BLOCKED = range(3)
-AT_ONCE = 1024  # arcs asked about between two looks at the clock
 LEAST = 1e-9  # s: a budget that is left is positive
 ROUNDS, GENERATED, EXPANDED, COUNTS = range(4)
 KEPT = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpoint
-
-Free = Callable[[IntArray], BoolArray]
-"""Which of some arcs (N,), by their places in the graph, are free."""
 
 
 class LazyRun:
@@ -55,9 +52,9 @@ class LazyRun:
         search : finds the paths of a part of the graph, with what is left of the budget
         tolerance : (k,) of the search
         """
-        self.graph, self.free, self.search, self.tolerance = graph, free, search, tolerance
+        self.graph, self.search, self.tolerance = graph, search, tolerance
         self.budget, self.progress, self.keeper = budget, progress, keeper
-        self.state = np.zeros(graph.arcs, np.uint8)  # what is known of each arc
+        self.asked = AskedArcs(graph, self._reported(free))
         self.left_out = np.zeros(graph.arcs, np.bool_)  # without which the graph is searched
         self.counts = np.zeros(COUNTS, np.int64)
         self.before = self.counts.copy()  # those of the rounds that ended
@@ -89,11 +86,11 @@ class LazyRun:
     def _until_free(self) -> Status:
         while True:
             paths = self.paths = self._searched()
-            passed = self._ask(self._unknown(paths))
+            settled = self.asked.settle(paths.all_arcs, paths.lengths, self._late)
             if not paths.status.is_final or self._rows(paths).all():
                 return paths.status
-            if passed is not None:
-                return passed
+            if not settled:
+                return Status.TIME_LIMIT
             self._note(paths)
             if self.keeper is not None:
                 self.keeper.keep()
@@ -102,7 +99,7 @@ class LazyRun:
         """What was learnt of the arcs of these paths: the next search begins with it, or the one that was stopped."""
         ended = paths.status.is_final
         if ended:
-            self.cover, self.left_out, self.before = paths, self.state == BLOCKED, self.counts.copy()
+            self.cover, self.left_out, self.before = paths, self.asked.blocked, self.counts.copy()
         if self.keeper is not None:
             self.keeper.begin(self._arrays()) if ended else self.keeper.amend(self._arrays())
 
@@ -112,7 +109,7 @@ class LazyRun:
         """The paths of the graph without what is known to be blocked, their arcs as places in the whole graph."""
         limit, most = self.budget.time_limit, self.budget.max_labels
         part = self.graph.without(self.left_out)
-        size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.state.nbytes
+        size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.asked.state.nbytes
         room = self.budget.max_memory
         left = replace(
             self.budget,
@@ -132,32 +129,27 @@ class LazyRun:
         """Seconds since the search began, without compiling."""
         return perf_counter() - self.began - self.compiled
 
-    def _unknown(self, paths: ParetoPaths) -> IntArray:
-        """The arcs of paths of which nothing is known, those of the first path first."""
-        arcs = paths.all_arcs
-        arcs = arcs[self.state[arcs] == UNKNOWN]
-        first: IntArray = np.unique(arcs, return_index=True)[1]
-        return np.asarray(arcs[np.sort(first)])
-
-    def _ask(self, arcs: IntArray) -> Status | None:
-        """Learn which arcs are free; the limit that is passed before all are known."""
+    def _late(self) -> bool:
+        """Whether the limit of time is passed."""
         limit = self.budget.time_limit
-        for begin in range(0, arcs.size, AT_ONCE):
-            some = arcs[begin : begin + AT_ONCE]
+        return limit is not None and self._seconds() >= limit
+
+    def _reported(self, free: Free) -> Free:
+        """The same question, which reports how far asking is."""
+
+        def asked(arcs: IntArray) -> BoolArray:
             if self.progress is not None:
-                known = np.count_nonzero(self.state)
-                detail = f"edges of front {self.counts[ROUNDS]}: {known:,} of {self.state.size:,} looked at"
+                state = self.asked.state
+                known = np.count_nonzero(state)
+                detail = f"edges of front {self.counts[ROUNDS]}: {known:,} of {state.size:,} looked at"
                 self.progress(Progress("checking", seconds=self._seconds(), detail=detail))
-            self.state[some] = np.where(self.free(some), FREE, BLOCKED)
-            if limit is not None and self._seconds() >= limit and begin + AT_ONCE < arcs.size:
-                return Status.TIME_LIMIT
-        return None
+            return free(arcs)
+
+        return asked
 
     def _rows(self, paths: ParetoPaths) -> BoolArray:
         """Which paths (n,) are known to be free all along."""
-        owner = np.repeat(np.arange(len(paths)), paths.lengths)
-        doubtful = np.bincount(owner, self.state[paths.all_arcs] != FREE, minlength=len(paths))
-        return np.asarray(doubtful == 0)
+        return self.asked.are_free(paths.all_arcs, paths.lengths)
 
     # What is answered
 
@@ -172,11 +164,11 @@ class LazyRun:
             seconds_bounds=self.bounds_seconds,
             seconds_search=self._seconds() - self.bounds_seconds,
             seconds_compiled=self.compiled,
-            arcs_checked=int(np.count_nonzero(self.state)),
-            arcs_blocked=int(np.count_nonzero(self.state == BLOCKED)),
+            arcs_checked=int(np.count_nonzero(self.asked.state)),
+            arcs_blocked=int(np.count_nonzero(self.asked.blocked)),
             rounds=rounds,
         )
-        return replace(paths, stats=stats, blocked=np.flatnonzero(self.state == BLOCKED))
+        return replace(paths, stats=stats, blocked=np.flatnonzero(self.asked.blocked))
 
     def _stopped(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
         """What is known to be free of these paths and of the last front, and how much better others may be.
@@ -198,7 +190,7 @@ class LazyRun:
 
     def _arrays(self) -> Arrays:
         """What is kept beside the search's own, with evidence that none of it is another."""
-        states = (np.flatnonzero(self.state == state) for state in (FREE, BLOCKED))
+        states = (np.flatnonzero(self.asked.state == state) for state in (FREE, BLOCKED))
         known = dict(zip(KEPT, (*states, np.flatnonzero(self.left_out), self.before), strict=True))
         return {**known, "known": _evidence(list(known.values()))}
 
@@ -210,12 +202,12 @@ class LazyRun:
         if _evidence(known).tolist() != arrays["known"].tolist() or len(rounds) != COUNTS or (rounds < 0).any():
             raise not_kept(path, "what it knows of the arcs is not what was known")
         for places in (free, blocked, left_out):
-            if (np.diff(places) <= 0).any() or places.min(initial=0) < 0 or places.max(initial=-1) >= self.state.size:
+            if (np.diff(places) <= 0).any() or places.min(initial=0) < 0 or places.max(initial=-1) >= self.graph.arcs:
                 raise not_kept(path, "it names other arcs than this graph has")
-        self.state[blocked] = BLOCKED
-        if self.state[free].any() or (self.state[left_out] != BLOCKED).any():
+        self.asked.know(blocked, np.zeros(blocked.size, np.bool_))
+        if self.asked.state[free].any() or (self.asked.state[left_out] != BLOCKED).any():
             raise not_kept(path, "an arc cannot be free and blocked")
-        self.state[free] = FREE
+        self.asked.know(free, np.ones(free.size, np.bool_))
         self.left_out[left_out] = True
         self.before = rounds
 

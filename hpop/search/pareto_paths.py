@@ -18,7 +18,7 @@ from hpop.status import Budget, ProgressCallback, Status
 from hpop.text import shown
 
 if TYPE_CHECKING:
-    from hpop.search.lazy_paths import Free
+    from hpop.search.asked_arcs import Free
     from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock, Search
     from hpop.search.machinery.turns import Groups
@@ -65,9 +65,10 @@ def pareto_paths(
     Nobody can tell what a file from a stranger leaves out: :mod:`.checkpoint`.
 
     With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
-    without those that are blocked; it is asked only about arcs on paths that are found, once each
-    (:mod:`.lazy_paths`). Limits hold for all rounds together. What is returned is free all along, also where a limit
-    stops it; after a checkpoint, as far as its file is true.
+    without those that are blocked; it is asked only about arcs on paths that are found, once each, of a blocked path
+    not about all (:mod:`.lazy_paths`). Limits hold for all rounds together. What is returned is free all along, also
+    where a limit stops it; after a checkpoint, as far as its file is true, and other arcs may have been asked about than
+    in one go.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)
