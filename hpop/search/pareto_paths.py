@@ -67,7 +67,7 @@ def pareto_paths(
     With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
     without those that are blocked; it is asked only about arcs on paths that are found, once each, of a blocked path
     not about all (:mod:`.lazy_paths`). Limits hold for all rounds together. What is returned is free all along, also
-    where a limit stops it; after a checkpoint, as far as its file is true, and other arcs may have been asked about than
+    where a limit stops it; after a checkpoint as far as its file is true, and other arcs may have been asked about than
     in one go.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])

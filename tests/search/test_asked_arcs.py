@@ -45,7 +45,7 @@ def test_each_path_is_then_free_all_along_or_known_to_be_blocked(seed: int) -> N
     for path, free in zip(paths, asked.are_free(np.concatenate(paths), lengths).tolist(), strict=True):
         assert free == doors.is_free[path].all()
         assert free == known[path].all() or (asked.state[path] == BLOCKED).any()
-    questions = sum(doors.calls, [])
+    questions = [arc for call in doors.calls for arc in call]
     assert len(questions) == len(set(questions)) == np.count_nonzero(known)
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.search import Graph, ParetoPaths, pareto_paths
-from hpop.search import asked_arcs
+from hpop.search import Graph, ParetoPaths, asked_arcs, pareto_paths
 from hpop.search import lazy_paths as module
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 from hpop.status import Budget, Progress, Status
