@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, Self, cast, overload
+
+import numpy as np
 
 from hpop import frontier
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
 from hpop.frontier import FrontFileError, storage
 from hpop.frontier.storage import checked_path
@@ -22,8 +24,36 @@ from hpop.world.description import found_from, seen_from, without_places
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Point(frontier.Point[Trajectory]):
+    """One point of a front of trajectories; see :class:`hpop.frontier.Point`."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The trajectory that has these costs."""
+        return self.item
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Front(frontier.Front[Trajectory]):
     """Non-dominated trajectories, one a cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
+
+    def _point(self, row: int) -> Point:
+        return Point(**self._known_of(row))
+
+    if TYPE_CHECKING:  # each point that is given out has a trajectory
+
+        @overload
+        def __getitem__(self, index: int | np.integer[Any], /) -> Point: ...
+        @overload
+        def __getitem__(self, index: slice | BoolArray | Sequence[bool], /) -> Self: ...
+        def __getitem__(self, index: Any, /) -> Any: ...
+        def __iter__(self) -> Iterator[Point]: ...
+        def knee(self) -> Point: ...
+        def best(self, name: str) -> Point: ...
+        def lexicographic(self, order: Sequence[str]) -> Point: ...
+        def select(self, weights: Mapping[str, float]) -> Point: ...
+        def nearest(self, wishes: Mapping[str, float]) -> Point: ...
+        def reference_point(self, aspirations: Mapping[str, float]) -> Point: ...
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -52,7 +82,7 @@ class Front(frontier.Front[Trajectory]):
             return ()
         return tuple(name for name in self.names if all(name in names for names in known))
 
-    def named(self) -> dict[str, frontier.Point[Trajectory]]:
+    def named(self) -> dict[str, Point]:
         """The points worth a name: the knee and the least in each criterion, of those found if only evaluated."""
         if not len(self):
             return {}
@@ -63,8 +93,7 @@ class Front(frontier.Front[Trajectory]):
     @property
     def question(self) -> dict[str, Any] | None:
         """The problem, wherever its files lie: what is in them is known by its hash."""
-        problem = self.problem
-        return problem and _changed(problem, without_places, files.without_places)
+        return self.problem and question_of(self.problem)
 
     def by_group(self) -> dict[str, dict[str, FloatArray]]:
         """Costs (n,) by group and criterion: performance P, comfort C, robot R, others O; a group may be empty."""
@@ -120,6 +149,11 @@ class Front(frontier.Front[Trajectory]):
         elif decode is None:
             decode = partial(Trajectory.from_description, model)
         return cls._of_stored(path, stored, items, decode)
+
+
+def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
+    """The description of a problem without the places of its files: these are known by their hashes."""
+    return _changed(problem, without_places, files.without_places)
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:

@@ -16,3 +16,13 @@ def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
         return getattr(import_module(homes[name]), name)
 
     return imported
+
+
+def library(name: str, what: str, extra: str = "tables") -> Any:
+    """A library of an extra, which ``what`` needs; where it is not installed, ImportError says how to install it."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f"{what} needs {name}, the extra hpop[{extra}] ({error}); pip install 'hpop[{extra}]'"
+        ) from None

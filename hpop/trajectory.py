@@ -14,6 +14,9 @@ from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
 from hpop.motions import Curve, Law, Model, Motions, States, is_coupled, is_curve, slopes
+from hpop.motions.body_table import body_table
+from hpop.options import LEAST, MOST, real
+from hpop.table import Table
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 
 STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
 STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
+MOST_ROWS = 10**6  # of a table
 LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
 
 
@@ -219,6 +223,30 @@ class Trajectory:
         succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
         """
         return self.model.execution(self)[0]
+
+    def table(self, step: float = 0.1, *, body: str | None = "camera", executed: bool = True) -> Table:
+        """What a body does every ``step`` seconds and at the end: columns with units, for a script or a spreadsheet.
+
+        ``t``; where the body is (``x``, ``y``, ``z``, ``yaw``, ``pitch``, ``roll``), how fast it moves (``vx``, ``vy``,
+        ``vz``) and turns (``wx``, ``wy``, ``wz``), in the world's frame.
+
+        Parameters
+        ----------
+        body : "base", "camera" or "tool", as far as the model has them; None gives the model's states, such as joints,
+            each with its rate (``pan``, ``pan_rate``)
+        executed : what the robot really does, from rest to rest (:meth:`execution`); else as it is planned
+
+        Raises OptionError for a step that is no time or gives over a million rows, and for a body that is not there.
+        """
+        run = self.execution() if executed else self
+        real("step", step, LEAST, MOST, "a time in s")
+        whole = int(run.duration / step + 1e-9)  # steps
+        if whole >= MOST_ROWS:
+            raise OptionError(f"a table has at most {MOST_ROWS:,} rows, got a step of {step:g} s of {run.duration:g} s")
+        times = np.round(step * np.arange(whole + 1), 9)
+        if run.duration - times[-1] > 1e-6 * step:
+            times = np.append(times, run.duration)
+        return body_table(self.model, body, times, run.at(times), run.rates(times)[0])
 
     def describe(self) -> dict[str, Any]:
         """What a saved front keeps of a trajectory: JSON-able, exact."""

@@ -62,6 +62,24 @@ def test_the_quanta_in_the_docs_are_fine_enough_for_the_problem_of_the_readme():
     assert not [note for note in front.notes if "coarse" in note]
 
 
+def test_what_the_page_of_fronts_does_with_one_runs(tmp_path, monkeypatch):
+    import json
+
+    from hpop.scenario import load_scenario
+
+    monkeypatch.chdir(tmp_path)
+    problem = load_scenario(ROOT / "examples/museum.yaml").problem
+    front = problem.solve("lattice", step=1.0)
+    front.save("front.json")
+    names = {"problem": problem, "front": front, "json": json, "Path": Path}
+    for block in blocks("docs/front.md"):
+        exec(compile(block, "docs/front.md", "exec"), names)
+    assert 0 < len(names["few"]) < len(front)
+    assert names["table"].units["vx"] == "m/s"
+    assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
+    assert len(names["path"]) > 10
+
+
 def test_the_search_in_the_docs_finds_what_it_says():
     names: dict = {}
     exec(compile(blocks("docs/planners.md")[0], "docs/planners.md", "exec"), names)

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from operator import index as as_index
-from typing import Any, Generic, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.frontier import choosing, knees, storage, union
-from hpop.frontier.dominance import FloatArray, IntArray, is_nondominated, quantised
-from hpop.frontier.errors import FrontError, FrontFileError
+from hpop.frontier import conditions, selection, storage, tables, union
+from hpop.frontier.choices import Choices
+from hpop.frontier.dominance import BoolArray, FloatArray, IntArray, is_nondominated, quantised
+from hpop.frontier.errors import FrontFileError
 from hpop.frontier.point import Point
 from hpop.frontier.strict_json import plain
 from hpop.text import shown
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 T = TypeVar("T")
+MOST_CLAIMED = 200  # characters of a certificate in a repr
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Front(Generic[T]):
+class Front(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
 
     Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
@@ -178,25 +184,80 @@ provenance, problem, runs
     def __len__(self) -> int:
         return len(self.items)
 
-    def __getitem__(self, index: int) -> Point[T]:
-        row = as_index(index)
+    @overload
+    def __getitem__(self, index: int | np.integer[Any], /) -> Point[T]: ...
+
+    @overload
+    def __getitem__(self, index: slice | BoolArray | Sequence[bool], /) -> Self: ...
+
+    def __getitem__(self, index: Any, /) -> Point[T] | Self:
+        """The point of a row; of a slice or a boolean mask (n,) the front of these points, in their order."""
+        try:
+            row = as_index(index)
+        except TypeError:
+            return self._selected(*selection.kept(index, len(self)))
         if not -len(self) <= row < len(self):
             raise IndexError(f"the front has {len(self)} points, got index {row}")
-        row %= len(self)
-        return Point(
-            index=row,
-            costs=dict(zip(self.names, self.costs[row].tolist(), strict=True)),
-            reported=dict(zip(self.reported_names, self.reported[row].tolist(), strict=True)),
-            item=self.items[row],
-            provenance=self.provenance[row],
-        )
+        return self._point(row % len(self))
+
+    def _point(self, row: int) -> Point[T]:
+        return Point(**self._known_of(row))
+
+    def _known_of(self, row: int) -> dict[str, Any]:
+        """The fields of the point of a row."""
+        return {
+            "index": row,
+            "costs": dict(zip(self.names, self.costs[row].tolist(), strict=True)),
+            "reported": dict(zip(self.reported_names, self.reported[row].tolist(), strict=True)),
+            "item": self.items[row],
+            "provenance": self.provenance[row],
+        }
 
     def __iter__(self) -> Iterator[Point[T]]:
-        return (self[row] for row in range(len(self)))
+        return (self._point(row) for row in range(len(self)))
 
     def __repr__(self) -> str:
         criteria = ", ".join(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
-        return f"<Front: {len(self)} points of {criteria}; {self.status}; {self.certificate}>"
+        claimed = self.certificate
+        if len(claimed) > MOST_CLAIMED:
+            claimed = f"{claimed[: MOST_CLAIMED - 3]}..."
+        return f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>"
+
+    def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
+        """The points that keep all conditions on criteria and reported values, as a front of their own.
+
+        ``front.where(turns="<=5", length="<= 30")``, or a dict for names that are no Python names. A condition is one
+        of <=, <, >=, >, ==, != and a number in the column's unit; a number alone is what the value shall equal. Costs
+        are compared as whole quanta. Where no point keeps them, the front that comes back has none, and its
+        certificate says which point of this one is nearest.
+
+        Raises UnknownColumnError for a name that the front does not have, FrontError for what is no condition.
+        """
+        asked = conditions.conditions(conditions_by_name, named)
+        return self._selected(conditions.met(self, asked), conditions.in_words(self, asked))
+
+    def _selected(self, kept: BoolArray, by: str) -> Self:
+        """The points of a mask (n,), the certificate telling of how many they were selected, and by what."""
+        rows = np.flatnonzero(kept)
+        return replace(
+            self,
+            costs=self.costs[rows],
+            items=tuple(self.items[row] for row in rows),
+            reported=self.reported[rows],
+            provenance=tuple(self.provenance[row] for row in rows),
+            certificate=union.each_claim(self.certificate, f"selected from {len(self):,} points by {by}: {{}}"),
+        )
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The front as a table of pandas, a row a point: costs, reported values, provenance ("provenance.planner").
+
+        Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
+        """
+        return tables.dataframe(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The same as a dataset of xarray along the dimension "point", a unit with each variable."""
+        return tables.dataset(self)
 
     @property
     def question(self) -> dict[str, Any] | None:
@@ -209,71 +270,6 @@ provenance, problem, runs
         Raises FrontError if their criteria, units, groups, quanta, reported values or problems differ.
         """
         return union.join(self, other) if isinstance(other, Front) else NotImplemented
-
-    def ideal(self) -> FloatArray:
-        """Return the best value of each criterion over the front, (k,)."""
-        self._require_points()
-        return cast(FloatArray, self.costs.min(axis=0))
-
-    def nadir(self) -> FloatArray:
-        """Return the worst value of each criterion over the front, (k,)."""
-        self._require_points()
-        return cast(FloatArray, self.costs.max(axis=0))
-
-    def knee(self) -> Point[T]:
-        """Return the best compromise: the point deepest below all mixtures of the extreme points.
-
-        The definition is that of :func:`hpop.frontier.knees.knee`.
-        """
-        return self[knees.knee(self._counts())]
-
-    def best(self, name: str) -> Point[T]:
-        """Return the point with the least of one criterion; ties go to the other criteria in their order."""
-        return self.lexicographic([name])
-
-    def lexicographic(self, order: Sequence[str]) -> Point[T]:
-        """Return the best point by the first criterion, ties settled by the second, and so on.
-
-        Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
-        """
-        named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
-        if isinstance(order, str) or not named or len(set(order)) != len(order):
-            raise FrontError(f"expected a list of distinct criteria, got {shown(order)}")
-        columns = self._columns(order)
-        return self[choosing.lexicographic(self._counts(), columns)]
-
-    def select(self, weights: Mapping[str, float]) -> Point[T]:
-        """Return the point with the least weighted sum of normalised costs; what is not named weighs nothing.
-
-        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
-        """
-        values, vector = choosing.named_numbers("weights", weights), np.zeros(len(self.names))
-        vector[self._columns(weights)] = values
-        return self[choosing.weighted_sum(self._counts(), vector)]
-
-    def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
-        """Return the point nearest to some wished values, of criteria or of reported values.
-
-        Only what is named counts, each scaled by its range over the front; ties go to the least sum of the
-        criteria that are not named. ``front.nearest({"turns": 3})``.
-        """
-        values = choosing.named_numbers("wishes", wishes)
-        columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
-        counts = self._counts()
-        steps = np.concatenate([self.quanta, np.ones(len(self.reported_names))])
-        rest = [column for column in range(len(self.names)) if column not in columns]
-        table = np.hstack([counts, self.reported])  # (n, k + r)
-        return self[choosing.nearest(table[:, columns], values / steps[columns], counts[:, rest])]
-
-    def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
-        """Return the point that does best against aspiration levels, improving on them where it can.
-
-        Augmented Chebyshev achievement function (Wierzbicki 1980), as in
-        :func:`hpop.frontier.choosing.achievement`. ``front.reference_point({"turns": 3, "length": 20.0})``.
-        """
-        values = choosing.named_numbers("aspirations", aspirations)
-        columns = self._columns(aspirations)
-        return self[choosing.achievement(self._counts(), columns, values / self.quanta[columns])]
 
     def save(
         self,
@@ -350,20 +346,6 @@ provenance, problem, runs
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
             raise FrontFileError(f"{path}: expected a front, found that {error!s:.600}") from error
-
-    def _columns(self, names: Iterable[str]) -> list[int]:
-        """Return the columns of some criteria."""
-        return [choosing.column_index(name, self.names, self.reported_names) for name in names]
-
-    def _counts(self) -> FloatArray:
-        """Return the costs as float64 counts of quanta, for choosing."""
-        self._require_points()
-        return self.integers.astype(np.float64)
-
-    def _require_points(self) -> None:
-        """Refuse to choose from nothing."""
-        if len(self) == 0:
-            raise FrontError(f"the front has no points to choose from; its status is {self.status!r}")
 
 
 def _floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

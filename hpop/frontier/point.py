@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from hpop.text import shown
+
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Point(Generic[T]):
     """One point of a front, with everything that is known of it.
 
@@ -24,3 +26,9 @@ class Point(Generic[T]):
     reported: dict[str, float]
     item: T
     provenance: dict[str, Any]
+
+    def __repr__(self) -> str:
+        costs, reported = (
+            ", ".join(f"{name} {value:.6g}" for name, value in values.items()) for values in (self.costs, self.reported)
+        )
+        return f"<Point {self.index}: {costs}{f' (reported: {reported})' if reported else ''}; {shown(self.item)}>"

@@ -60,6 +60,15 @@ def join(first: F, second: F) -> F:
     )
 
 
+def each_claim(certificate: str, words: str) -> str:
+    """A certificate of which each statement is put into ``words``, at their braces.
+
+    >>> each_claim("exact | supported", "of 9 points: {}")
+    'of 9 points: exact | of 9 points: supported'
+    """
+    return JOINT.join(words.replace("{}", part) for part in certificate.split(JOINT))
+
+
 def _require_same(what: str, mine: object, theirs: object) -> None:
     """Refuse a union of fronts that cannot be compared."""
     if mine != theirs:

@@ -1,0 +1,118 @@
+"""Choosing one point of a front: the methods that a front has for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Generic, TypeVar, cast
+
+import numpy as np
+
+from hpop.frontier import choosing, knees
+from hpop.frontier.dominance import FloatArray, IntArray
+from hpop.frontier.errors import FrontError
+from hpop.frontier.point import Point
+from hpop.text import shown
+
+T = TypeVar("T")
+
+
+class Choices(Generic[T]):
+    """What can be asked of a front's points; each method says how it chooses one of them.
+
+    Choosing from a front without points raises FrontError.
+    """
+
+    names: tuple[str, ...]
+    reported_names: tuple[str, ...]
+    costs: FloatArray
+    reported: FloatArray
+    quanta: FloatArray
+    integers: IntArray
+    status: str
+    certificate: str
+
+    def _point(self, row: int) -> Point[T]:
+        """The point of a row."""
+        raise NotImplementedError
+
+    def ideal(self) -> FloatArray:
+        """Return the best value of each criterion over the front, (k,)."""
+        self._require_points()
+        return cast(FloatArray, self.costs.min(axis=0))
+
+    def nadir(self) -> FloatArray:
+        """Return the worst value of each criterion over the front, (k,)."""
+        self._require_points()
+        return cast(FloatArray, self.costs.max(axis=0))
+
+    def knee(self) -> Point[T]:
+        """Return the best compromise: the point deepest below all mixtures of the extreme points.
+
+        The definition is that of :func:`hpop.frontier.knees.knee`.
+        """
+        return self._point(knees.knee(self._counts()))
+
+    def best(self, name: str) -> Point[T]:
+        """Return the point with the least of one criterion; ties go to the other criteria in their order."""
+        return self.lexicographic([name])
+
+    def lexicographic(self, order: Sequence[str]) -> Point[T]:
+        """Return the best point by the first criterion, ties settled by the second, and so on.
+
+        Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
+        """
+        named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
+        if isinstance(order, str) or not named or len(set(order)) != len(order):
+            raise FrontError(f"expected a list of distinct criteria, got {shown(order)}")
+        columns = self._columns(order)
+        return self._point(choosing.lexicographic(self._counts(), columns))
+
+    def select(self, weights: Mapping[str, float]) -> Point[T]:
+        """Return the point with the least weighted sum of normalised costs; what is not named weighs nothing.
+
+        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
+        """
+        values, vector = choosing.named_numbers("weights", weights), np.zeros(len(self.names))
+        vector[self._columns(weights)] = values
+        return self._point(choosing.weighted_sum(self._counts(), vector))
+
+    def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
+        """Return the point nearest to some wished values, of criteria or of reported values.
+
+        Only what is named counts, each scaled by its range over the front; ties go to the least sum of the
+        criteria that are not named. ``front.nearest({"turns": 3})``.
+        """
+        values = choosing.named_numbers("wishes", wishes)
+        columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
+        counts = self._counts()
+        steps = np.concatenate([self.quanta, np.ones(len(self.reported_names))])
+        rest = [column for column in range(len(self.names)) if column not in columns]
+        table = np.hstack([counts, self.reported])  # (n, k + r)
+        return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, rest]))
+
+    def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
+        """Return the point that does best against aspiration levels, improving on them where it can.
+
+        Augmented Chebyshev achievement function (Wierzbicki 1980), as in
+        :func:`hpop.frontier.choosing.achievement`. ``front.reference_point({"turns": 3, "length": 20.0})``.
+        """
+        values = choosing.named_numbers("aspirations", aspirations)
+        columns = self._columns(aspirations)
+        return self._point(choosing.achievement(self._counts(), columns, values / self.quanta[columns]))
+
+    def _columns(self, names: Iterable[str]) -> list[int]:
+        """Return the columns of some criteria."""
+        return [choosing.column_index(name, self.names, self.reported_names) for name in names]
+
+    def _counts(self) -> FloatArray:
+        """Return the costs as float64 counts of quanta, for choosing."""
+        self._require_points()
+        return self.integers.astype(np.float64)
+
+    def _require_points(self) -> None:
+        """Refuse to choose from nothing."""
+        if not len(self.costs):
+            raise FrontError(
+                f"the front has no points to choose from; its status is {self.status!r}, its certificate: "
+                f"{self.certificate:.400}"
+            )

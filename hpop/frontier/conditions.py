@@ -1,0 +1,137 @@
+"""Which points of a front keep conditions such as turns <= 5, and which comes nearest where none does.
+
+Costs are compared as whole quanta, so a length of 30.000000000000004 m is no longer than 30 m; values that are only
+reported have no quanta and count as equal where they differ by rounding alone.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hpop.frontier import choosing
+from hpop.frontier.dominance import BoolArray, FloatArray
+from hpop.frontier.errors import FrontError
+from hpop.text import shown
+
+if TYPE_CHECKING:
+    from hpop.frontier.front import Front
+
+OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+FORM = re.compile(r"\s*([<>=!~]*)(.*)", re.DOTALL)
+ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative: a bound as a count of quanta is off by its rounding
+
+
+class Condition(NamedTuple):
+    """What is asked of one column: its name, a comparison, and the bound in the column's unit."""
+
+    name: str
+    comparison: str
+    bound: float
+
+    @classmethod
+    def of(cls, name: str, given: Any) -> Condition:
+        """A condition as it is written: "<=5", or a number, which the value shall equal.
+
+        >>> print(Condition.of("turns", "<=5"), Condition.of("length", "> 2.5e1"), Condition.of("turns", 3), sep=", ")
+        turns <= 5, length > 25, turns == 3
+        """
+        if isinstance(given, Real) and not isinstance(given, bool):
+            comparison, bound = "==", float(given)
+        elif isinstance(given, str) and len(given) < choosing.MOST_LETTERS:
+            comparison, bound = _read(name, given)
+        else:
+            raise FrontError(f"a condition on {shown(name)} is text such as '<=5', or a number, got {shown(given)}")
+        if not math.isfinite(bound):
+            raise FrontError(f"the bound of a condition must be a finite number, got {shown(given)} for {shown(name)}")
+        return cls(name, comparison, bound)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.comparison} {self.bound:.12g}"
+
+    def met(self, values: FloatArray, quantum: float) -> BoolArray:
+        """Whether each of the values (n,) keeps the condition; a quantum of 0 compares them as they are."""
+        bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
+        if quantum:
+            values, bound = np.rint(values / quantum), self.bound / quantum
+            slack = ALIKE * max(1.0, abs(bound))
+        close = np.where(np.abs(values - bound) <= slack, bound, values)
+        return np.asarray(OPERATORS[self.comparison](close, bound), dtype=np.bool_)
+
+
+def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[Condition, ...]:
+    """Conditions from a dict, for names that are no Python names, and from keywords; at least one.
+
+    Raises FrontError for what is no condition.
+    """
+    if given is not None and not isinstance(given, Mapping):
+        raise FrontError(f"expected conditions such as turns='<=5', or a dict of them, got {shown(given)}")
+    asked = [*(given or {}).items(), *named.items()]
+    if not asked:
+        raise FrontError("expected a condition at least, such as turns='<=5'")
+    if len({name for name, _ in asked}) < len(asked):
+        raise FrontError(
+            f"each name may have one condition, got two for {shown(sorted(set(given or {}) & set(named)))}"
+        )
+    return tuple(Condition.of(name, bound) for name, bound in asked)
+
+
+def met(front: Front[Any], asked: Sequence[Condition]) -> BoolArray:
+    """Which points (n,) of a front keep all conditions; UnknownColumnError for a name that it does not have."""
+    kept = np.ones(len(front), dtype=np.bool_)
+    for condition in asked:
+        kept &= condition.met(*_column(front, condition.name))
+    return kept
+
+
+def nearest(front: Front[Any], asked: Sequence[Condition]) -> int:
+    """Row that misses the conditions by least: Euclidean, each column scaled by its range over the front."""
+    gaps = []
+    for condition in asked:
+        values, quantum = _column(front, condition.name)
+        off = np.where(condition.met(values, quantum), 0.0, np.abs(values - condition.bound))
+        gaps.append(off / (np.ptp(values) or 1.0))
+    return choosing.least(np.linalg.norm(gaps, axis=0))
+
+
+def in_words(front: Front[Any], asked: Sequence[Condition]) -> str:
+    """The conditions; and where no point keeps them, which comes nearest."""
+    words = " and ".join(map(str, asked))
+    if not len(front) or met(front, asked).any():
+        return words
+    row = nearest(front, asked)
+    values = (f"{c.name} {_column(front, c.name)[0][row]:.6g}" for c in asked)
+    return f"{words}, which none has: the nearest, point {row}, has {', '.join(dict.fromkeys(values))}"
+
+
+def _read(name: str, text: str) -> tuple[str, float]:
+    comparison, number = FORM.fullmatch(text).groups()  # type: ignore[union-attr]  # it takes any text
+    if comparison not in OPERATORS:
+        given = f"{comparison!r} in {shown(text)}" if comparison else shown(text)
+        raise FrontError(
+            f"a condition on {shown(name)} begins with one of {', '.join(OPERATORS)}, as in '<=5', got {given}"
+        )
+    try:
+        return comparison, float(number)
+    except ValueError:
+        raise FrontError(f"a condition on {shown(name)} ends with a number, as in '<=5', got {shown(text)}") from None
+
+
+def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
+    """Values (n,) of a criterion or a reported value, and the quantum in which they are compared, 0 for none."""
+    column = choosing.column_index(name, front.names + front.reported_names)
+    k = len(front.names)
+    return (front.costs[:, column], float(front.quanta[column])) if column < k else (front.reported[:, column - k], 0.0)
