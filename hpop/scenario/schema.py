@@ -94,6 +94,8 @@ class Image(MapFile):
 
     resolution: float = Field(gt=0)
     threshold: float = Field(default=0.5, gt=0, lt=1)
+    smallest_obstacle: float | None = Field(default=None, gt=0)
+    inside: Point | None = None
     origin: Origin = (0.0, 0.0, 0.0)
     height: Heights | None = None
 

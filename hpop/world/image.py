@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hpop.errors import MapError
-from hpop.options import real
+from hpop.options import FARTHEST, real
+from hpop.text import shown
+from hpop.world import blueprint
 from hpop.world.files import file_source, read_bytes
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
@@ -21,6 +25,8 @@ def read(
     resolution: float,
     *,
     threshold: float = 0.5,
+    smallest_obstacle: float | None = None,
+    inside: tuple[float, float] | None = None,
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
     height: Heights | None = None,
     outside_is_obstacle: bool = True,
@@ -35,12 +41,20 @@ def read(
     threshold : float
         Brightness, from 0 (black) to 1 (white), below which a pixel is an obstacle; colours are averaged,
         transparent pixels lie on white paper.
+    smallest_obstacle : float, optional
+        Area, m², below which connected dark pixels are no obstacle: lettering, specks of a scan.
+    inside : (x, y), optional
+        A point of the free space, m: what cannot be reached from it is solid, such as the inside of walls that are
+        drawn as two lines, and all outside of the building.
     origin : (x, y, yaw)
         World pose of the image's lower-left corner, m and rad.
     height : (z_min, z_max), optional
         Heights of all obstacles, m; the whole height by default.
     outside_is_obstacle : bool
         Whether the camera counts all beyond the image as obstacle.
+
+    ``world.notes`` say how many pixels are neither dark nor light, which grey areas are free and which specks look like
+    lettering, each with the option that makes it otherwise; and what these options left out or closed.
 
     Raises
     ------
@@ -51,23 +65,51 @@ def read(
     resolution = check_positive("resolution", resolution)
     origin = check_pose(origin)
     heights = WHOLE if height is None else check_heights(height)
+    if smallest_obstacle is not None:
+        smallest_obstacle = check_positive("smallest_obstacle", smallest_obstacle)
+    inside = None if inside is None else _point(inside)
     content = read_bytes(path, "image")
     picture = read_image(content, path)
     check_span(picture.height, picture.width, resolution, path)
     dark = np.empty((picture.height, picture.width), dtype=bool)
+    shade = np.empty(dark.shape, dtype=np.uint8)
     for rows, colours, alpha in picture.blocks():
         brightness = colours.mean(axis=-1)
         if alpha is not None:
             brightness = brightness * alpha + (1.0 - alpha)
         dark[rows] = brightness < threshold
+        shade[rows] = np.round(255 * brightness)
     options = {
         "resolution": resolution,
         "threshold": float(threshold),
+        "smallest_obstacle": smallest_obstacle,
+        "inside": None if inside is None else list(inside),
         "origin": list(origin),
         "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
         "outside_is_obstacle": bool(outside_is_obstacle),
     }
     raster = Raster(dark[::-1], resolution, origin, *heights)
-    return World(Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))).read_from(
-        file_source("image", path, options, content)
+    del dark
+    notes = [*blueprint.greys(shade[::-1], raster.cells, float(threshold), raster)]
+    if smallest_obstacle is not None:
+        cells, note = blueprint.without_specks(raster.cells, resolution, smallest_obstacle)
+        raster, notes = replace(raster, cells=cells), [*notes, note]
+    notes += blueprint.lettering(raster)
+    if inside is not None:
+        cells, note = blueprint.closed_from(raster, inside)
+        raster, notes = replace(raster, cells=cells), [*notes, note]
+    ground = Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))
+    said = tuple(f"{path}: {note}." for note in notes)
+    return World(ground, notes=said).read_from(file_source("image", path, options, content))
+
+
+def _point(given: Any) -> tuple[float, float]:
+    """A point (x, y), m, or `MapError`."""
+    try:
+        x, y = given
+    except (TypeError, ValueError):
+        raise MapError(f"inside must be a point [x, y] in m; got {shown(given)}.") from None
+    x, y = (
+        float(real("inside", value, -FARTHEST, FARTHEST, "a point [x, y] in m", error=MapError)) for value in (x, y)
     )
+    return x, y

@@ -1,10 +1,11 @@
 """Blueprint images: dark is obstacle."""
 
+import re
 import tracemalloc
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from hpop.errors import MapError
 from hpop.world import World
@@ -49,6 +50,11 @@ def test_heights_and_the_outside_can_be_chosen(tmp_path):
         ({"threshold": "dark"}, "threshold"),
         ({"origin": (0, 0)}, "origin"),
         ({"height": (1, 0)}, "z_min"),
+        ({"smallest_obstacle": 0}, "smallest_obstacle"),
+        ({"inside": 3}, r"a point \[x, y\] in m; got 3"),
+        ({"inside": (3, "a")}, r"a point \[x, y\] in m"),
+        ({"inside": (5, 0.5)}, r"inside \(5, 0.5\) is not on the image, which is 2 x 1 m"),
+        ({"inside": (0.5, 0.5)}, "is in an obstacle"),
     ],
 )
 def test_wrong_options_are_refused(tmp_path, options, message):
@@ -79,3 +85,130 @@ def test_memory_of_reading_is_that_of_a_block_and_the_cells(tmp_path):
     tracemalloc.stop()
     assert world.raster.cells.sum() == 20 * 2000
     assert taken < 3 * pixels[..., 0].size + 60 * 1_000_000  # cells, read and kept, and a block of brightness
+
+
+# A floor plan as people have them: thin walls, statues in grey, lettering, dust
+
+METRE = 20  # pixels
+WALLS = ([(1, 1), (15, 1), (15, 9), (1, 9), (1, 1)], [(8, 1), (8, 6)], [(10, 9), (14, 5)])  # m, from the top left
+STATUES = {(4, 4): 110, (11, 3): 160, (3, 7): 205}
+WORDS = {(4.2, 2): "Hall 3", (4.5, 5.5): "Cafe"}
+
+
+def pixel(*metres):
+    return tuple(round(METRE * value) for value in metres)
+
+
+def drawn(folder, *, words=True, statues=True):
+    """A plan of 16 x 10 m as a picture, and what is solid in it: all but the lettering."""
+    font = ImageFont.load_default(14)
+    plan, solid = Image.new("L", pixel(16, 10), 255), Image.new("1", pixel(16, 10), 0)
+    for picture, ink in ((plan, 0), (solid, 1)):
+        pen = ImageDraw.Draw(picture)
+        for line in WALLS:
+            pen.line([pixel(*corner) for corner in line], fill=ink)  # a pixel wide
+        for (x, y), grey in STATUES.items():
+            if statues:
+                pen.ellipse((*pixel(x - 0.4, y - 0.4), *pixel(x + 0.4, y + 0.4)), fill=grey if picture is plan else 1)
+    for (x, y), word in WORDS.items():
+        if words:
+            ImageDraw.Draw(plan).text(pixel(x, y), word, fill=0, font=font)
+    path = folder / "plan.png"
+    plan.save(path)
+    return path, np.array(solid)[::-1]
+
+
+def test_thin_walls_are_obstacles_pixel_for_pixel_and_nothing_is_noted(tmp_path):
+    path, solid = drawn(tmp_path, words=False, statues=False)
+    world = World.from_image(path, 1 / METRE)
+    assert (world.raster.cells == solid).all()
+    assert not world.notes
+
+
+def test_what_is_not_what_was_drawn_is_noted_with_its_place_and_the_way_out(tmp_path):
+    path, solid = drawn(tmp_path)
+    world = World.from_image(path, 1 / METRE)
+    counted, grey, words = world.notes
+    shades = np.asarray(Image.open(path))
+    between = (shades >= 64) & (shades <= 229)
+    assert f"{np.count_nonzero(between):,} of 64,000 pixels" in counted
+    assert f"{np.count_nonzero(between & (shades < 127.5)):,} below the threshold 0.5 are obstacles" in counted
+    assert np.array(re.findall(r"at \((.*?), (.*?)\), brightness (.*?)[;.] ", grey), dtype=float) == pytest.approx(
+        np.array([[x, 10 - y, shade / 255] for (x, y), shade in STATUES.items() if shade > 127][::-1]), abs=0.05
+    )
+    lettered = world.raster.cells & ~solid
+    assert lettered.any()
+    assert "in 2 words at" in words
+
+    options = asked(grey, "threshold")
+    again = World.from_image(path, 1 / METRE, **options)  # letters are larger now: what is smooth counts
+    options |= asked(again.notes[-1], "smallest_obstacle")
+    mended = World.from_image(path, 1 / METRE, **options)
+    assert (mended.raster.cells == solid).all()
+    assert "left out" in mended.notes[-1]
+
+
+def asked(note, option):
+    """The option that a note proposes."""
+    return {option: float(re.search(rf"{option}: ([0-9.]+[0-9])", note)[1])}
+
+
+def test_lettering_is_told_from_a_row_of_columns_and_from_walls(tmp_path):
+    plan = Image.new("L", (300, 200), 255)
+    pen = ImageDraw.Draw(plan)
+    for i in range(8):
+        pen.rectangle((20 + 14 * i, 30, 28 + 14 * i, 38), fill=0)
+        pen.rectangle((20 + 30 * i, 120, 45 + 30 * i, 123), fill=0)
+    path = tmp_path / "plan.png"
+    plan.save(path)
+    assert not World.from_image(path, 0.05).notes
+    pen.text((60, 60), "Foyer", fill=0, font=ImageFont.load_default(20))
+    turned = Image.new("L", plan.size, 255)
+    turned.paste(plan)
+    turned.rotate(90, expand=True).save(path)
+    (note,) = [note for note in World.from_image(path, 0.05).notes if "look like" in note]
+    assert "in 1 word at" in note
+
+
+def test_obstacles_smaller_than_asked_are_left_out_and_told(tmp_path):
+    pixels = np.full((20, 30), 255)
+    pixels[5:8, 5:8] = pixels[12, 3] = pixels[2, 20:25] = 0  # 9, 1 and 5 pixels of 0.25 m²
+    world = World.from_image(save(tmp_path, pixels), 0.5, smallest_obstacle=1.5)
+    assert world.raster.cells.sum() == 9
+    assert world.notes == (
+        f"{tmp_path / 'plan.png'}: 2 obstacles smaller than 1.5 m² are left out, 1.5 m² in all, the largest 1.25 m².",
+    )
+
+
+def test_what_cannot_be_reached_from_a_point_inside_is_solid(tmp_path):
+    path, solid = drawn(tmp_path, words=False, statues=False)
+    world = World.from_image(path, 1 / METRE, inside=(5, 5))
+    rows, columns = np.indices(solid.shape)
+    within = (rows > METRE) & (rows < 9 * METRE) & (columns > METRE) & (columns < 15 * METRE)
+    outside = ~(within[::-1] | solid)
+    assert (world.raster.cells == (solid | outside)).all()  # no wall within the room closes a part of it
+    outside = np.count_nonzero(outside) / METRE**2
+    assert f"{outside:.4g} m² that cannot be reached from inside (5, 5) are solid" in world.notes[0]
+    assert "the edge of the image" not in world.notes[0]
+    assert "the edge of the image" in World.from_image(path, 1 / METRE, inside=(0.5, 0.5)).notes[0]
+
+
+def test_lines_of_pixels_that_touch_at_corners_are_closed(tmp_path):
+    pixels = 255 * (1 - np.eye(9))
+    below = World.from_image(save(tmp_path, pixels), 1, inside=(0.5, 0.5), origin=(0, 0, 0))
+    assert below.raster.cells.sum() == 9 + 36
+
+
+def test_a_point_inside_is_of_the_world_wherever_the_image_lies(tmp_path):
+    pixels = np.full((4, 6), 255)
+    pixels[:, 2] = 0
+    turned = World.from_image(save(tmp_path, pixels), 1, inside=(10 - 0.5, 20 + 4.5), origin=(10, 20, np.pi / 2))
+    assert turned.raster.cells.tolist() == [[True] * 3 + [False] * 3] * 4
+
+
+def test_the_choice_is_kept_with_a_saved_world(tmp_path):
+    path, _ = drawn(tmp_path)
+    world = World.from_image(path, 1 / METRE, threshold=0.9, smallest_obstacle=0.1, inside=(5, 5))
+    again = World.from_description(world.describe())
+    assert (again.raster.cells == world.raster.cells).all()
+    assert again.notes == world.notes
