@@ -24,7 +24,7 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
 
     Raises QueryError for what is no state of the space, UnknownName for a goal of an unknown name.
     """
-    several = _several(given, (*ENTRIES, str) if space.named else ENTRIES)
+    several = _several(given, (*ENTRIES, str) if space.named or space.unnamed else ENTRIES)
     if not several:
         raise QueryError(f"a goal is {space}, or a list of such states of which any will do, got {shown(given)}")
     states, others = dict[Values, None](), list[Goal]()

@@ -65,14 +65,21 @@ class GoalSet:
         return rows[0] if len(rows) == 1 else rows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class AnyOf:
-    """Goals of which any will do: to look at any of several cans, or else to be at a state."""
+    """Goals of which any will do: to look at any of several cans, or else to be at a state.
 
-    members: tuple[Goal, ...]
+    States, and names of states and goals, are understood by the problem that has them among its goals.
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "members", tuple(self.members))
+    >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
+    (('ready', [0, 0, 0]), ('ready', 'home'))
+    """
+
+    members: tuple[Any, ...]
+
+    def __init__(self, *members: Any) -> None:
+        (several,) = members if len(members) == 1 and isinstance(members[0], list | tuple) else (members,)
+        object.__setattr__(self, "members", tuple(several))
 
     def __str__(self) -> str:
         return f"any of {len(self.members)}: {'; '.join(map(str, self.members))}"

@@ -37,6 +37,7 @@ class StateSpace:
     weights  m a unit: how far a robot moves in the time in which the column changes by one; of distances
     turning  names of the columns in which 2 pi is a whole turn; their values have no limits
     named    states that have a name, which may be given in their place
+    unnamed  why a name is none of theirs, by the name, where that is known; under "" why no other is
     rest     values of some columns while the others change, if these have such: an arm is folded while its base drives;
              half of what is drawn has them
 
@@ -55,6 +56,7 @@ class StateSpace:
     turning: frozenset[str] = frozenset()
     named: Mapping[str, Values] = dataclasses.field(default_factory=dict, hash=False)
     rest: Mapping[str, float] = dataclasses.field(default_factory=dict, hash=False)
+    unnamed: Mapping[str, str] = dataclasses.field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         for field in ("names", "units", "low", "high", "weights"):
@@ -117,8 +119,10 @@ class StateSpace:
     def called(self, name: str, what: str) -> Values:
         """The state of a name; QueryError where there is none."""
         if name not in self.named:
-            known = f"the name of one: {', '.join(self.named)}." if self.named else "this model names none."
-            raise QueryError(f"the {what} is {self}, or {known} Got {shown(name)}.{did_you_mean(name, self.named)}")
+            known = f"the name of one: {', '.join(self.named)}" if self.named else "a name, but this model names none"
+            why = self.unnamed.get(name) or self.unnamed.get("")
+            hint = f": {why}." if why else f".{did_you_mean(name, self.named)}"
+            raise QueryError(f"the {what} is {self}, or {known}. Got {shown(name)}{hint}")
         return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:

@@ -150,7 +150,7 @@ class Faults:
                 if isinstance(value, str) and value != "any":
                     self.angle(value, (*place, i), "an angle")
             return None
-        if isinstance(given, str) and space.named:
+        if isinstance(given, str) and (space.named or space.unnamed):
             with self.collected(place):
                 called = space.called(given, what)
                 space.state(called, free=space.angles, what=what)  # refused here, where the name stands
@@ -182,7 +182,8 @@ class Faults:
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
         """A goal, or a list of those of which any will do."""
-        kinds = (list, dict, str) if model is not None and model.space.named else (list, dict)
+        speaks = model is not None and (model.space.named or model.space.unnamed)
+        kinds = (list, dict, str) if speaks else (list, dict)
         if isinstance(given, list) and given and all(isinstance(entry, kinds) for entry in given):
             return [self._one_goal(entry, (*place, i), model) for i, entry in enumerate(given)]
         return self._one_goal(given, place, model)

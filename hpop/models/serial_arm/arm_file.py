@@ -10,11 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from hpop.arrays import FloatArray
+from hpop.errors import ModelError
 from hpop.models.serial_arm.assembly import assembled, parts_of, touching
 from hpop.models.serial_arm.chain import Chain, Mount, Part
+from hpop.models.serial_arm.doubts import strangers, uncovered
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
 from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
 from hpop.models.serial_arm.urdf import Mesh, read_urdf
+from hpop.text import shown
 from hpop.world.files import sha256
 from hpop.world.solids import Hull
 
@@ -27,16 +30,18 @@ class ArmFile(NamedTuple):
     chain    with the bodies "tool" and "camera"
     parts    its solids
     apart    pairs of links whose collisions are not looked at: they touch by design, or the SRDF says so
-    unknown  links, in alphabetical order, of which the SRDF says so and which the URDF does not have
+    notes    what is strange in the files, though they can be used
     states   values of the chain's joints by the name of a state
+    unnamed  why another name of the SRDF is none of these; under "" why any other is not
     hashes   SHA-256 of the URDF and of its meshes in the order in which it names them, and of the SRDF if there is one
     """
 
     chain: Chain
     parts: tuple[Part, ...]
     apart: frozenset[Pair]
-    unknown: tuple[str, ...]
+    notes: tuple[str, ...]
     states: Mapping[str, Values]
+    unnamed: Mapping[str, str]
     hashes: tuple[str, ...]
     srdf_hash: str | None
 
@@ -62,12 +67,15 @@ def read_arm(
     pieces: dict[tuple[Path, tuple[float, ...]], list[Hull]] = {}
 
     def mesh_hulls(mesh: Mesh) -> list[Hull]:
-        path = found_mesh(mesh, robot.file, packages)
-        key = (path, tuple(mesh.scale.tolist()))
-        if key not in pieces:
-            data = mesh_bytes(path)
-            hashes[path] = sha256(data)
-            pieces[key] = hulls(data, path, mesh.scale)
+        try:
+            path = found_mesh(mesh, robot.file.path.parent, packages)
+            key = (path, tuple(mesh.scale.tolist()))
+            if key not in pieces:
+                data = mesh_bytes(path)
+                hashes[path] = sha256(data)
+                pieces[key] = hulls(data, path, mesh.scale)
+        except ModelError as error:
+            raise robot.file.error(f"the collision geometry of link {shown(mesh.link)}: {error}") from None
         return pieces[key]
 
     parts = tuple(parts_of(robot, assembly.places, mesh_hulls))
@@ -78,10 +86,11 @@ def read_arm(
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]
         apart |= semantics.apart(solid)
-    unknown = {link for pair in apart for link in pair} - robot.links.keys()
+    notes = (*uncovered(robot), *(() if semantics is None else strangers(robot, semantics)))
     states = {} if semantics is None else _states(chain, semantics)
+    unnamed = {"": NO_SRDF} if semantics is None else _unnamed(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
-    return ArmFile(chain, parts, apart, tuple(sorted(unknown)), states, tuple(hashes.values()), srdf_hash)
+    return ArmFile(chain, parts, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash)
 
 
 def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
@@ -99,5 +108,15 @@ def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
     return found
 
 
+def _unnamed(chain: Chain, semantics: Semantics) -> dict[str, str]:
+    """What states of an SRDF that are none of the chain lack, in words."""
+    lacking = {
+        name: ", ".join(joint for joint in chain.names if joint not in values)
+        for name, values in semantics.states.items()
+    }
+    return {name: f"the SRDF's state of this name lacks {joints}" for name, joints in lacking.items() if joints}
+
+
+NO_SRDF = "states have names in an SRDF, and none was given as srdf"
 ROUNDED = 5e-4
 """rad or m by which a value in a file may pass a limit for lack of decimals: 1.5708 is meant for half of pi."""

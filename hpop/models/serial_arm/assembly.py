@@ -133,7 +133,7 @@ def _from_the_root(robot: Robot) -> Iterator[Joint]:
 
 def _check_moves(robot: Robot, joint: Joint) -> None:
     """Raise ModelError for a joint between root and tip that no arm here can have."""
-    way_out = f"give fixed={{{joint.name!r}: value}} if it stands, or another tip"
+    way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
     if joint.kind not in MOVING:
         raise robot.file.error(
             f"joint {shown(joint.name)}, between the root and the tip, is {joint.kind}; an arm's are fixed, "
@@ -158,7 +158,7 @@ def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float
             if leader not in robot.joints or leader in moving or len(followed) == LONGEST_MIMICRY:
                 raise robot.file.error(
                     f"joint {shown(joint.name)} mimics {shown(leader)}, which moves, or is no joint that stands; give "
-                    f"fixed={{{joint.name!r}: value}}"
+                    f"its value in fixed, as {{{joint.name}: 0.0}}"
                 )
             return joint.mimic.factor * value(robot.joints[leader], (*followed, joint.name)) + joint.mimic.offset
         if joint.kind == "continuous" or joint.low is None or joint.high is None:

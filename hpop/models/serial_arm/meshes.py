@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.errors import ModelError
+from hpop.errors import ModelError, did_you_mean
 from hpop.models.serial_arm.urdf import Mesh
-from hpop.models.serial_arm.xml import XmlFile, file_bytes
+from hpop.models.serial_arm.xml import file_bytes
 from hpop.text import printable, shown
 from hpop.world.solids import Hull
 
@@ -28,31 +28,30 @@ DEEPEST = 1e-3
 KINDS = ("stl", "obj", "ply", "off")
 
 
-def found_mesh(mesh: Mesh, urdf: XmlFile, packages: Mapping[str, str]) -> Path:
+def found_mesh(mesh: Mesh, folder: Path, packages: Mapping[str, str]) -> Path:
     """Where a mesh is, within the URDF's folder or the package that it names; ModelError for anywhere else."""
     kind, _, rest = mesh.name.partition("://")
-    folder = urdf.path.parent
     if rest and kind == "package":
         package, _, rest = rest.partition("/")
         if package not in packages:
-            raise urdf.error(
-                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; say where that is, "
-                f"packages={{{package!r}: folder}}"
+            raise ModelError(
+                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; say in packages where that is, as "
+                f"{{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
             )
         folder = Path(packages[package])
     elif rest and kind != "file":
-        raise urdf.error(f"the mesh {shown(mesh.name)} must be a file, or in a package (package://name/...)")
+        raise ModelError(f"the mesh {shown(mesh.name)} must be a file, or in a package (package://name/...)")
     else:
         rest = rest or mesh.name
     path = folder / rest
     try:
         real, inside = (Path(os.path.realpath(p)) for p in (path, folder))
     except (OSError, ValueError):
-        raise urdf.error(f"the mesh {shown(mesh.name)} cannot be the path of a file") from None
+        raise ModelError(f"the mesh {shown(mesh.name)} cannot be the path of a file") from None
     if not real.is_relative_to(inside):
-        raise urdf.error(
+        raise ModelError(
             f"the mesh {shown(mesh.name)} is not in the folder {shown(str(folder))}; files elsewhere are read from "
-            "packages only: write package://name/... and give packages={'name': folder}"
+            "packages only: write package://NAME/... in the URDF, and name the folder in packages, as {NAME: FOLDER}"
         )
     return path
 
@@ -68,7 +67,8 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
             raise _error(
                 path,
                 f"it is not convex: its surface lies up to {_depth(body, scale, path):.3g} m within its convex hull; "
-                "replace it by convex pieces (such as V-HACD or CoACD make), or by its hull",
+                "cut it into convex pieces (CoACD and V-HACD do), and give each a <collision> with a file of its own; "
+                "or take boxes, cylinders and spheres, or the mesh's convex hull if that is not too much",
             )
     return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
 

@@ -168,11 +168,7 @@ class SerialArm(Model):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the arm, in words."""
-        lost = ", ".join(map(shown, self._arm.unknown))
-        unknown = (
-            f"the SRDF says which links never collide also of {lost}, which the URDF does not have: is it another's?"
-        )
-        return (unknown,) * bool(lost) + tuple(
+        return self._arm.notes + tuple(
             f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} states drawn, so their collisions "
             "are not looked at; an SRDF says which links may touch"
             for one, other in sorted(self.always_touching)
@@ -200,6 +196,7 @@ class SerialArm(Model):
             tuple((REFERENCE / chain.speed).tolist()),
             frozenset(name for name, turns in zip(chain.names, chain.turning, strict=True) if turns),
             named=self._arm.states,
+            unnamed=self._arm.unnamed,
         )
 
     @cached_property

@@ -20,12 +20,18 @@ class Semantics:
     """What an SRDF says.
 
     states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
+    groups    names of the groups that it defines
+    grouped   the state and the group of each set of values
+    loose     names of joints by which it says that the robot stands in the world: no URDF has those
     disabled  pairs of links that never collide, or always do, each in alphabetical order
     lonely    links whose collisions with any other are not looked at, but for the pairs in ``enabled``
     """
 
     file: XmlFile
     states: Mapping[str, Mapping[str, float]]
+    groups: frozenset[str]
+    grouped: frozenset[tuple[str, str]]
+    loose: frozenset[str]
     disabled: frozenset[Pair]
     lonely: frozenset[str]
     enabled: frozenset[Pair]
@@ -45,12 +51,16 @@ def read_srdf(path: str | os.PathLike[str]) -> Semantics:
     """What is in an SRDF; ModelError for what is none."""
     file = XmlFile(path, "SRDF", "robot")
     root = file.root
+    if root.find("link") is not None:
+        raise file.error("it is a URDF, for it has links; an SRDF has groups, states by name, and pairs of links")
     disabled, enabled = (
         frozenset(pair_of(file.name(pair, "link1"), file.name(pair, "link2")) for pair in root.findall(tag))
         for tag in ("disable_collisions", "enable_collisions")
     )
     lonely = frozenset(file.name(one, "link") for one in root.findall("disable_default_collisions"))
-    return Semantics(file, _states(file, root), disabled, lonely, enabled)
+    groups, loose = (frozenset(map(file.name, root.findall(tag))) for tag in ("group", "virtual_joint"))
+    grouped = frozenset((file.name(state), file.name(state, "group")) for state in root.findall("group_state"))
+    return Semantics(file, _states(file, root), groups, grouped, loose, disabled, lonely, enabled)
 
 
 def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:

@@ -23,11 +23,14 @@ from hpop.world.solids import Box, Cylinder, Shape, Sphere
 
 KINDS = ("fixed", "revolute", "prismatic", "continuous", "floating", "planar")
 MOST_LINKS = 1000
+MOST_SHOWN = 12
+"""Links of a circle that a message names."""
 
 
 class Mesh(NamedTuple):
-    """A mesh file that a URDF names, and the factors (3,) of its coordinates."""
+    """A mesh file that a URDF names for a link, and the factors (3,) of its coordinates."""
 
+    link: str
     name: str
     scale: FloatArray
 
@@ -82,12 +85,14 @@ class Robot:
     root    its first link
     links   solids of each
     joints  by name
+    bare    links that can be seen, but have no solids
     """
 
     file: XmlFile
     root: str
     links: Mapping[str, tuple[Geometry, ...]]
     joints: Mapping[str, Joint]
+    bare: frozenset[str]
 
     def ancestry(self, tip: str) -> list[Joint]:
         """The joints from the root to a link, in this order."""
@@ -112,12 +117,18 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
             f"it is xacro, which has to be expanded first: xacro {printable(file.path.name)[:80]} > arm.urdf (a "
             "command of ROS, and of pip install xacro)"
         )
-    links = {}
+    links, bare = {}, set()
+    if file.root.find("link") is None:
+        semantic = any(file.root.find(tag) is not None for tag in ("group", "group_state", "disable_collisions"))
+        what = "it is an SRDF: it has groups, states or pairs, but no <link>" if semantic else "it has no <link>"
+        raise file.error(f"{what}; give the URDF, which has the links and joints")
     for element in file.root.findall("link"):
         name = file.name(element)
         if name in links:
             raise file.error(f"two links are called {shown(name)}")
         links[name] = tuple(_geometries(file, name, element))
+        if not links[name] and element.find("visual") is not None:
+            bare.add(name)
     joints = {}
     for element in file.root.findall("joint"):
         joint = _joint(file, element)
@@ -129,7 +140,7 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
         joints[joint.name] = joint
     if len(links) > MOST_LINKS:
         raise file.error(f"expected at most {MOST_LINKS:,} links, found {len(links):,}")
-    return Robot(file, _root(file, links, joints), links, joints)
+    return Robot(file, _root(file, links, joints), links, joints, frozenset(bare))
 
 
 def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint]) -> str:
@@ -143,21 +154,38 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
-    if len(roots) != 1:
-        named = ", ".join(map(shown, roots[:8])) or "none"
+    if not roots:
+        raise file.error(
+            f"each link has a parent: joints lead in a circle, {_circle(above, next(iter(links)))}; the first link of "
+            "an arm is no joint's child"
+        )
+    if len(roots) > 1:
+        named = ", ".join(map(shown, roots[:8]))
         raise file.error(f"expected one link without a parent joint, found {len(roots)}: {named}")
-    reached, below = 0, dict[str, list[str]]()
+    reached, below = set[str](), dict[str, list[str]]()
     for joint in joints.values():
         below.setdefault(joint.parent, []).append(joint.child)
     rest = [roots[0]]
     while rest:
-        reached += 1
-        rest += below.get(rest.pop(), [])
-    if reached != len(links):
+        link = rest.pop()
+        reached.add(link)
+        rest += below.get(link, [])
+    if lost := [link for link in links if link not in reached]:
         raise file.error(
-            f"{len(links) - reached} links are not joined to {shown(roots[0])}, but to each other in a loop"
+            f"{len(lost)} links are not joined to {shown(roots[0])}, but to each other in a circle, "
+            f"{_circle(above, lost[0])}"
         )
     return roots[0]
+
+
+def _circle(above: Mapping[str, Joint], link: str) -> str:
+    """Links in a circle, from parent to child, to which those above a link lead, in words."""
+    passed: list[str] = []
+    while link not in passed:
+        passed.append(link)
+        link = above[link].parent
+    circle = [*passed[passed.index(link) :], link][::-1]
+    return " > ".join(map(shown, circle if len(circle) <= MOST_SHOWN else [*circle[: MOST_SHOWN - 1], circle[-1]]))
 
 
 def _joint(file: XmlFile, element: Element) -> Joint:
@@ -210,10 +238,10 @@ def _geometries(file: XmlFile, link: str, element: Element) -> Iterator[Geometry
         shapes = [] if geometry is None else list(geometry)
         if len(shapes) != 1:
             raise file.error(f"{what} needs one shape, found {len(shapes)}")
-        yield Geometry(_shape(file, what, shapes[0]), _pose(file, what, collision))
+        yield Geometry(_shape(file, link, what, shapes[0]), _pose(file, what, collision))
 
 
-def _shape(file: XmlFile, what: str, element: Element) -> Shape | Mesh:
+def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Mesh:
     def lengths(attribute: str, count: int = 1) -> list[float]:
         found = file.numbers(f"the {attribute} of {what}", element.get(attribute), count)
         if (found < LEAST).any():
@@ -232,5 +260,5 @@ def _shape(file: XmlFile, what: str, element: Element) -> Shape | Mesh:
             scale = file.numbers(f"the scale of {what}", element.get("scale", "1 1 1"), 3)
             if (np.abs(scale) < LEAST).any():
                 raise file.error(f"the scale of {what} must not be 0, got {shown(element.get('scale'))}")
-            return Mesh(file.name(element, "filename"), scale)
+            return Mesh(link, file.name(element, "filename"), scale)
     raise file.error(f"{what} must be a box, cylinder, sphere or mesh, got <{printable(element.tag)[:80]}>")

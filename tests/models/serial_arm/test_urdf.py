@@ -30,7 +30,7 @@ WRONG = {
         ' upper="0.7"',
         "'lift' needs a greatest speed",
     ),
-    "a joint that mimics another": (LIFT_LIMIT, LIFT_LIMIT + '<mimic joint="out"/>', "'lift'.*mimics 'out'.*fixed="),
+    "a joint that mimics another": (LIFT_LIMIT, LIFT_LIMIT + '<mimic joint="out"/>', "'lift'.*mimics 'out'.*in fixed, as {lift: 0.0}"),
     "an axis of no direction": ('xyz="0 0.6 0.8"', 'xyz="0 0 0"', "axis of joint 'lift' must be a direction"),
     "a number that is none": ('lower="-0.2"', 'lower="low"', "lower limit of joint 'lift' must be a number"),
     "a number that is not finite": ('xyz="0.1 -0.2 0.5"', 'xyz="0 nan 0"', "xyz of joint 'lift' must be 3 numbers"),
@@ -44,7 +44,11 @@ WRONG = {
         '<link name="eye"/><link name="eye"/>',
         "two links are called",
     ),
-    "a loop": ('<parent link="rail"/>', '<parent link="eye"/>', "loop"),
+    "a circle beside the root": (
+        '<parent link="rail"/>',
+        '<parent link="eye"/>',
+        "5 links are not joined to 'rail', but .* in a circle, 'mast' > 'boom' > 'jib' > 'eye' > 'mast'",
+    ),
     "a capsule": ("<sphere", "<capsule", "link 'jib' must be a box, cylinder, sphere or mesh, got <capsule>"),
     "a sphere of no size": ('<sphere radius="0.03"/>', '<sphere radius="0"/>', "radius of .* must be above 0 m"),
     "a document type": ("<robot", ENTITY + "<robot", "document type or entities"),
@@ -59,6 +63,16 @@ def test_a_urdf_with_a_mistake_is_refused_with_what_is_wrong(tmp_path, old, new,
     assert old in CRANE
     with pytest.raises(ModelError, match=said):
         made(tmp_path, CRANE.replace(old, new, -1 if old == "robot" else 1))
+
+
+def test_links_in_a_circle_are_called_so(tmp_path):
+    ends = (("a", "b"), ("b", "c"), ("c", "a"))
+    links = "".join(f'<link name="{parent}"/>' for parent, _ in ends)
+    joints = "".join(
+        f'<joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>' for a, b in ends
+    )
+    with pytest.raises(ModelError, match="each link has a parent: joints lead in a circle, 'a' > 'b' > 'c' > 'a'; the"):
+        made(tmp_path, f"<robot>{links}{joints}</robot>")
 
 
 def test_a_urdf_without_the_tip_is_refused_with_its_links(tmp_path):
