@@ -9,12 +9,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 from hpop import solving
-from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, make_criterion, trajectory_costs
+from hpop.criteria.base import (
+    Criterion,
+    CriterionSpec,
+    check_requirements,
+    describe_criterion,
+    make_criterion,
+    trajectory_costs,
+)
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
-from hpop.motions import Model, lacking
+from hpop.motions import Model
 from hpop.motions.space import StateSpec, Values
 from hpop.options import MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
@@ -79,12 +86,7 @@ class Problem:
         if repeated:
             raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
         for criterion in made:
-            absent = lacking(criterion.requires, model, world)
-            if absent:
-                raise CriterionError(
-                    f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the "
-                    "world has"
-                )
+            check_requirements(criterion, model, world)
             _check_describable(criterion)
         _check_stand_ins(made)
         made = with_quanta(made, quanta)

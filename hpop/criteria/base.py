@@ -28,7 +28,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
 from hpop.motion_table import BLOCK, MotionTable
-from hpop.motions import Motions, lacking
+from hpop.motions import Model, Motions, lacking
 from hpop.registry import criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory, batches
@@ -97,12 +97,14 @@ def criterion(
     quantum: float = DEFAULT_QUANTUM,
     world_frame: bool = False,
     role: Role | None = None,
+    instead: tuple[str, ...] = (),
 ) -> Callable[[T], T]:
     """Declare and register a criterion; see :class:`Criterion` for what the arguments mean.
 
     ``world_frame`` says that it knows directions or places by itself, apart from the world's content (where the sun
     stands), so that turning the world with everything in it changes its cost. ``role`` says that it is what planners
-    know as the duration, the length of the way or the number of turns, whatever its name.
+    know as the duration, the length of the way or the number of turns, whatever its name. ``instead`` names criteria
+    for models that lack what it requires.
 
     Raises CriterionError when the declaration is wrong or the name is taken.
     """
@@ -134,6 +136,7 @@ def criterion(
             "quantum": quantum,
             "world_frame": world_frame,
             "role": role,
+            "instead": instead,
         }
         taken = {field.name for field in dataclasses.fields(cls)} & set(declared)
         if taken:
@@ -194,12 +197,21 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     return _checked(criterion, motions, len(motions), motions.kind)
 
 
+def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
+    """Raise CriterionError for a criterion that requires what a model and a world lack, with those to take instead."""
+    absent = lacking(criterion.requires, model, world)
+    if not absent:
+        return
+    others = getattr(criterion, "instead", ())
+    able = [name for name in others if name in criteria and not lacking(criteria[name].requires, model, world)]
+    raise CriterionError(
+        f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
+        + (f"; take {' or '.join(map(repr, able))}" if able else "")
+    )
+
+
 def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    absent = lacking(criterion.requires, m.model, m.world)
-    if absent:
-        raise CriterionError(
-            f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
-        )
+    check_requirements(criterion, m.model, m.world)
     try:
         costs = np.asarray(criterion.cost(m))
     except UnsupportedCriterion as error:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.arrays import BoolArray
 from hpop.errors import HpopWarning, QueryError
-from hpop.goals.base import REACHED, Goal, places_of, required_by
+from hpop.goals.base import REACHED, places_of, required_by
 from hpop.motions import Model, States
 from hpop.motions.space import Values
 

@@ -28,9 +28,11 @@ def refuse_unsupported(planner: Any, model: Model) -> None:
     undeclared = (
         "" if hasattr(planner, "needs") else " It does not say what it needs; give it needs = frozenset() if it can."
     )
+    graphs = [name for name in able if hasattr(planners[name], "graph_query")]
+    on = f" On the graph of another it can: {{{planner.name}: {{on: {graphs[0]}}}}}." if graphs else ""
     raise UnsupportedModel(
         f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {_called(model)} does not provide (it "
-        f"has {', '.join(sorted(model.provides))}).{undeclared} Planners that can: "
+        f"has {', '.join(sorted(model.provides))}).{undeclared}{on * hasattr(planner, 'on')} Planners that can: "
         f"{', '.join(able)}."
     )
 

@@ -20,7 +20,7 @@ def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeome
         return raster.rectangle()
     if obstacles:
         return shapely.box(*shapely.total_bounds([o.polygon for o in obstacles]))
-    raise MapError("a world without obstacles needs extent=, where the robot must stay.")
+    raise MapError("a world without obstacles needs an extent, the area in which the robot must stay.")
 
 
 def check_area(name: str, area: BaseGeometry) -> None:

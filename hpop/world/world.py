@@ -152,7 +152,7 @@ class World:
         given = check_solids(solids)
         if extent is None:
             if not given:
-                raise MapError("a world without solids needs extent=, where the robot must stay.")
+                raise MapError("a world without solids needs an extent, the area in which the robot must stay.")
             bounds = np.stack([solid.bounds for solid in given])
             (x0, y0), (x1, y1) = bounds[:, 0, :2].min(axis=0) - MARGIN, bounds[:, 1, :2].max(axis=0) + MARGIN
             extent = shapely.box(x0, y0, x1, y1)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import hpop
 from hpop.criteria import Clearance, make_criterion, trajectory_cost
+from hpop.criteria.base import check_requirements
 from hpop.criteria.comfort._visual import visual_motion
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.history import History
@@ -42,6 +44,27 @@ def test_what_needs_a_base_a_heading_or_wheels_says_so():
     assert {"net_misalignment", "energy", "smoothness", "proximity", "social_force"} <= refused
     of_camera = {"rotation", "jerk", "msdv", "sickness", "optic_flow", "exposure", "landmark_visibility", "openness"}
     assert not refused & (of_camera | {"joint_length", "singularity", "occlusion", "heading_mismatch", "duration"})
+
+
+INSTEAD = {
+    "length": "'camera_length' or 'joint_length'",
+    "net_winding": "'rotation' or 'camera_roll'",
+    "proximity": "'clearance'",
+    "energy": "'joint_energy'",
+}
+
+
+@pytest.mark.parametrize(("name", "others"), INSTEAD.items())
+def test_what_an_arm_cannot_have_names_what_it_can(name, others):
+    with pytest.raises(CriterionError, match=rf"'{name}' requires .* has; take {others}$"):
+        trajectory_cost(own_criterion(name), tour(ARM), WORLD)
+
+
+def test_what_is_named_instead_is_a_criterion_that_the_model_can_have():
+    assert all(other in criteria for name in NAMES for other in getattr(criteria[name], "instead", ()))
+    camera_alone = SimpleNamespace(provides=frozenset({"camera"}))
+    with pytest.raises(CriterionError, match=r"'length' requires base, .* has; take 'camera_length'$"):
+        check_requirements(own_criterion("length"), camera_alone, WORLD)
 
 
 # Against differences of the camera's places and axes, sampled finely

@@ -9,6 +9,7 @@ import shapely
 
 import hpop
 from hpop.errors import ModelError, UnsupportedModel
+from hpop.planners.base import make_planner
 from hpop.planners.needs import UNDECLARED, needs_of
 from hpop.registry import planners
 
@@ -63,6 +64,13 @@ def test_the_roadmap_can_plan_for_any_model() -> None:
     with pytest.raises(UnsupportedModel, match="needs a model with plane, turn-move, which") as no:
         problem(Cart(has=("base",))).solve("lattice")
     assert str(no.value).endswith("Planners that can: roadmap.")
+
+
+def test_weighted_sums_for_a_model_of_no_lattice_name_the_roadmap_that_they_can_search() -> None:
+    base = problem(Cart(has=("base",)))
+    with pytest.raises(UnsupportedModel, match=r"it can: \{weighted-sum: \{on: roadmap\}\}\. Planners that"):
+        base.solve("weighted-sum")
+    assert needs_of(make_planner({"weighted-sum": {"on": "roadmap"}})) <= base.model.provides
 
 
 def test_a_planner_late_in_the_list_is_refused_before_the_first_runs() -> None:

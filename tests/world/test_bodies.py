@@ -256,7 +256,7 @@ def test_people_who_stand_and_keep_out_zones_are_closed_in_space_but_nothing_sol
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: World.from_solids([]), "needs extent="),
+        (lambda: World.from_solids([]), "needs an extent, the area"),
         (lambda: World.from_solids([Box((1, 1, 1))]), r"a list of hpop\.world\.Solid, each a shape with its pose"),
         (lambda: World.from_solids(GIVEN, extent=shapely.Polygon()), "extent is empty"),
         (lambda: World.from_solids(GIVEN, extent="room"), "extent must be a valid shapely Polygon"),

@@ -11,7 +11,15 @@ from hpop.math import hypot
 from hpop.motions import Motions, States
 
 
-@criterion("length", group="C", unit="m", aggregate="sum", requires=("base",), role="length")
+@criterion(
+    "length",
+    group="C",
+    unit="m",
+    aggregate="sum",
+    requires=("base",),
+    role="length",
+    instead=("camera_length", "joint_length"),
+)
 @dataclass(frozen=True)
 class Length:
     """D = ∫ sqrt(x'² + y'²) dt of the base.

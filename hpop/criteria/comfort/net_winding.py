@@ -11,7 +11,15 @@ from hpop.criteria.base import criterion
 from hpop.history import History
 
 
-@criterion("net_winding", group="C", unit="rad", aggregate="trajectory", requires=("camera", "heading"), smooth=False)
+@criterion(
+    "net_winding",
+    group="C",
+    unit="rad",
+    aggregate="trajectory",
+    requires=("camera", "heading"),
+    smooth=False,
+    instead=("rotation", "camera_roll"),
+)
 @dataclass(frozen=True)
 class NetWinding:
     """|Σ Δθ|, the signed rotations of the camera added up without wrapping, at the end of the trajectory.

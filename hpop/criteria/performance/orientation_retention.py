@@ -34,7 +34,13 @@ class _RoundTurns:
 
 
 @criterion(
-    "orientation_retention", group="P", unit="rad", aggregate="sum", requires=("camera", "heading"), smooth=False
+    "orientation_retention",
+    group="P",
+    unit="rad",
+    aggregate="sum",
+    requires=("camera", "heading"),
+    smooth=False,
+    instead=("rotation", "camera_roll"),
 )
 @dataclass(frozen=True)
 class OrientationRetention(_RoundTurns):
@@ -54,7 +60,13 @@ class OrientationRetention(_RoundTurns):
 
 
 @criterion(
-    "net_misalignment", group="P", unit="rad", aggregate="trajectory", requires=("camera", "heading"), smooth=False
+    "net_misalignment",
+    group="P",
+    unit="rad",
+    aggregate="trajectory",
+    requires=("camera", "heading"),
+    smooth=False,
+    instead=("heading_mismatch", "hand_eye_misalignment"),
 )
 @dataclass(frozen=True)
 class NetMisalignment(_RoundTurns):

@@ -13,7 +13,14 @@ from hpop.motions import Curve, Motions
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("bending_energy", group="R", unit="1/m", aggregate="sum", requires=("base", "heading"))
+@criterion(
+    "bending_energy",
+    group="R",
+    unit="1/m",
+    aggregate="sum",
+    requires=("base", "heading"),
+    instead=("rotation", "joint_energy"),
+)
 @dataclass(frozen=True)
 class BendingEnergy:
     """∫ κ² ds of the base's path, with corners rounded to arcs of radius ``rounding`` metres.

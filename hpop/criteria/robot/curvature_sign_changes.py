@@ -22,6 +22,7 @@ from hpop.options import MOST, set_reals
     requires=("base", "heading"),
     smooth=False,
     quantum=1.0,
+    instead=("turns",),
 )
 @dataclass(frozen=True)
 class CurvatureSignChanges:

@@ -14,7 +14,7 @@ from hpop.motions import Instants, Motions
 from hpop.options import MOST, set_reals
 
 
-@criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",))
+@criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",), instead=("joint_energy",))
 @dataclass(frozen=True)
 class Energy:
     """∫ P dt over both wheels, P = (c1 a² + c2 v² + c3 v + c4 + c5 a + c6 v a)₊ for a wheel at speed v, acceleration a.

@@ -14,7 +14,7 @@ from hpop.motions import Instants, Motions
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("proximity", group="R", unit="1", aggregate="sum", requires=("base",))
+@criterion("proximity", group="R", unit="1", aggregate="sum", requires=("base",), instead=("clearance",))
 @dataclass(frozen=True)
 class Proximity:
     """∫ ds / max(d, least): metres of the base's path, each divided by its clearance d in metres.

@@ -13,7 +13,15 @@ from hpop.history import History
 from hpop.options import LEAST, MOST, set_reals
 
 
-@criterion("smoothness", group="R", unit="1", aggregate="trajectory", requires=("base",), smooth=False)
+@criterion(
+    "smoothness",
+    group="R",
+    unit="1",
+    aggregate="trajectory",
+    requires=("base",),
+    smooth=False,
+    instead=("jerk", "angular_acceleration"),
+)
 @dataclass(frozen=True)
 class Smoothness:
     """(T⁵/D²) ∫ |p'''|² dt of the base, dimensionless: how much it jerks, whatever its speed and the size of the path.

@@ -56,7 +56,9 @@ def test_pieces_that_are_convex_are_hulls_each(tmp_path):
 
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
-    with pytest.raises(ModelError, match=r"ell.stl': it is not convex: .* up to 0.0\d+ m within its convex hull; cut it"):
+    with pytest.raises(
+        ModelError, match=r"ell.stl': it is not convex: .* up to 0.0\d+ m within its convex hull; cut it"
+    ):
         with_mesh(tmp_path, "ell.stl")
 
 

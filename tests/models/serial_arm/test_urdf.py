@@ -30,7 +30,11 @@ WRONG = {
         ' upper="0.7"',
         "'lift' needs a greatest speed",
     ),
-    "a joint that mimics another": (LIFT_LIMIT, LIFT_LIMIT + '<mimic joint="out"/>', "'lift'.*mimics 'out'.*in fixed, as {lift: 0.0}"),
+    "a joint that mimics another": (
+        LIFT_LIMIT,
+        LIFT_LIMIT + '<mimic joint="out"/>',
+        "'lift'.*mimics 'out'.*in fixed, as {lift: 0.0}",
+    ),
     "an axis of no direction": ('xyz="0 0.6 0.8"', 'xyz="0 0 0"', "axis of joint 'lift' must be a direction"),
     "a number that is none": ('lower="-0.2"', 'lower="low"', "lower limit of joint 'lift' must be a number"),
     "a number that is not finite": ('xyz="0.1 -0.2 0.5"', 'xyz="0 nan 0"', "xyz of joint 'lift' must be 3 numbers"),
