@@ -162,7 +162,7 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
         return cast(Model, make_model((problem or {})["model"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise FrontFileError(
-            f"{path}: expected a front with its problem and model, found none that can be built ({error!s:.400}); "
+            f"{path}: expected a front with its problem and model, found none that can be built ({error!s:.1200}); "
             "plan again, or pass decode= for another kind of front"
         ) from None
 

@@ -10,8 +10,8 @@ and ``hpop.registry.criteria["glare"]`` finds it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import MISSING, fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar, get_type_hints
@@ -141,18 +141,30 @@ def made(registry: Registry[type], spec: Any) -> Any:
     if not isinstance(parameters, Mapping | None):
         raise error(f"the parameters of {kind} {shown(name)} are given by name, got {shown(parameters)}")
     cls = registry[name]
-    known = [field.name for field in fields(cls) if field.init]
-    strange = sorted(str(parameter) for parameter in parameters or {} if parameter not in known)
-    if strange:
-        raise error(
-            f"{kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}; "
-            f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(name, known) for name in strange)
-        )
+    check_parameters(registry, name, cls, parameters or {})
     own = model_parameters(cls) if registry is models else ()
     try:
         return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
     except TypeError as wrong:  # one that is missing, or of another type
         raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
+
+
+def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
+    """Raise the registry's error for parameters, by name, that a type of it does not have, or that lack of its own."""
+    known = [field.name for field in fields(cls) if field.init]
+    strange = sorted(str(parameter) for parameter in given if parameter not in known)
+    if strange:
+        raise registry.error(
+            f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}; "
+            f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(one, known) for one in strange)
+        )
+    if absent := [one for one in needed(cls) if one not in given]:
+        raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")
+
+
+def needed(cls: Any) -> list[str]:
+    """Names of a dataclass's parameters that have no default."""
+    return [one.name for one in fields(cls) if one.init and one.default is one.default_factory is MISSING]
 
 
 def hints_of(cls: Any) -> dict[str, Any]:

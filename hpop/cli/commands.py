@@ -149,11 +149,11 @@ def plan(
     if onset is not None:
         echo(COMPILING.format(onset), err=True)
     with _executor(workers, dask) as executor, stopping_told():
-        fronts, first = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
+        fronts = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
         report.print_front(loaded.problem, front, saved=out / SAVED)
-        report.print_contributions([planner.name for planner in loaded.planners], fronts, first=first)
+        report.print_contributions([planner.name for planner in loaded.planners], fronts)
         if checkpoint is not None:
             _tidy(checkpoint, front)
         _draw(loaded, front, out, imports)
@@ -295,8 +295,8 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
 
 def _solved(
     scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str], *, waits: bool
-) -> tuple[list[Front], Front | None]:
-    """The front after each planner of a scenario, and the first that a stage arrived at; each is saved as it comes.
+) -> list[Front]:
+    """The front after each planner of a scenario; each is saved as it comes.
 
     So are the fronts of a planner's stages; of one that stands for a while another process draws the map. Where
     kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
@@ -335,7 +335,7 @@ def _solved(
             if say.last is not None:
                 echo(f"what was found before is saved in {out / SAVED}", err=True)
             raise
-    return fronts, say.first
+    return fronts
 
 
 def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:

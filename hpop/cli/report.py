@@ -30,6 +30,7 @@ from hpop.text import printable
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # more than usual, in which costs are told apart
+BOX = 1.1  # side of the box of scaled costs of which a hypervolume is a part
 MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
 
 
@@ -125,10 +126,10 @@ class Contribution:
     after: float
 
 
-def contributions(planners: Sequence[str], fronts: Sequence[Front], first: Front | None = None) -> list[Contribution]:
+def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
     """What each planner added, from the front after each: ``fronts[i]`` holds all that planners 0 to i found.
 
-    Hypervolumes are those of the lines of a run: in the scale of ``first``, the first front that it arrived at.
+    Hypervolumes are in the scale of all these fronts together.
     """
     known: set[tuple[int, ...]] = set()
     last = set(map(tuple, fronts[-1].integers.tolist()))
@@ -137,27 +138,29 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front], first: Front
         new = set(map(tuple, front.integers.tolist())) - known
         points.append(len(new & last))
         known |= new
-    scale = next((front for front in (first, *fronts) if front is not None and len(front)), fronts[-1])
-    volumes = [0.0, *_hypervolumes(fronts, scale)]
+    volumes = [0.0, *_hypervolumes(fronts, fronts)]
     return [
         Contribution(name, points[i], len(front), volumes[i], volumes[i + 1])
         for i, (name, front) in enumerate(zip(planners, fronts, strict=False))
     ]
 
 
-def _hypervolumes(fronts: Sequence[Front], scale: Front) -> list[float]:
-    """Hypervolume of each front, costs scaled so that the ideal of ``scale`` is 0 and its nadir 1, up to 1.1 in each.
+def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float]:
+    """Hypervolume of each front, costs scaled so that the least of ``scale`` is 0, the greatest 1, up to 1.1 in each.
 
     A cost that is the same all over ``scale`` is only shifted. Not a number where it would take minutes.
     """
-    if not len(scale):
+    scale = [front for front in scale if len(front)]
+    if not scale:
         return [0.0] * len(fronts)
-    if len(scale.names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(scale.names), 0):
+    names = scale[0].names
+    if len(names) > 3 and max(map(len, fronts)) > MOST_MEASURED.get(len(names), 0):
         return [math.nan] * len(fronts)
-    ideal = scale.ideal()
-    same = np.ptp(scale.integers, axis=0) == 0  # in whole quanta: no scale is made of rounding
-    span = np.where(same, 1.0, scale.nadir() - ideal)
-    reference = np.full(len(scale.names), 1.1)
+    costs, integers = (np.concatenate([getattr(front, each) for front in scale]) for each in ("costs", "integers"))
+    ideal = costs.min(axis=0)
+    same = np.ptp(integers, axis=0) == 0  # in whole quanta: no scale is made of rounding
+    span = np.where(same, 1.0, costs.max(axis=0) - ideal)
+    reference = np.full(len(names), BOX)
     return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
 
 
@@ -165,7 +168,8 @@ class StageLines:
     """Prints a line for each front that a run arrives at, so that a user sees it grow: ``first`` to ``last``.
 
     Hypervolumes are of costs scaled so that the ideal of the first front with points is 0 and its nadir 1, with 1.1 as
-    the reference point: a front that is no worse covers no less.
+    the reference point: a front that is no worse covers no less. One that covers more than this box, as where the first
+    front was a few points close together, has left that scale, and is not measured in it.
     """
 
     def __init__(self) -> None:
@@ -178,9 +182,11 @@ class StageLines:
         self.last = front
         if self.first is None or not len(self.first):
             self.first = front
-        (volume,) = _hypervolumes([front], self.first)
+        (volume,) = _hypervolumes([front], [self.first])
         planner = front.runs[-1].get("planner", "planner")
         measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
+        if volume > BOX ** len(front.names):
+            measured = ", hypervolume beyond the scale of the first front"
         line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
         sys.stdout.write(f"{printable(line)}\n")  # plain text: a live progress line on the terminal makes room for it
 
@@ -190,10 +196,8 @@ def how_many(front: Front) -> str:
     return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
 
 
-def print_contributions(
-    planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None, *, first: Front | None = None
-) -> None:
-    """Print what each of several planners added to the front; nothing for one planner. ``first``: of its stages."""
+def print_contributions(planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None) -> None:
+    """Print what each of several planners added to the front; nothing for one planner."""
     if len(planners) < 2 or not fronts:
         return
     console = console or Console()
@@ -201,11 +205,11 @@ def print_contributions(
     table.add_column("planner", no_wrap=True)
     for column in ("first to\nfind", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
         table.add_column(column, justify="right", no_wrap=True)
-    for row in contributions(planners, fronts, first):
+    for row in contributions(planners, fronts):
         volumes = ("-" if math.isnan(volume) else f"{volume:.4f}" for volume in (row.before, row.after))
         cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
         table.add_row(Text(printable(row.planner)), *cells)
-    console.print("\nWhat each planner added (hypervolume in the scale of the first front, as in the lines above)")
+    console.print("\nWhat each planner added (hypervolume in the scale of all these fronts)")
     _print_wide(console, table)
     for name in planners[len(fronts) :]:
         console.print(Text(printable(f"{name} was not run")), highlight=False)

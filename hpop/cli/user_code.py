@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import is_dataclass
 from importlib import import_module, invalidate_caches
 from importlib.metadata import entry_points
 from importlib.util import find_spec
@@ -19,7 +20,7 @@ from hpop.criteria.base import Criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place, unknown_name
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
-from hpop.registry import Registry, criteria, goals, models, planners, readers
+from hpop.registry import Registry, criteria, goals, models, needed, planners, readers
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers)
 FORM = "give FILE.py, or MODULE as seen from this folder"
@@ -70,7 +71,13 @@ def named(spec: str) -> Criterion | Model | Planner:
     try:
         made = found() if isinstance(found, type) else found
     except TypeError as error:
-        raise CriterionError(f"{spec} needs defaults for all its parameters to be checked ({error})") from None
+        absent = ", ".join(needed(found)) if is_dataclass(found) else ""
+        why = f"it has none for {absent}" if absent else str(error)
+        kind = next((registry.error for registry in (planners, models) if found in registry.values()), CriterionError)
+        raise kind(
+            f"{spec} needs defaults for all its parameters to be checked by its name: {why}. Make one in a file of "
+            f"your own, such as mine = {getattr(found, '__name__', spec)}(...), and give FILE.py:mine"
+        ) from None
     if isinstance(made, Model):
         return made
     return make_planner(made) if callable(getattr(made, "solve", None)) else make_criterion(made)

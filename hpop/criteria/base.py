@@ -203,7 +203,8 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
     if not absent:
         return
     others = getattr(criterion, "instead", ())
-    able = [name for name in others if name in criteria and not lacking(criteria[name].requires, model, world)]
+    found = {name: cast(Criterion, criteria[name]) for name in others if name in criteria}
+    able = [name for name, one in found.items() if not lacking(one.requires, model, world)]
     raise CriterionError(
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
         + (f"; take {' or '.join(map(repr, able))}" if able else "")

@@ -11,7 +11,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from hpop.errors import ModelError
 from hpop.regular_file import read_regular
+from hpop.text import shown
 from hpop.world.files import sha256
 
 Record = dict[str, Any]
@@ -43,7 +45,8 @@ def seen_from(folder: str, description: Any) -> Any:
 def found_from(folder: str, description: Any) -> Any:
     """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
 
-    Where they have changed, and those at the whole paths have not, these are.
+    Where they have changed, and those at the whole paths have not, these are. A record of a file at neither place
+    goes on saying where the folder would see it, by its whole path.
     """
 
     def found(one: Mapping[str, Any]) -> Record:
@@ -52,10 +55,23 @@ def found_from(folder: str, description: Any) -> Any:
         if not isinstance(relative, str):
             return plain
         there = os.path.abspath(os.path.join(folder, relative))
-        lost = not os.path.exists(there) or (not _is(there, one) and _is(str(one["path"]), one))
-        return plain if lost else plain | {"path": there}
+        if os.path.exists(there):
+            changed = not _is(there, one) and _is(str(one["path"]), one)
+            return plain if changed else plain | {"path": there}
+        return plain if os.path.exists(str(one["path"])) else plain | {"relative": there}
 
     return _each_record(found, description)
+
+
+def path_of(given: Mapping[str, Any], what: str) -> Any:
+    """The path of a record; ModelError that names both places of a file that a front's folder does not see either."""
+    path, there = given["path"], given.get("relative")
+    if there is not None and not os.path.exists(str(path)):
+        raise ModelError(
+            f"the {what} is neither at {shown(path, 400)}, where it was, nor at {shown(there, 400)}, where the saved "
+            "front would see it if both had moved; put it back to one of them, or plan again"
+        )
+    return path
 
 
 def _is(path: str, one: Mapping[str, Any]) -> bool:

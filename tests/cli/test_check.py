@@ -65,6 +65,8 @@ def test_a_criterion_with_negative_costs_fails_by_name(
         ("odd_plugin:Gone", 8, "Gone"),
         ("odd_plugin:number", 8, "declare a class with @hpop.criterion"),
         ("odd_plugin:Needy", 8, "needs defaults"),
+        ("serial_arm", 9, "it has none for urdf, tip, acceleration. Make one in a file"),
+        ("hpop.models:MobileArm", 9, "it has none for arm."),
         ("no_such_plugin:Mine", 14, "cannot import 'no_such_plugin'"),
         (":Mine", 14, "cannot import"),
         ("broken_plugin:Mine", 14, "SyntaxError"),

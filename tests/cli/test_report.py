@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,6 @@ from rich.console import Console
 import hpop
 from hpop.cli.report import (
     MOST_ROWS,
-    StageLines,
     contributions,
     described,
     marks,
@@ -245,34 +242,30 @@ def test_a_planner_that_runs_twice_is_told_apart() -> None:
     assert [row.points for row in rows] == [1, 2]
 
 
-def test_the_table_has_the_scale_of_the_lines_whatever_the_last_front_is(capsys: pytest.CaptureFixture[str]) -> None:
-    """The first stage is at (0, 2) and (10, 0); (5, -1) and (-5, 1) lie beyond what it spans."""
-    stage, more = by("first", [[0.0, 2.0], [10.0, 0.0]]), by("second", [[5.0, -1.0], [-5.0, 1.0]])
-    fronts = [stage | by("first", [[5.0, 1.0]])]
-    fronts.append(fronts[0] | more)
-    say = StageLines()
-    for front in (stage, *fronts):
-        say(replace(front, runs=[{"planner": "p"}]))
-    told = re.findall(r"hypervolume (\d+\.\d{4})", capsys.readouterr().out)
-    rows = contributions(["first", "second"], fronts, say.first)
-    assert told[1:] == [f"{row.after:.4f}" for row in rows]
+def test_the_table_has_the_scale_of_all_its_fronts() -> None:
+    """Costs from -5 to 10 and from -1 to 2; scaled (1/3, 1), (2/3, 2/3), (1, 1/3), then (0, 2/3) and (2/3, 0)."""
+    few, more = by("first", [[0.0, 2.0], [5.0, 1.0], [10.0, 0.0]]), by("second", [[5.0, -1.0], [-5.0, 1.0]])
+    first, second = contributions(["first", "second"], [few, few | more])
+    assert first.after == pytest.approx(0.1 / 3 + (1.1 - 2 / 3) / 3 + 0.1 * (1.1 - 1 / 3))
+    assert second.after == pytest.approx(2 / 3 * (1.1 - 2 / 3) + (1.1 - 2 / 3) * 1.1)
 
 
 def test_a_criterion_that_became_constant_still_counts() -> None:
-    """A cost that is the same all over the first front is shifted, not scaled."""
+    """A cost that is the same all over the fronts is shifted, not scaled."""
     worse, best = by("first", [[1.0, 4.0]]), by("second", [[1.0, 2.0]])
     first, second = contributions(["first", "second"], [worse, worse | best])
     assert (first.points, second.points) == (0, 1)
-    assert first.after == pytest.approx(1.1 * 1.1)
-    assert second.after == pytest.approx(1.1 * 3.1)
+    assert first.after == pytest.approx(1.1 * 0.1)
+    assert second.after == pytest.approx(1.1 * 1.1)
 
 
 def test_no_scale_is_made_of_rounding() -> None:
+    """The first cost is .3 everywhere, the others are scaled (0, 1), (1, 0) and (.5, .25)."""
     declared = {"names": ("a", "b", "c"), "units": ("1",) * 3, "quanta": (1e-6,) * 3}
     wide = by("first", [[0.3, 0.0, 2.0], [0.1 + 0.2, 1.0, 0.0]], **declared)
-    best = by("second", [[0.2, 0.5, 1.0]], **declared)
+    best = by("second", [[0.3, 0.5, 0.5]], **declared)
     _, second = contributions(["first", "second"], [wide, wide | best])
-    assert 0 < second.after < 2
+    assert second.after == pytest.approx(1.1 * (0.5 * 0.1 + 0.5 * 0.85 + 0.1 * 1.1))
 
 
 def test_what_is_printed_of_several_planners() -> None:

@@ -16,7 +16,7 @@ from hpop.errors import ModelError
 from hpop.math import not_radians
 from hpop.models.base import model
 from hpop.models.field_of_view import FieldOfView, checked_field_of_view
-from hpop.models.files import is_record, record, without_places
+from hpop.models.files import is_record, path_of, record, without_places
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.body import ArmBody
 from hpop.models.serial_arm.chain import Chain, Part
@@ -33,6 +33,7 @@ from hpop.models.serial_arm.srdf import Pair
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import MOST, Angle, BesideScenario, real
+from hpop.registry import check_parameters, models
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
@@ -130,8 +131,13 @@ class SerialArm(Model):
 
     @classmethod
     def from_urdf(cls, path: str | os.PathLike[str], **parameters: Any) -> SerialArm:
-        """The arm that a URDF describes; parameters as of the class, by name."""
-        return cls(urdf=path, **parameters)
+        """The arm that a URDF describes; parameters as of the class, by name, ``tip`` and ``acceleration`` at least.
+
+        Raises ModelError for parameters that are missing or unknown, and as the class does.
+        """
+        given = {"urdf": path, **parameters}
+        check_parameters(models, cls.name, cls, given)
+        return cls(**given)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SerialArm) and self._identity == other._identity
@@ -297,11 +303,12 @@ class SerialArm(Model):
 
 
 SLOWEST = 1e-6
+WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 
 def _path(name: str, given: Any) -> str:
     """A path, or that of a record."""
-    path = given["path"] if is_record(given) else given
+    path = path_of(given, WORDS.get(name, name)) if is_record(given) else given
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise ModelError(f"{name} is the path of a file, got {shown(given)}")
     return str(os.fspath(path))

@@ -13,6 +13,7 @@ import shapely
 import hpop
 from hpop.errors import ModelError, QueryError, ScenarioError
 from hpop.front import Front
+from hpop.frontier import FrontFileError
 from hpop.models import SerialArm, files
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Motions, States
@@ -213,7 +214,8 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     assert loaded.trajectories[0].model == problem.model
     assert loaded.problem["model"]["serial_arm"]["urdf"]["path"] == str(there / "robot/arm6.urdf")
     shutil.rmtree(there / "robot")
-    with pytest.raises(Exception, match=r"the URDF '.*arm6.urdf' cannot be opened"):
+    once, seen = f"{tmp_path}/robot/arm6.urdf", f"{there}/robot/arm6.urdf"
+    with pytest.raises(FrontFileError, match=f"the URDF is neither at '{once}', where it was, nor at '{seen}', where"):
         Front.load(there / "front.json")
 
 

@@ -93,6 +93,10 @@ def test_accelerations_are_positive_numbers_one_for_all_or_one_for_each_joint(tm
 
 
 def test_what_is_missing_is_named(tmp_path):
+    with pytest.raises(ModelError, match="model 'serial_arm' needs tip, acceleration as well; it has urdf, tip, acc"):
+        SerialArm.from_urdf(HERE / "arm6.urdf")
+    with pytest.raises(ModelError, match=r"has no parameter 'accelerations'; .* Did you mean 'acceleration'\?"):
+        SerialArm.from_urdf(HERE / "arm6.urdf", tip="tool", accelerations=6.0)
     with pytest.raises(ModelError, match=r"the URDF '.*lost.urdf' cannot be opened.*check the path"):
         SerialArm.from_urdf(tmp_path / "lost.urdf", tip="eye", acceleration=1.0)
     with pytest.raises(ModelError, match=r"the SRDF '.*lost.srdf' cannot be opened"):
