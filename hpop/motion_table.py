@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
 from hpop.frontier.columns import numbers, parts, places
-from hpop.motions import Law, Model, Motions, States, is_curve
-from hpop.trajectory import Trajectory, extras, refuse_impossible
+from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
+from hpop.motions.possible import extras, refuse_impossible
+from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -105,7 +106,13 @@ class MotionTable:
     @cached_property
     def curved(self) -> BoolArray:
         """Which motions (M,) go along curves, so that what they are depends on their neighbours."""
-        return np.array([is_curve(self.model.laws[name]) for name in self.laws], dtype=bool)[self.law]
+        laws = laws_of(self.model)
+        return np.array([is_curve(laws[name]) for name in self.laws], dtype=bool)[self.law]
+
+    @cached_property
+    def timed(self) -> BoolArray:
+        """Which motions (M,) need states beside the model's own, as holds and curves do."""
+        return np.array([bool(extras(self.model, (name,))) for name in self.laws], dtype=bool)[self.law]
 
     def having(self, motions: BoolArray) -> BoolArray:
         """Which trajectories (n,) have one of some motions (M,)."""
@@ -144,10 +151,10 @@ class MotionTable:
                     States(**{name: getattr(self.states, name)[at[block]] for name in names})
                     for at in (self.start, self.end)
                 )
-                yield block, self.model.laws[kind], start, end
+                yield block, laws_of(self.model)[kind], start, end
 
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectories; columns of those without curves are views of common ones.
+        """The trajectories; columns of those without curves and holds are views of common ones.
 
         Raises ModelError where a motion is none of its law.
         """
@@ -162,12 +169,12 @@ class MotionTable:
         for column in columns.values():
             column.setflags(write=False)
         kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
-        plain, curved, several = self.model.space.names, self.having(self.curved).tolist(), []
+        plain, timed, several = self.model.space.names, self.having(self.timed).tolist(), []
         for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
             own = kinds[begin - i : begin - i + number]
-            names = (*plain, *extras(self.model, own)) if curved[i] else plain
+            names = (*plain, *extras(self.model, own)) if timed[i] else plain
             states = States(**{name: columns[name][begin : begin + number + 1] for name in names})
-            several.append((Trajectory if curved[i] else Trajectory.of_checked)(self.model, states, own))
+            several.append((Trajectory if timed[i] else Trajectory.of_checked)(self.model, states, own))
         return tuple(several)
 
     def describe(self) -> dict[str, Any]:
@@ -194,8 +201,9 @@ class MotionTable:
         kinds, states, motions, several = parts(
             description, "the items", {"kinds": list, "states": dict, "motions": dict, "trajectories": dict}
         )
-        if not all(isinstance(kind, str) and kind in model.laws for kind in kinds) or len(set(kinds)) != len(kinds):
-            raise ModelError(f"expected distinct motion laws of {sorted(model.laws)}, found {kinds!r:.80}")
+        laws = laws_of(model)
+        if not all(isinstance(kind, str) and kind in laws for kind in kinds) or len(set(kinds)) != len(kinds):
+            raise ModelError(f"expected distinct motion laws of {sorted(laws)}, found {kinds!r:.80}")
         names = (*model.space.names, *extras(model, kinds))
         columns = dict(zip(names, parts(states, "states", dict.fromkeys(names, list)), strict=True))
         law, start, end = parts(motions, "motions", {"kind": list, "start": list, "end": list})

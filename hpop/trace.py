@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, running_values, trajectory_costs
-from hpop.motions import Motions, States
+from hpop.motions import Motions, States, laws_of
 from hpop.pieces import Pieces, PiecesHistory
 from hpop.trajectory import Trajectory
 
@@ -81,7 +81,7 @@ def in_pieces(trajectory: Trajectory) -> Pieces:
     """
     piece = max(min(PIECE, trajectory.duration / FEWEST), trajectory.duration / MOST) or 1.0
     counts = np.maximum(1, np.ceil(trajectory.durations / piece)).astype(np.int64)
-    laws = trajectory.model.laws
+    laws = laws_of(trajectory.model)
     whole = [laws[kind].varies == {"yaw"} and _stands(trajectory, i) for i, kind in enumerate(trajectory.kinds)]
     return Pieces(trajectory, np.where(whole, 1, counts))
 
@@ -89,7 +89,7 @@ def in_pieces(trajectory: Trajectory) -> Pieces:
 def _stands(trajectory: Trajectory, i: int) -> bool:
     """Whether a motion stands for a while."""
     ends = (trajectory.states.take(slice(j, j + 1)) for j in (i, i + 1))
-    return any(phase.shape == "hold" for phase in trajectory.model.laws[trajectory.kinds[i]].phases(*ends))
+    return any(phase.shape == "hold" for phase in laws_of(trajectory.model)[trajectory.kinds[i]].phases(*ends))
 
 
 def _along(criterion: Criterion, value: float, pieces: Pieces, world: World) -> tuple[FloatArray, FloatArray]:

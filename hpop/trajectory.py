@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,9 +13,11 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
-from hpop.motions import Curve, Law, Model, Motions, States, is_coupled, is_curve, slopes
+from hpop.motions import HOLD, Curve, Model, Motions, States, is_curve, laws_of, slopes
 from hpop.motions.body_table import body_table
-from hpop.options import LEAST, MOST, real
+from hpop.motions.hold import CLOCK, LONGEST
+from hpop.motions.possible import STILL, extras, refuse_holds_at_speed, refuse_impossible
+from hpop.options import LEAST, MOST, real, whole
 from hpop.table import Table
 from hpop.text import shown
 
@@ -23,9 +25,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
-STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
 MOST_ROWS = 10**6  # of a table
-LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +34,7 @@ class Trajectory:
 
     model   the system that moves
     states  (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
-            states, then those that curves need beside them
+            states, then those that curves and holds need beside them
     kinds   (n,) law of each motion; none when the start is the goal
     """
 
@@ -50,15 +50,17 @@ class Trajectory:
             raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
         if not all(np.isfinite(column).all() for column in columns.values()):
             raise ModelError("the states of a trajectory must be finite numbers")
-        unknown = set(self.kinds) - set(self.model.laws)
+        laws = laws_of(self.model)
+        unknown = set(self.kinds) - set(laws)
         if unknown:
-            raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(self.model.laws)}")
+            raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(laws)}")
         names = (*self.model.space.names, *extras(self.model, self.kinds))
         if self.states.names != names:
             raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
         for kind, index in self._by_kind():
             start, end = self.states.take(index), self.states.take(index + 1)
-            refuse_impossible(self.model, self.model.laws[kind], start, end, index)
+            refuse_impossible(self.model, laws[kind], start, end, index)
+        refuse_holds_at_speed(self.model, self.kinds, self.states)
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -144,6 +146,41 @@ class Trajectory:
         columns = {name: np.concatenate([getattr(row, name) for row in rows]) for name in space.names}
         return cls(model, States(**columns), tuple(kinds))
 
+    def with_hold(self, *, at: int, seconds: float) -> Trajectory:
+        """The same, but that the robot stands still for a while at one of its states (n+1,), counted from 0.
+
+        The state is there twice then, so that those behind it come one later. Raises OptionError for what is no state
+        or no time of up to an hour, ModelError where a curve passes the state at speed.
+
+        >>> from hpop.registry import make_model
+        >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])
+        >>> goes.with_hold(at=1, seconds=2.5)
+        <Trajectory: 5 motions (2 move, 1 hold, 2 turn), 14.594 s>
+        """
+        place = whole("at", at, 0, len(self), "the number of a state of the trajectory")
+        lasts = real("seconds", seconds, LEAST, LONGEST, "how long the robot stands, in s,")
+        kinds = (*self.kinds[:place], HOLD.kind, *self.kinds[place:])
+        columns = {name: np.insert(column, place, column[place]) for name, column in self.states.__dict__.items()}
+        clock = columns.setdefault(CLOCK, np.zeros(len(kinds) + 1))
+        clock[place + 1 :] += lasts
+        return self._changed(columns, kinds)
+
+    def without_holds(self) -> Trajectory:
+        """The same without standing still; itself if it has no hold."""
+        holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)
+        if not holds.any():
+            return self
+        columns, clock = self.states.__dict__, self.states.clock
+        held = np.append(0.0, np.cumsum(np.diff(clock) * holds))
+        kept = np.append(True, ~holds)
+        columns = {name: column[kept] for name, column in (columns | {CLOCK: clock - held}).items()}
+        return self._changed(columns, tuple(kind for kind in self.kinds if kind != HOLD.kind))
+
+    def _changed(self, columns: Mapping[str, FloatArray], kinds: tuple[str, ...]) -> Trajectory:
+        """Motions of some kinds through states of which those columns are taken that their laws need."""
+        names = (*self.model.space.names, *extras(self.model, kinds))
+        return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds)
+
     @cached_property
     def durations(self) -> FloatArray:
         """Duration (n,) of each motion, s."""
@@ -175,7 +212,7 @@ class Trajectory:
         the next begins to turn the other way or does not turn at all, and within a motion where the yaw rate changes
         its sign; so two can end in one motion. Wherever curves are cut, their turns stay the same.
         """
-        if not any(is_curve(self.model.laws[kind]) for kind in set(self.kinds)):
+        if not any(True for _ in self._curves()):
             return np.zeros(len(self)), np.zeros(len(self))
         first, second = np.zeros(len(self)), np.zeros(len(self))
         for index, law in self._curves():
@@ -220,7 +257,8 @@ class Trajectory:
         """What the robot really does: moves in one line become a run, all from rest to rest.
 
         The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
-        succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
+        succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker. Holds last
+        as planned; one between two moves costs v/a more, for it stops the robot.
         """
         return self.model.execution(self)[0]
 
@@ -272,12 +310,12 @@ class Trajectory:
 
     def _curves(self) -> Iterator[tuple[IntArray, Curve]]:
         for kind, index in self._by_kind():
-            law = self.model.laws[kind]
+            law = laws_of(self.model)[kind]
             if is_curve(law):
                 yield index, law
 
     def _phases(self, kind: str, index: IntArray) -> Any:
-        return self.model.laws[kind].phases(self.states.take(index), self.states.take(index + 1))
+        return laws_of(self.model)[kind].phases(self.states.take(index), self.states.take(index + 1))
 
     def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
         try:
@@ -303,7 +341,7 @@ class Trajectory:
         self, kind: str, motion: IntArray, t: FloatArray, place: IntArray, out: tuple[dict[str, FloatArray], ...]
     ) -> None:
         """Fill the samples at times t that lie in motions of one law into ``out`` at ``place``."""
-        law = self.model.laws[kind]
+        law = laws_of(self.model)[kind]
         start, end = self.states.take(motion), self.states.take(motion + 1)
         elapsed = t - self.times[motion]
         phases = law.phases(start, end)
@@ -323,35 +361,6 @@ class Trajectory:
                 else:
                     out[0][name][at] = getattr(start, name)[chosen]
             elapsed = np.where(within, np.nan, elapsed - phase.duration)
-
-
-def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError that names the worst of some motions (M,) of one law, if they are none of this law.
-
-    A law that does not vary a state would hide a jump in it from every criterion, and the states of a curve, which fix
-    its way, may not contradict each other.
-    """
-    for name in [name for name in model.space.names if name not in law.varies]:
-        jump = np.abs(getattr(end, name) - getattr(start, name))
-        if jump.max() > STILL:
-            i = int(np.argmax(jump))
-            raise ModelError(f"a {law.kind} does not change {name}, but motion {numbers[i]} does, by {jump[i]:.3g}")
-    if not is_coupled(law):
-        return
-    strays = law.strays(start, end)
-    if strays.max() > LED:
-        leads = "its speeds lead" if is_curve(law) else "it leads"
-        clock = ", and its clock may not run backwards" * is_curve(law)
-        raise ModelError(
-            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, ends {strays.max():.3g} m or rad from where {leads}; "
-            f"the states of a {'curve' if is_curve(law) else law.kind} must agree with each other{clock}"
-        )
-
-
-def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
-    """States that the laws of some kinds need beside the model's own, in order."""
-    laws = [model.laws[kind] for kind in dict.fromkeys(kinds)]
-    return tuple(dict.fromkeys(name for law in laws if is_curve(law) for name in law.extra))
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
@@ -384,7 +393,7 @@ def _motions(
     begins: IntArray,
 ) -> Motions:
     """Motions under one law: their places among all motions, and the states at which they begin."""
-    law, names = model.laws[kind], (*model.space.names, *extras(model, (kind,)))
+    law, names = laws_of(model)[kind], (*model.space.names, *extras(model, (kind,)))
     start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
     ended = (turns[0][index], turns[1][index]) if is_curve(law) else None
     return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

@@ -13,7 +13,7 @@ from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.goals import GoalSet
 from hpop.motion_table import MotionTable
-from hpop.motions import Motions, States
+from hpop.motions import Motions, States, free_along
 from hpop.motions.space import Values
 from hpop.options import MOST
 from hpop.planners.judgement import on_map
@@ -198,7 +198,7 @@ def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | Non
             if say is not None:
                 say(f"collisions of {done:,} of {len(table):,} motions")
             motions = Motions(problem.world, problem.model, law, start.take(part), end.take(part))
-            colliding[block[part]] = ~judge.motions_free(motions)
+            colliding[block[part]] = ~free_along(judge, motions)
             done += len(motions)
     begins, which = np.unique(table.first, return_inverse=True)  # of those that go nowhere as well
     free = judge.states_free(table.states.take(begins))

@@ -7,6 +7,7 @@ import re
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,6 +37,14 @@ def test_the_scenario_in_the_readme_is_the_one_of_the_demo(tmp_path):
 
     shown = yaml.safe_load(blocks("README.md", "yaml")[0])
     assert shown == yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
+
+
+def test_the_holds_in_the_docs_are_what_is_said_beside_them():
+    (block,) = (block for block in blocks("docs/model.md") if "with_hold" in block)
+    names: dict[str, Any] = {}
+    exec(compile(block, "docs/model.md", "exec"), names)
+    assert names["held"].kinds == ("move", "hold", "turn", "move", "turn")
+    assert names["held"].states.clock.tolist() == [0, 0, 2.5, 2.5, 2.5, 2.5]
 
 
 @pytest.mark.parametrize("name", ["Glare", "DoorDistance", "Boredom", "Effort"])

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from hpop.motions.batch import Motions, lacking
 from hpop.motions.bodies import Body, integrated
-from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations
+from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations, free_along
+from hpop.motions.hold import HOLD, Hold, laws_of, stands
 from hpop.motions.instants import Instants, Rate
 from hpop.motions.laws import Coupled, Curve, Law, Leg, Model, Phase, is_coupled, is_curve, onward, slopes
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States, Twist, Vector
 
 __all__ = [
+    "HOLD",
     "Body",
     "Collision",
     "Coupled",
     "Curve",
+    "Hold",
     "Instants",
     "JointCollision",
     "Law",
@@ -35,10 +38,13 @@ __all__ = [
     "States",
     "Twist",
     "Vector",
+    "free_along",
     "integrated",
     "is_coupled",
     "is_curve",
     "lacking",
+    "laws_of",
     "onward",
     "slopes",
+    "stands",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -11,8 +12,9 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
-from hpop.motions.bodies import Body
-from hpop.motions.instants import Instants, Rate, second_derivative
+from hpop.motions.bodies import Body, standing
+from hpop.motions.hold import stands
+from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, timed
 from hpop.motions.states import States, picked_states
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
+HELD = 1.0  # s: no panel of a hold lasts longer
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
@@ -101,12 +104,21 @@ class Motions:
     @cached_property
     def base(self) -> Body:
         """The robot's base."""
-        return self.model.body("base", self)
+        return self.body("base")
 
     @cached_property
     def camera(self) -> Body:
         """The camera."""
-        return self.model.body("camera", self)
+        return self.body("camera")
+
+    def body(self, name: str) -> Body:
+        """What a body does in each motion; no model is asked what its bodies do while it holds."""
+        return standing(name, self) if self.stands else self.model.body(name, self)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the robot holds: nothing of it moves."""
+        return stands(self.law)
 
     def integrate(self, rate: Rate) -> Column:
         """Time integral (M,) of a rate along each motion.
@@ -115,7 +127,8 @@ class Motions:
         degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says, and once for
         motions there and back (:attr:`twins`) if the rate reads states alone. A rate that reads nothing that changes
         (the camera's position during a turn about it) is exact, and so is one that reads accelerations that stay the
-        same within each phase.
+        same within each phase. While the robot holds only a rate that reads the time changes; a panel then lasts no
+        longer than a second, and no person walks farther in it than a field cell.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -163,7 +176,10 @@ class Motions:
         Motions in a row that begin alike in that (the turns at one place of a lattice) are evaluated once.
         """
         kept = self._kept_states
-        if not probe.read <= kept | {second_derivative(name) for name in kept}:
+        still = {second_derivative(name) for name in kept}
+        if self.stands:
+            still |= {first_derivative(name) for name in kept}
+        if not probe.read <= kept | still:
             return None
         if self._symbolic:
             return probe.value
@@ -270,6 +286,10 @@ class Motions:
         """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
         if self.panels is not None:
             return np.full(len(self), self.panels)
+        if self.stands:
+            fastest = max((math.hypot(*person.velocity) for person in self.world.content.people), default=0.0)
+            often = max(1.0 / HELD, fastest / self.world.cell)
+            return np.asarray(np.maximum(1, np.ceil(often * phase.duration - 1e-9)), dtype=np.int64)
         share = phase.end - phase.begin
         farthest, most_turned = self.model.extent(self)
         lengths = farthest * share / self.world.cell

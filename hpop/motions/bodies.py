@@ -40,6 +40,13 @@ class Body:
     upright: bool = False
 
 
+def standing(name: str, motions: Motions) -> Body:
+    """What a body does while the robot holds, whatever the model: nothing."""
+    nothing = 0.0 * motions.duration
+    start, end = (motions.model.pose(name, states) for states in (motions.start, motions.end))
+    return Body(start, end, nothing, nothing, nothing, (nothing,), stays=True, steady=True, upright=True)
+
+
 def integrated(name: str, motions: Motions) -> Body:
     """What a body does by the model's twists, integrated along each motion: right for any model, exact for few.
 

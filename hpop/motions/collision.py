@@ -27,6 +27,11 @@ class Collision(Protocol):
         """What blocks one state (1,) and what helps, in words without the last full stop; empty when it is free."""
 
 
+def free_along(collision: Collision, motions: Motions) -> BoolArray:
+    """Whether the robot is free all along each motion (M,); one that holds is where it is free."""
+    return collision.states_free(motions.start) if motions.stands else collision.motions_free(motions)
+
+
 class PlaneCollision(Collision, Protocol):
     """The same of a robot that moves in the plane, where whole regions are known to be free at every yaw."""
 

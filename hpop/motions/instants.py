@@ -43,7 +43,7 @@ class Instants:
         self.state = LazyStates(names, size, column, self.read)
 
         def first(name: str) -> Column:
-            self.read.add(f"{name}'")
+            self.read.add(first_derivative(name))
             return derivatives(name)[0]
 
         def second(name: str) -> Column:
@@ -116,6 +116,11 @@ class Instants:
     def _along_heading(self, vector: Vector) -> Column:
         yaw = self.base.yaw
         return vector[0] * np.cos(yaw) + vector[1] * np.sin(yaw)
+
+
+def first_derivative(name: str) -> str:
+    """How the first derivative of a state by time is called among what a rate has read."""
+    return f"{name}'"
 
 
 def second_derivative(name: str) -> str:

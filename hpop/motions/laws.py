@@ -70,7 +70,11 @@ class Phase(NamedTuple):
 
 
 class Law(Protocol):
-    """How one kind of motion goes from its start state to its end state."""
+    """How one kind of motion goes from its start state to its end state.
+
+    A law may have ``extra``: names of the states that it needs beside the model's own. Where its duration is one, that
+    is the difference of ``clock``, s, from any zero.
+    """
 
     @property
     def kind(self) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.goals import GoalSet
-from hpop.motions import States
+from hpop.motions import States, free_along
 from hpop.planners.base import Candidates
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -128,7 +128,7 @@ def is_free(problem: Problem, trajectory: Trajectory) -> bool:
     collision = problem.model.collision(problem.world)
     if not len(trajectory):
         return bool(collision.states_free(trajectory.states).all())
-    return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(problem.world))
+    return all(bool(free_along(collision, motions).all()) for _, motions in trajectory.batches(problem.world))
 
 
 def _fault_of_ends(problem: Problem, trajectory: Trajectory) -> str:

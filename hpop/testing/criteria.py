@@ -14,7 +14,7 @@ from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
 from hpop.models.differential_drive.driven import driven
-from hpop.motions import Model, Motions, States
+from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.registry import make_model
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 KINDS = ("move", "turn", "drive")
 OF_HEAD = ("move", "turn", "pan", "tilt", "unwind")
+SIZES = (1, 40)  # of batches
+IN_HALVES = ("move", HOLD.kind)
+HELD = 1.5  # s, on the way of a tour
 NEAR = 0.3  # share of the way to another state
 LEAST_CHANGE = 0.1  # m or rad: of what is drawn
 CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
@@ -69,7 +72,9 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
 
     else:
         kinds, drawn = (OF_HEAD, _drawn) if jointed else (KINDS, random_motions)
-        batches = [drawn(rng, world, model, kind, size) for kind in kinds for size in (1, 40)]
+        batches = [drawn(rng, world, model, kind, size) for kind in kinds for size in SIZES]
+        standing = np.random.default_rng((seed, 1))  # of its own: a seed draws the other motions as ever
+        batches += [drawn(standing, world, model, HOLD.kind, size) for size in SIZES]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
@@ -101,7 +106,7 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
             "adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, rng, world))
         )
     yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _alone(criterion, batches)))
-    yield Check("costs halves of a move as much as the whole", fault_of(lambda: _halves(criterion, batches)))
+    yield Check("costs halves of a move or hold as much as the whole", fault_of(lambda: _halves(criterion, batches)))
     if not jointed:
         yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
     if criterion.smooth:
@@ -146,7 +151,7 @@ def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Mo
 
 
 def _halves(criterion: Criterion, batches: list[Motions]) -> str:
-    for motions in (m for m in batches if m.kind == "move"):
+    for motions in (m for m in batches if m.kind in IN_HALVES):
         start, end = motions.start, motions.end
         middle = States(**{name: (getattr(start, name) + getattr(end, name)) / 2 for name in start.names})
         t_middle = motions.t0 + motions.duration / 2
@@ -162,9 +167,10 @@ def _halves(criterion: Criterion, batches: list[Motions]) -> str:
 
 
 def _detour(model: Model, scale: float) -> Trajectory:
-    """Moves and turns through the room, of its size or smaller."""
+    """Moves and turns through the room, of its size or smaller, and a rest."""
     poses = [(1, 1, 0), (3, 1, 0), (4, 5, np.pi), (1, 8, -2.0)]
-    return Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
+    tour = Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
+    return tour.with_hold(at=3, seconds=HELD)
 
 
 def _slalom(model: Model) -> Trajectory:
@@ -176,15 +182,18 @@ def _slalom(model: Model) -> Trajectory:
 
 
 def _nodding(model: Model) -> Trajectory:
-    """Through the room with a head that looks round, up and down on its way."""
+    """Through the room with a head that looks round, up and down on its way, and a rest."""
     rows = [(1, 1, 0, 0, 0), (3, 1, 0, 1.0, 0.3), (4, 5, np.pi, -0.5, 0.3), (1, 8, -2.0, -1.2, -0.4)]
-    return Trajectory.through(model, States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True))))
+    through = States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True)))
+    return Trajectory.through(model, through).with_hold(at=4, seconds=HELD)
 
 
 def _drawn(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
     """Motions of a law that changes its states evenly, none so small that symbols would smooth it."""
     motions = drawn_motions(model, kind, world, rng, 20 * size, NEAR)
     assert motions is not None
+    if motions.stands:
+        return _part(motions, slice(size))
     return _part(motions, np.flatnonzero(np.maximum(*model.extent(motions)) > LEAST_CHANGE)[:size])
 
 

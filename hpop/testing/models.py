@@ -11,14 +11,15 @@ import numpy as np
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
-from hpop.motions import Body, Model, Motions, Pose, States, is_curve
+from hpop.motions import HOLD, Body, Model, Motions, Pose, States, is_curve, laws_of, stands
+from hpop.motions.possible import STILL
 from hpop.motions.states import Vector
 from hpop.registry import make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
-from hpop.testing.motions import random_motions
+from hpop.testing.motions import holds, random_motions
 from hpop.testing.worlds import random_world
 from hpop.text import shown
-from hpop.trajectory import STILL, Trajectory
+from hpop.trajectory import Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law
@@ -27,6 +28,7 @@ JUDGED = 80  # states, and motions of each law, whose collisions are looked at
 MOMENTS = 40  # within each motion
 MOMENT = 1e-6  # s, of differences
 SAMPLES = 1000  # along a motion whose way and rotation are measured
+HELD = 2.0  # s, on the way of a trajectory
 NEAR = 0.15  # share of the way to another state: of motions short enough to be free now and then
 SAME = 1e-9  # m or rad, and relative
 TWIST_TOLERANCE = 1e-4  # relative, of differences
@@ -135,7 +137,9 @@ def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
     """Motions (size,) of a law from anywhere, a share of what leads anywhere else; None of curves that are unknown."""
-    law, space = model.laws[kind], model.space
+    law, space = laws_of(model)[kind], model.space
+    if stands(law):
+        return holds(world, model, drawn_states(model, world, rng, size), rng)
     if is_curve(law):
         return random_motions(rng, world, model, kind, size) if kind == "drive" else None
     start, other = (drawn_states(model, world, rng, size) for _ in range(2))
@@ -148,7 +152,9 @@ def drawn_motions(
 
 def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
     """Laws by their ends and phases; fills in the motions that the other checks look at."""
-    for kind, law in model.laws.items():
+    if HOLD.kind in model.laws:
+        return f"a law called {HOLD.kind!r}, which every model has from the house; call yours otherwise"
+    for kind, law in laws_of(model).items():
         if law.kind != kind:
             return f"the law under {kind!r} calls itself {law.kind!r}"
         motions = drawn_motions(model, kind, world, rng, PAIRS)
@@ -257,7 +263,7 @@ def _measured(bodies: list[str], batches: list[Motions]) -> str:
     for motions in batches:
         size = len(motions)
         for name in bodies:
-            body: Body = motions.model.body(name, motions)
+            body: Body = motions.body(name)
             way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
             for i, trajectory in enumerate(_each(motions)):
                 states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
@@ -285,7 +291,7 @@ def _measured(bodies: list[str], batches: list[Motions]) -> str:
 
 
 def _bounded(bodies: list[str], batches: list[Motions]) -> str:
-    for motions in batches:
+    for motions in (batch for batch in batches if not batch.stands):
         farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
         for name in bodies:
             body: Body = motions.model.body(name, motions)
@@ -301,7 +307,7 @@ def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
     collision, judge = model.collision(world), model.judge(world)
     states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
-    for kind in model.laws:
+    for kind in model.laws:  # who holds is where it is free
         motions = drawn_motions(model, kind, world, rng, JUDGED, NEAR)
         if motions is not None:
             answers.append((f"motions, each a {kind},", collision.motions_free(motions), judge.motions_free(motions)))
@@ -347,8 +353,9 @@ def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
 
 
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
-    """A trajectory that leads through some states by what connects them."""
-    return Trajectory.through(model, drawn_states(model, world, rng, 5))
+    """A trajectory that leads through some states by what connects them, and holds on its way."""
+    through = Trajectory.through(model, drawn_states(model, world, rng, 5))
+    return through.with_hold(at=len(through) // 2, seconds=HELD)
 
 
 def _stationed(model: PlanarModel) -> str:

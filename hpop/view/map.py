@@ -26,6 +26,7 @@ from hpop.view.ground import (
     draw_scale_bar,
     view_of,
 )
+from hpop.view.holds import draw_holds, hold_entry, is_held
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.page import Bar, Handle, draw_caption, lay_out
 from hpop.view.paths import Heights, camera_heights, path_points
@@ -126,6 +127,9 @@ def draw_map(
     ends = end_poses(problem, picked)
     if any(len(places) for places in turns):
         symbols.append(turn_dot(QUIET, label="turn in place" + _hidden(np.concatenate(turns), ends, view)))
+    for row, (mark, trajectory) in enumerate((m, t) for m, t in zip(named, picked, strict=True) if is_held(t).any()):
+        draw_holds(axes, trajectory, mark.colour, row=row, gid=f"holds of {mark.label}")
+        symbols += [hold_entry()] * (row == 0)
     symbols += _draw_headed_ends(axes, problem, ends, view)
     _draw_frame(axes, view)
     if heights.vary or "base" not in model.provides:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.motions import Law, Model, Pose, States
+from hpop.motions import Law, Model, Pose, States, laws_of
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.view.style import mapped_points
@@ -79,7 +79,8 @@ def _along(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
 
 
 def _pieces(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> IntArray:
-    return np.array([pieces_of(trajectory.model.laws[kind]) for kind in trajectory.kinds], dtype=np.int64)
+    laws = laws_of(trajectory.model)
+    return np.array([pieces_of(laws[kind]) for kind in trajectory.kinds], dtype=np.int64)
 
 
 def _base_pieces(law: Law) -> int:

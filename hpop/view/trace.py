@@ -12,11 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.math import norm
 from hpop.problem import Problem
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
+from hpop.view.holds import is_held
 from hpop.view.style import (
     COLOURS,
     LARGE,
@@ -34,7 +35,7 @@ from hpop.view.style import (
 
 SAMPLES = 3000  # of the speeds
 PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
-TURN = "#e6e6e6"
+TURN, HELD = "#e6e6e6", "#cfe3d4"
 DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and what else is between a panel and its name
 
 
@@ -44,7 +45,8 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
 
     A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst
     moment as the running worst over each piece's, a criterion with memory as its running value. Planned turns
-    in place are shaded; the execution, from rest to rest, makes them a little earlier or later.
+    in place are shaded, and where the robot stands still; the execution, from rest to rest, makes them a little earlier
+    or later.
 
     Parameters
     ----------
@@ -72,7 +74,8 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     _name_row(panels[-2], "camera speed", "m/s", "")
     _name_row(panels[-1], "camera yaw rate" if upright else "camera rotation rate", "rad/s", "")
     for axes in panels:
-        _shade_turns(axes, trajectory)
+        _shade(axes, trajectory, turns_in_place(trajectory), TURN, "turn")
+        _shade(axes, trajectory, is_held(trajectory), HELD, "hold")
         axes.tick_params(labelsize=SMALL)
     panels[0].set_xlim(0.0, max(trajectory.duration, executed.duration) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
@@ -81,10 +84,19 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     if as_planned:
         lasts = f"{written(trajectory.duration, 's', False)}, executed as planned"
     figure.suptitle(f"Along {name}: {lasts}", fontsize=LARGE)
-    turns = [Patch(color=TURN, label="planned turn in place")] if turns_in_place(trajectory).any() else []
+    shades = [
+        Patch(color=colour, label=f"planned {what}")
+        for what, colour, motions in (
+            ("turn in place", TURN, turns_in_place(trajectory)),
+            ("standing still", HELD, is_held(trajectory)),
+        )
+        if motions.any()
+    ]
     labels = ["planned and executed"] if as_planned else ["planned", "executed, from rest to rest"]
-    handles = [*turns, *(Line2D([], [], label=text, **look) for text, (_, look) in zip(labels, looks, strict=True))]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
+    handles = [*shades, *(Line2D([], [], label=text, **look) for text, (_, look) in zip(labels, looks, strict=True))]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=4 if len(shades) > 1 else 3, fontsize=SMALL, frameon=False
+    )
     return figure
 
 
@@ -161,9 +173,10 @@ def _align_names(figure: Figure, panels: Sequence[Axes]) -> None:
         axes.yaxis.set_label_coords(0.0, 0.5, transform=axes.transAxes + beside)
 
 
-def _shade_turns(axes: Axes, trajectory: Trajectory) -> None:
-    for i in np.flatnonzero(turns_in_place(trajectory)):
-        axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=TURN, linewidth=0, zorder=0.5, gid="turn")
+def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, gid: str) -> None:
+    """Shade the time of some motions (n,)."""
+    for i in np.flatnonzero(motions):
+        axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=colour, linewidth=0, zorder=0.5, gid=gid)
 
 
 def _moments(trajectory: Trajectory) -> FloatArray:

@@ -24,6 +24,7 @@ from hpop.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import outline, view_of
+from hpop.view.holds import draw_holds, hold_entry, is_held
 from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
 from hpop.view.paths import camera_heights, path_points
@@ -63,7 +64,8 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
     fast it grows, a count how many there are in the motion, those of turns on one spot added up. Turns in place are
-    dots, those at start and goal rings round S and G.
+    dots, those at start and goal rings round S and G; where the robot stands still is a clock in
+    the colour of what standing there costs.
 
     Parameters
     ----------
@@ -94,6 +96,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),
             *_turn_entry(trajectory),
+            *[hold_entry()] * bool(is_held(trajectory).any()),
             *draw_ends(axes, ends[0], ends[1:]),
             *draw_map_obstacles(axes, problem, heights, view),
             *draw_content(axes, problem.world, view, small=True),
@@ -170,6 +173,10 @@ def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: Fl
     sizes = np.where(at_start | at_goal, letter + BEYOND, DOT) ** 2
     x, y = turns.T
     axes.scatter(x, y, c=each, cmap=RATE_COLOURS, norm=norm, s=sizes, edgecolors="white", zorder=5, gid="turns")
+    of_motion = shown[np.cumsum(trace.pieces.counts) - 1] if len(trajectory) else shown
+    draw_holds(
+        axes, trajectory, QUIET, face=lambda held: RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
+    )
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)

@@ -47,7 +47,7 @@ class CurvatureSignChanges:
         """Number of sign flips (M,) at the end of each motion."""
         length = m.of_motions(lambda motions: motions.base.length)
         rotation = m.of_motions(lambda motions: motions.base.rotation)
-        in_place = length == 0
+        in_place = (length == 0) & (rotation != 0)  # who stands still ends no stretch
         stretch = np.cumsum(np.diff(in_place, prepend=in_place[0]))  # (M,) number of each motion's stretch
         motions, signs = [], []
         for number in range(stretch[-1] + 1):

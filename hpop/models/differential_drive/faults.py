@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.motions import Law, States, is_curve
+from hpop.motions import Law, States, is_curve, laws_of
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
     kinds = np.array(trajectory.kinds, dtype=object)
     curved = np.zeros(len(trajectory), dtype=bool)
     for kind in dict.fromkeys(trajectory.kinds):
-        of_law, law = np.flatnonzero(kinds == kind), trajectory.model.laws[kind]
+        of_law, law = np.flatnonzero(kinds == kind), laws_of(trajectory.model)[kind]
         if is_curve(law):
             curved[of_law] = True
         else:

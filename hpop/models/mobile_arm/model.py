@@ -254,7 +254,7 @@ class MobileArm(Model):
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Motions (M,) that are doubtful for the base or the arm, or for both together."""
         found = self.base.doubtful(law, start, end) | self.arm.doubtful(self.arm.laws["reach"], start, end)
-        return found if isinstance(law, Reach) else found | self._unfolded(start)
+        return found | self._unfolded(start) if law.kind in DRIVES else found
 
     def _unfolded(self, states: States) -> BoolArray:
         """In which states (N,) the arm is not folded."""

@@ -271,13 +271,17 @@ class SerialArm(Model):
         for kind in dict.fromkeys(trajectory.kinds):
             motions = np.flatnonzero([kind == other for other in trajectory.kinds])
             start, end = states.take(motions), states.take(motions + 1)
-            yield from faults(self.chain, self.laws[kind], start, end, motions)
+            yield from faults(self.chain, self._joint_law(kind), start, end, motions)
         if not len(trajectory):
             yield from faults(self.chain, self.laws["reach"], states, states, np.zeros(1, np.int64))
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Motions (M,) that break a limit of a joint."""
-        return doubtful(self.chain, cast(JointLaw, law), start, end)
+        return doubtful(self.chain, self._joint_law(law.kind), start, end)
+
+    def _joint_law(self, kind: str) -> JointLaw:
+        """The law of some motions; one that holds is at the end of a reach that leads nowhere."""
+        return self.laws.get(kind, self.laws["reach"])
 
     # Where it collides
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.motions import Law, States, StateSpace, is_coupled, onward
-from hpop.trajectory import Trajectory, refuse_impossible
+from hpop.motions.possible import refuse_impossible
+from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.motions import Model

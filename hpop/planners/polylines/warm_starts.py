@@ -11,6 +11,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.motions import HOLD
 from hpop.planners.base import Planner, make_planner, sweeps
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_unsupported
@@ -91,7 +92,7 @@ def known_trajectories(
     """The trajectories that a planner starts from, as they are.
 
     Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
-    the problem's model.
+    the problem's model. Holds are left out: no planner moves them.
 
     Raises OptionError for trajectories of another model, and what the planner raises.
     """
@@ -112,6 +113,9 @@ def known_trajectories(
         given = spec.trajectories if isinstance(spec, Front) else spec
         if any(trajectory.model != problem.model for trajectory in given):
             raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
+    if holds := sum(HOLD.kind in trajectory.kinds for trajectory in given):
+        notes.append(f"{holds} of the warm starts hold on their way: nobody stands still in what starts from them")
+        given = [trajectory.without_holds() for trajectory in given]
     return WarmStarts(given, status, tuple(notes))
 
 
