@@ -284,3 +284,11 @@ class Hasty(hpop.DifferentialDrive):
 def test_the_check_of_models_looks_at_holds(robot, text):
     with pytest.raises(ModelError, match=text):
         check_model(robot)
+
+
+def test_a_table_shows_it_standing():
+    table = GOES.with_hold(at=1, seconds=2.0).table(0.5, executed=False)
+    standing = (table["t"] > 4.0) & (table["t"] < 6.0)
+    assert standing.sum() == 3
+    assert set(table["vx"][standing]) == {0.0}
+    assert set(table["x"][standing]) == {5.0}
