@@ -90,27 +90,38 @@ def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
     return 1.0 - np.sqrt(1.0 - part) if shape == "slow-down" else part
 
 
+class Look(NamedTuple):
+    """Integrals (P,) over pieces by five nodes and by three, and of the size of the rate by five."""
+
+    fine: FloatArray
+    coarse: FloatArray
+    scale: FloatArray
+
+
 def adaptive_integrals(values_at: ValuesAt, weights_of: WeightsOf, motions: IntArray, size: int) -> FloatArray:
     """Integrals (size,) over some motions; 0 of others."""
-    found = [np.zeros(0)]
-    for block in np.array_split(motions, -(-motions.size // BLOCK)) if motions.size else []:
-        total, place = np.zeros(block.size), np.arange(block.size)
-        begin, width, scale = np.zeros(block.size), 1.0, np.zeros(0)
-        for halvings in range(HALVINGS + 1):
-            owner, fractions = block[place], begin[:, None] + width * NODES
-            values = np.broadcast_to(values_at(fractions.ravel(), np.repeat(owner, NODES.size)), fractions.size)
-            values = values.reshape(fractions.shape)
-            weights = weights_of(begin, width, owner)
-            fine, coarse = ((values * some).sum(axis=1) for some in weights)
-            scale = scale if halvings else np.abs(values * weights.fine).sum(axis=1)
-            rough = (np.abs(fine - coarse) > AGREE * scale) & (halvings < HALVINGS)
-            total += np.bincount(place[~rough], fine[~rough], minlength=block.size)
-            if not rough.any():
-                break
-            width *= 0.5
-            place, scale = np.repeat(place[rough], 2), np.repeat(scale[rough], 2)
-            begin = (begin[rough][:, None] + np.array([0.0, width])).ravel()
-        found.append(total)
-    totals = np.zeros(size)
-    totals[motions] = np.concatenate(found)
+    totals, scale = np.zeros(size), np.zeros(0)
+    owner, begin, width = motions, np.zeros(motions.size), 1.0
+    for halvings in range(HALVINGS + 1):
+        if not owner.size:
+            break
+        # Pieces of a level are looked at together: of few at once most time would go between operations.
+        parts = np.array_split(np.arange(owner.size), -(-owner.size // BLOCK))
+        looks = [_look(values_at, weights_of, owner[part], begin[part], width) for part in parts]
+        fine, coarse, sizes = (np.concatenate(columns) for columns in zip(*looks, strict=True))
+        scale = scale if halvings else sizes
+        rough = (np.abs(fine - coarse) > AGREE * scale) & (halvings < HALVINGS)
+        totals += np.bincount(owner[~rough], fine[~rough], minlength=size)
+        width *= 0.5
+        owner, scale = np.repeat(owner[rough], 2), np.repeat(scale[rough], 2)
+        begin = (begin[rough][:, None] + np.array([0.0, width])).ravel()
     return totals
+
+
+def _look(values_at: ValuesAt, weights_of: WeightsOf, owner: IntArray, begin: FloatArray, width: float) -> Look:
+    """Integrals over pieces, each of a motion (P,), that begin at fractions (P,) of it, all of one width."""
+    fractions = begin[:, None] + width * NODES
+    values = np.broadcast_to(values_at(fractions.ravel(), np.repeat(owner, NODES.size)), fractions.size)
+    values = values.reshape(fractions.shape)
+    fine, coarse = (values * some for some in weights_of(begin, width, owner))
+    return Look(fine.sum(axis=1), coarse.sum(axis=1), np.abs(fine).sum(axis=1))

@@ -19,7 +19,7 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.goals import GoalSet
 from hpop.motions import States
-from hpop.planners.graphs.arcs import Arcs, blocks
+from hpop.planners.graphs.arcs import BLOCK, Arcs, blocks
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
@@ -33,7 +33,8 @@ from hpop.search import Graph
 ARC = 16  # bytes of an arc beside its costs
 ORDERED = 40  # and while it is looked which of them go there and back
 PIECES = 64  # to look whether a chain is free is as much work as so many arcs of one motion
-COSTED = 8  # and so are its costs: in smaller blocks more time is spent between them
+COSTED = 2, 8  # and so are its costs, of a small roadmap: in larger blocks less time goes between operations
+SHARED = 8  # blocks of costs are wanted at least, so that every core has some
 NEAREST, FAR = 8, 8  # of a robot beyond the plane: neighbours, far links
 
 
@@ -149,7 +150,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
             places = there_and_back[part]
             return places, self._chains(tails[places], heads[places]).costs(criteria)
 
-        for places, counts in self.spending.each(paid, blocks(size, COSTED), doing):
+        each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
+        for places, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[places] = counts
         costs.setflags(write=False)
         return Graph.from_csr(arcs.start, arcs.heads, costs, aggregates=aggregates(criteria))
