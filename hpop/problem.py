@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Any, cast
+from typing import Any, cast, overload
 
-from hpop import solving
+from hpop import further, solving
 from hpop.criteria.base import (
     Criterion,
     CriterionSpec,
-    check_requirements,
+    check_usable,
     describe_criterion,
     make_criterion,
     trajectory_costs,
@@ -86,8 +85,7 @@ class Problem:
         if repeated:
             raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
         for criterion in made:
-            check_requirements(criterion, model, world)
-            _check_describable(criterion)
+            check_usable(criterion, model, world)
         _check_stand_ins(made)
         made = with_quanta(made, quanta)
         object.__setattr__(self, "world", world)
@@ -175,10 +173,31 @@ class Problem:
             world = world.with_content(people=people, groups=now.groups, landmarks=now.landmarks, zones=now.zones)
         return replace(self, world=world, start=cast(tuple[float, ...], state))  # checked there
 
-    def evaluate(self, trajectory: Trajectory) -> dict[str, float]:
-        """Cost of a trajectory in each criterion, by name."""
-        values = trajectory_costs(self.criteria, [_checked_trajectory(trajectory)], self.world)[0]
-        return dict(zip((c.name for c in self.criteria), values.tolist(), strict=True))
+    @overload
+    def evaluate(self, of: Trajectory, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float]: ...
+
+    @overload
+    def evaluate(self, of: Front, *, also: Sequence[CriterionSpec] = ()) -> Front: ...
+
+    def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
+        """Cost of a trajectory in each criterion, by name; or a front with further criteria, without planning anew.
+
+        Of a front, which must answer this problem (any start and goal), what ``also`` names is evaluated on its
+        trajectories and becomes further reported columns. They are not optimised, and the certificate says so: other
+        trajectories may be better in them. Saved with the front they are re-evaluated by ``hpop show`` as all costs.
+
+        Parameters
+        ----------
+        also : further criteria, in the forms of a problem's own: ``["sickness", {"obstruction": {"radius": 1.0}}]``
+
+        Raises CriterionError for what the robot or the world does not have, or a name with other parameters than the
+        front's column; QueryError for the front of another problem.
+        """
+        if isinstance(of, Front):
+            return further.evaluated(self, of, also)
+        criteria = [*self.criteria, *further.made(self, also, self.criteria)]
+        values = trajectory_costs(criteria, [_checked_trajectory(of)], self.world)[0]
+        return dict(zip((c.name for c in criteria), values.tolist(), strict=True))
 
     def trace(self, trajectory: Trajectory) -> Trace:
         """Each criterion's rate and running value along a trajectory; see :class:`hpop.trace.Trace`."""
@@ -239,20 +258,7 @@ def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
                 )
 
 
-def _check_describable(criterion: Criterion) -> None:
-    """Raise CriterionError where a front could not be saved with this criterion, before anything is planned."""
-    try:
-        json.dumps(describe_criterion(criterion), allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise CriterionError(
-            f"criterion {criterion.name!r} cannot be described in a saved front: it must be a dataclass whose fields "
-            f"are finite numbers, words, or lists of them ({error})"
-        ) from None
-
-
 def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
     if not isinstance(trajectory, Trajectory):
-        raise QueryError(
-            f"expected a trajectory, such as front.trajectories[0] or the item of a point, got {shown(trajectory)}"
-        )
+        raise QueryError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
     return trajectory

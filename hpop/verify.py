@@ -11,13 +11,13 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
+from hpop.further import claimable, criteria_of
 from hpop.goals import GoalSet
 from hpop.motion_table import MotionTable
 from hpop.motions import Motions, States, free_along
 from hpop.motions.space import Values
 from hpop.options import MOST
 from hpop.planners.judgement import on_map
-from hpop.planners.objectives import edge_objectives
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 
@@ -68,16 +68,14 @@ def _inside(problem: Problem, trajectory: Trajectory) -> bool:
     return bool(on_map(problem, s).all()) and max(turned, default=0.0) <= MOST_TURNED
 
 
-def _claimable(problem: Problem) -> dict[str, Criterion]:
-    """Criteria whose costs a front of this problem may hold: those asked for, and what stands in for a mean."""
-    additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
-    optimised = edge_objectives(additive, "front").optimised if additive else ()
-    return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
+def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
+    """Criteria whose costs this front may hold: of its problem, and what was evaluated beside."""
+    return claimable(problem) | {criterion.name: criterion for criterion in criteria_of(front)}
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
     """Criteria that are not the problem's, or are said to be what they are not."""
-    every = _claimable(problem)
+    every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     unknown = [name for name in names if name not in every]
     if unknown:
@@ -99,7 +97,7 @@ def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
 def _cost_faults(
     problem: Problem, front: Front, table: MotionTable, say: Callable[[str], None] | None
 ) -> Iterator[str]:
-    every = _claimable(problem)
+    every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     known = [j for j, name in enumerate(names) if name in every]
     criteria = [every[names[j]] for j in known]

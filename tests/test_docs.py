@@ -89,6 +89,16 @@ def test_what_the_page_of_fronts_does_with_one_runs(tmp_path, monkeypatch):
     assert len(names["path"]) > 10
 
 
+def test_the_question_in_the_docs_is_answered():
+    from hpop.scenario import load_scenario
+
+    problem = load_scenario(ROOT / "examples/museum.yaml").problem
+    names: dict = {"problem": problem, "front": problem.solve("lattice", step=1.0)}
+    (block,) = blocks("docs/questions.md")
+    exec(compile(block, "docs/questions.md", "exec"), names)
+    assert names["more"].reported_names == ("obstruction", "sickness", "msdv", "rotation")
+
+
 def test_the_search_in_the_docs_finds_what_it_says():
     names: dict = {}
     exec(compile(blocks("docs/planners.md")[0], "docs/planners.md", "exec"), names)

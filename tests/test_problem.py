@@ -118,7 +118,7 @@ def test_what_a_criterion_requires_must_be_there(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("wrong", [3, None, "path", [(1, 1, 0)]])
 def test_only_trajectories_have_costs(wrong: object) -> None:
     for use in (problem().evaluate, problem().trace):
-        with pytest.raises(QueryError, match=r"expected a trajectory, such as front\.trajectories\[0\]"):
+        with pytest.raises(QueryError, match=r"expected a trajectory, such as front\.knee\(\)\.trajectory"):
             use(wrong)  # type: ignore[arg-type]
 
 

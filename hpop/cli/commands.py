@@ -1,4 +1,4 @@
-"""The command line: ``hpop plan``, ``show``, ``check``, ``criteria``, ``models``, ``planners``.
+"""The command line: ``hpop plan``, ``show``, ``pick``, ``check``, ``criteria``, ``models``, ``planners``.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
 usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
@@ -9,32 +9,24 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
-from functools import wraps
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from hpop import __version__
 from hpop.cli import results
+from hpop.cli.command import INTERRUPTED, imports_option, user_errors
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
-from hpop.cli.terminal import Commands, echo, warnings_as_notes
-from hpop.errors import (
-    NOTE,
-    HpopError,
-    OptionError,
-    OutputError,
-    OwnCodeError,
-    UnknownName,
-    own_failure,
-    own_place,
-)
-from hpop.interrupts import endings_interrupt, stopping_told
+from hpop.cli.saved import pick, show
+from hpop.cli.terminal import Commands, echo
+from hpop.errors import OptionError, OutputError
+from hpop.interrupts import stopping_told
 from hpop.options import MOST_WORKERS
 
 if TYPE_CHECKING:
@@ -44,49 +36,12 @@ if TYPE_CHECKING:
     from hpop.planners import Planner
     from hpop.scenario import Scenario
 
-MOST_FAULTS = 20
 NO_PATH = 6
 NOTHING_FOUND = 13
-INTERRUPTED = 130
 # A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
 # nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
 SPIN = "20"
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
-F = TypeVar("F", bound=Callable[..., Any])
-
-_imports = click.option(
-    "--import",
-    "imports",
-    metavar="FILE_OR_MODULE",
-    multiple=True,
-    help="Python of your own, FILE.py or a module, for criteria, planners, models, goals, readers in it. Repeatable.",
-)
-
-
-def _user_errors(command: F) -> F:
-    """A user's mistake ends in one message and its exit code, never in a traceback."""
-
-    @wraps(command)
-    def guarded(*args: Any, **kwargs: Any) -> Any:
-        try:
-            with endings_interrupt(), warnings_as_notes():
-                return command(*args, **kwargs)
-        except HpopError as error:
-            code, text = error.exit_code, str(error)
-            for note in getattr(error, "__notes__", ()):
-                text += f"\n{note}" if note.startswith(NOTE) else f"; {note}"
-        except KeyboardInterrupt:
-            code, text = INTERRUPTED, "interrupted"
-        except MemoryError:
-            code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
-        except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
-            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_place(error)):
-                raise
-            code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
-        echo(f"error: {text}", err=True)
-        sys.exit(code)
-
-    return cast(F, guarded)
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str) -> Path:
@@ -115,8 +70,8 @@ def main() -> None:
     metavar="FILE",
     help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
 )
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def plan(
     scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None, imports: tuple[str, ...]
 ) -> None:
@@ -171,49 +126,14 @@ def plan(
         sys.exit(NOTHING_FOUND)
 
 
-@main.command()
-@click.argument("folder", type=click.Path(path_type=Path))
-@_imports
-@_user_errors
-def show(folder: Path, imports: tuple[str, ...]) -> None:
-    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
-    from hpop.cli import report, user_code
-    from hpop.front import Front
-    from hpop.problem import Problem
-    from hpop.status import Progress
-    from hpop.verify import lost_trajectories, verify
-
-    user_code.register(imports)
-    path = folder / SAVED if os.path.isdir(folder) else folder
-    with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
-        front = Front.load(path)
-    try:
-        problem = Problem.from_description(front.problem or {})
-    except UnknownName as error:
-        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
-    _refuse_faults(path, lost_trajectories(problem, front))
-    echo(f"as saved in {path}, not yet checked:")
-    report.print_front(problem, front, saved=path)
-    echo("checking costs, ends and collisions")
-    with report.progress_bar() as progress:
-        faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
-    _refuse_faults(path, faults)
-    echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
-
-
-def _refuse_faults(path: Path, faults: list[str]) -> None:
-    """List what is wrong with a saved front, if anything is, and end with it."""
-    for fault in faults[:MOST_FAULTS]:
-        echo(f"fault: {fault}", err=True)
-    if faults:
-        more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
-        raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
+main.add_command(show)
+main.add_command(pick)
 
 
 @main.command()
 @click.argument("plugin", metavar="NAME")
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def check(plugin: str, imports: tuple[str, ...]) -> None:
     """Run the conformance checks on a criterion, model or planner.
 
@@ -235,8 +155,8 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 
 
 @main.command()
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def criteria(imports: tuple[str, ...]) -> None:
     """List the criteria: group, unit, how motions add up, and what each is."""
     from hpop.cli import registered, user_code
@@ -246,8 +166,8 @@ def criteria(imports: tuple[str, ...]) -> None:
 
 
 @main.command()
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def models(imports: tuple[str, ...]) -> None:
     """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
     from hpop.cli import registered, user_code
@@ -257,8 +177,8 @@ def models(imports: tuple[str, ...]) -> None:
 
 
 @main.command()
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def goals(imports: tuple[str, ...]) -> None:
     """List the goals that are no states: their parameters, and what each is."""
     from hpop.cli import registered, user_code
@@ -268,8 +188,8 @@ def goals(imports: tuple[str, ...]) -> None:
 
 
 @main.command()
-@_imports
-@_user_errors
+@imports_option
+@user_errors
 def planners(imports: tuple[str, ...]) -> None:
     """List the planners and their options."""
     from hpop.cli import registered, user_code

@@ -23,6 +23,7 @@ from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import hypervolume
+from hpop.further import criteria_of
 from hpop.goals import GoalSet
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback
@@ -295,15 +296,14 @@ def _executed_table(problem: Problem, front: Front) -> Table:
     table = _table()
     table.add_column("#", justify="right")
     table.add_column("costs")
-    for criterion in problem.criteria:
+    criteria = [*problem.criteria, *criteria_of(front)]
+    for criterion in criteria:
         table.add_column(_header(criterion.name, criterion.unit), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     for row, labels in sorted(marks(front).items()):
         pair = [front.trajectories[row], front.trajectories[row].execution()]
-        for word, costs in zip(
-            ("planned", "executed"), trajectory_costs(problem.criteria, pair, problem.world), strict=True
-        ):
-            cells = [number(cost, c.quantum) for cost, c in zip(costs, problem.criteria, strict=True)]
+        for word, costs in zip(("planned", "executed"), trajectory_costs(criteria, pair, problem.world), strict=True):
+            cells = [number(cost, c.quantum) for cost, c in zip(costs, criteria, strict=True)]
             first = word == "planned"
             table.add_row(str(row) if first else "", word, *cells, _labels(labels) if first else "")
     return table

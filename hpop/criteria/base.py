@@ -16,6 +16,7 @@ C comfort of the immersed user, R robot, O others near the robot.
 from __future__ import annotations
 
 import dataclasses
+import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
@@ -172,6 +173,18 @@ def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
     """The JSON-able form that :func:`make_criterion` reads back."""
     fields = dataclasses.fields(criterion)  # type: ignore[arg-type]
     return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields}}
+
+
+def check_usable(criterion: Criterion, model: Model, world: World) -> None:
+    """Raise CriterionError where a criterion asks for what neither robot nor world has, or cannot be saved."""
+    check_requirements(criterion, model, world)
+    try:
+        json.dumps(describe_criterion(criterion), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise CriterionError(
+            f"criterion {criterion.name!r} cannot be described in a saved front: it must be a dataclass whose fields "
+            f"are finite numbers, words, or lists of them ({error})"
+        ) from None
 
 
 def check_command(criterion: Criterion) -> str:

@@ -1,0 +1,159 @@
+"""The commands on a front that is there: ``hpop show``, ``hpop pick``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hpop.cli import results
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.results import SAVED
+from hpop.cli.terminal import echo
+from hpop.errors import OutputError, UnknownName
+
+if TYPE_CHECKING:
+    from hpop.front import Front
+
+MOST_FAULTS = 20
+PAIR = "NAME=NUMBER"
+
+
+def _numbers(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, float]:
+    """Numbers by name of several options such as turns=5."""
+    found: dict[str, float] = {}
+    for text in given:
+        name, _, number = text.rpartition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            raise click.BadParameter(f"expected {PAIR}, such as turns=5, got {text!r}", context, option) from None
+        if name.strip() in found:
+            raise click.BadParameter(f"give each name once, got {name.strip()!r} twice", context, option)
+        found[name.strip()] = value
+    return found
+
+
+def _names(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
+    """Names of several options, each with some between commas."""
+    names = [name.strip() for text in given for name in text.split(",")]
+    if not all(names):
+        raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
+    return names
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--also",
+    metavar="NAME,NAME",
+    multiple=True,
+    callback=_names,
+    help="Further criteria to evaluate on these trajectories (`hpop criteria` lists them). Repeatable.",
+)
+@imports_option
+@user_errors
+def show(folder: Path, also: list[str], imports: tuple[str, ...]) -> None:
+    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
+    from hpop import further
+    from hpop.cli import report, user_code
+    from hpop.problem import Problem
+    from hpop.status import Progress
+    from hpop.verify import lost_trajectories, verify
+
+    user_code.register(imports)
+    path, front = _loaded(folder)
+    try:
+        problem = Problem.from_description(front.problem or {})
+    except UnknownName as error:
+        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
+    _refuse_faults(path, lost_trajectories(problem, front))
+    echo(f"as saved in {path}, not yet checked:")
+    with report.progress_bar() as progress:
+        more = further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
+    report.print_front(problem, more, saved=path)
+    echo("checking costs, ends and collisions")
+    with report.progress_bar() as progress:
+        faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
+    _refuse_faults(path, faults)
+    echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--at-most",
+    metavar=PAIR,
+    multiple=True,
+    callback=_numbers,
+    help="Only what costs no more, such as turns=5. Repeatable.",
+)
+@click.option(
+    "--least", metavar="NAME", multiple=True, callback=_names, help="The least of this; ties by the next. Repeatable."
+)
+@click.option(
+    "--wish",
+    metavar=PAIR,
+    multiple=True,
+    callback=_numbers,
+    help="What is nearest to this, such as turns=3. Repeatable.",
+)
+@click.option("--row", type=click.IntRange(0), metavar="N", help="The trajectory of this number in `hpop show`.")
+@click.option(
+    "--knee", is_flag=True, help="The compromise deepest below the extremes; it is what is picked by default."
+)
+@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write what the camera does, executed.")
+@imports_option
+@user_errors
+def pick(
+    folder: Path,
+    at_most: dict[str, float],
+    least: list[str],
+    wish: dict[str, float],
+    row: int | None,
+    knee: bool,
+    csv: Path | None,
+    imports: tuple[str, ...],
+) -> None:
+    """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and say which and why.
+
+    Give one of --least, --wish, --row and --knee; --at-most says among which.
+    """
+    from hpop.cli import picking, user_code
+
+    ways = {"--least": bool(least), "--wish": bool(wish), "--row": row is not None, "--knee": knee}
+    given = [name for name, is_given in ways.items() if is_given]
+    if len(given) > 1:
+        raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
+    if row is not None and at_most:
+        raise click.UsageError("--row says which one, --at-most among which: give one of them")
+    user_code.register(imports)
+    path, front = _loaded(folder)
+    picked = picking.picked(front, at_most, least=least, wish=wish, row=row)
+    picking.print_picked(front, picked, saved=path)
+    if csv is not None:
+        table = picked.point.trajectory.table()
+        table.to_csv(csv)
+        echo(f"written to {csv}: the camera every 0.1 s of the executed trajectory, {len(table):,} rows of")
+        echo(f"  {', '.join(table.headings)}")
+
+
+def _loaded(folder: Path) -> tuple[Path, Front]:
+    """The file of a front, and the front in it."""
+    from hpop.front import Front
+
+    path = folder / SAVED if os.path.isdir(folder) else folder
+    with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+        return path, Front.load(path)
+
+
+def _refuse_faults(path: Path, faults: list[str]) -> None:
+    """List what is wrong with a saved front, if anything is, and end with it."""
+    for fault in faults[:MOST_FAULTS]:
+        echo(f"fault: {fault}", err=True)
+    if faults:
+        more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
+        raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
