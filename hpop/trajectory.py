@@ -16,7 +16,7 @@ from hpop.math import wrap
 from hpop.motions import HOLD, Curve, Model, Motions, States, is_curve, laws_of, slopes
 from hpop.motions.body_table import body_table
 from hpop.motions.hold import CLOCK, LONGEST
-from hpop.motions.possible import STILL, extras, refuse_holds_at_speed, refuse_impossible
+from hpop.motions.possible import STILL, extras, refuse_holds, refuse_impossible
 from hpop.options import LEAST, MOST, real, whole
 from hpop.table import Table
 from hpop.text import shown
@@ -60,7 +60,7 @@ class Trajectory:
         for kind, index in self._by_kind():
             start, end = self.states.take(index), self.states.take(index + 1)
             refuse_impossible(self.model, laws[kind], start, end, index)
-        refuse_holds_at_speed(self.model, self.kinds, self.states)
+        refuse_holds(self.model, self.kinds, self.states)
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -150,7 +150,7 @@ class Trajectory:
         """The same, but that the robot stands still for a while at one of its states (n+1,), counted from 0.
 
         The state is there twice then, so that those behind it come one later. Raises OptionError for what is no state
-        or no time of up to an hour, ModelError where a curve passes the state at speed.
+        or no time, ModelError for more than an hour in all, and where a curve passes the state at speed.
 
         >>> from hpop.registry import make_model
         >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])

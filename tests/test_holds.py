@@ -106,6 +106,12 @@ def test_a_hold_lasts_a_while(seconds):
         GOES.with_hold(at=1, seconds=seconds)
 
 
+def test_all_holds_of_a_trajectory_last_no_more_than_an_hour():
+    long = GOES.with_hold(at=1, seconds=2000.0)
+    with pytest.raises(ModelError, match="holds for 3,600 s at most, this one for 4,000 s in all"):
+        long.with_hold(at=1, seconds=2000.0)
+
+
 @pytest.mark.parametrize("at", [-1, 5, 1.5, "1", None, True])
 def test_a_hold_is_at_a_state(at):
     with pytest.raises(OptionError, match="at must be the number of a state of the trajectory"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
+FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
+AT_ONCE = 2**20  # panels of holds that are integrated together: what stands for long takes time, not memory
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
@@ -134,6 +136,8 @@ class Motions:
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
+        if parts := self._parts_of_holds():
+            return np.concatenate([part.integrate(rate) for part in parts])
         if self._adaptive and probe.read <= set(self.start.names):
             return self._integral_of_places(rate)
         total: Column = 0.0
@@ -151,6 +155,8 @@ class Motions:
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant
+        if parts := self._parts_of_holds():
+            return np.concatenate([part.worst(rate) for part in parts])
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)
@@ -288,7 +294,7 @@ class Motions:
             return np.full(len(self), self.panels)
         if self.stands:
             fastest = max((math.hypot(*person.velocity) for person in self.world.content.people), default=0.0)
-            often = max(1.0 / HELD, fastest / self.world.cell)
+            often = max(1.0 / HELD, min(fastest, FASTEST) / self.world.cell)
             return np.asarray(np.maximum(1, np.ceil(often * phase.duration - 1e-9)), dtype=np.int64)
         share = phase.end - phase.begin
         farthest, most_turned = self.model.extent(self)
@@ -298,6 +304,18 @@ class Motions:
         stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
         panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
         return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
+
+    def _parts_of_holds(self) -> tuple[Motions, ...]:
+        """Two halves of whole holds that take too many panels at once; none of other batches."""
+        if not (self.stands and self.whole and len(self) > 1) or self._symbolic:
+            return ()
+        if self._panels(self.phases[0]).sum() <= AT_ONCE:
+            return ()
+        halves = slice(None, len(self) // 2), slice(len(self) // 2, None)
+        return tuple(
+            replace(self, start=self.start.take(at), end=self.end.take(at), t0=None if self.t0 is None else self.t0[at])
+            for at in halves
+        )
 
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None

@@ -10,7 +10,7 @@ from hpop.motions.laws import Law, Model, Phase
 from hpop.motions.states import States
 
 CLOCK = "clock"  # s, from any zero: the state whose differences are the durations of holds and curves
-LONGEST = 3600.0  # s: what holds longer is given in another unit, and would be sampled without end
+LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end
 
 
 @dataclass(frozen=True)

@@ -52,19 +52,22 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
 def _refuse_no_duration(law: Law, start: States, end: States, numbers: IntArray) -> None:
     """Raise ModelError for one who stands, unless that is for a while."""
     lasts = sum(phase.duration for phase in law.phases(start, end))
-    wrong = ~((lasts >= 0.0) & (lasts <= LONGEST))
+    wrong = ~((lasts >= 0.0) & (lasts <= LONGEST + STILL))
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ModelError(
             f"motion {numbers[i]}, a {law.kind}, lasts {lasts[i]:.6g} s; its clock may not run backwards, and it lasts "
-            f"{LONGEST:,.0f} s at most: what stands longer holds several times"
+            f"{LONGEST:,.0f} s at most"
         )
 
 
-def refuse_holds_at_speed(model: Model, kinds: tuple[str, ...], states: States) -> None:
-    """Raise ModelError where a curve is not at rest at a hold before or after it: nobody stops at once."""
+def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
+    """Raise ModelError for holds of more than an hour in all, and for one beside a curve that is not at rest there."""
     if HOLD.kind not in kinds:
         return
+    held = float(np.diff(states.clock)[[kind == HOLD.kind for kind in kinds]].sum())
+    if held > LONGEST + STILL:
+        raise ModelError(f"a trajectory holds for {LONGEST:,.0f} s at most, this one for {held:,.6g} s in all")
     laws, size = laws_of(model), len(kinds)
     for i in (i for i, kind in enumerate(kinds) if kind == HOLD.kind):
         for beside, share in ((i - 1, 1.0), (i + 1, 0.0)):

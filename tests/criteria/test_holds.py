@@ -119,6 +119,18 @@ def test_somebody_who_walks_into_the_robot_is_noticed_in_the_middle_of_a_hold():
     assert motion_costs(make_criterion("time_to_collision"), hold(0.5, world=towards, t0=0.0, **HERE)).tolist() == [0.0]
 
 
+def test_long_holds_are_added_up_part_by_part(monkeypatch):
+    """Many hours together would take all memory, and so would somebody said to fly past."""
+    flies = ROOM.with_content(people=[*WALKING, Person(1.0, 5.0, velocity=(1e5, 0.0))])
+    together = hold(400.0, world=flies, t0=0.0, x=(6.0, 3.0, 9.0), y=(5.0, 5.0, 5.0))
+    both = [make_criterion(name) for name in ("hall_zones", "time_to_collision")]
+    expected = [motion_costs(criterion, together) for criterion in both]
+    monkeypatch.setattr("hpop.motions.batch.AT_ONCE", 1000)
+    for criterion, costs in zip(both, expected, strict=True):
+        np.testing.assert_array_equal(motion_costs(criterion, replace(together)), costs)
+    assert (expected[0] > 0).all()
+
+
 def test_who_talks_across_a_robot_that_stands_is_cut_once():
     pair = [Person(5.0, 0.0, velocity=(0.2, 1.0)), Person(8.0, 0.0, velocity=(0.2, 1.0))]
     world = ROOM.with_content(people=pair, groups=[(0, 1)])
