@@ -10,13 +10,13 @@ import shapely
 
 import hpop
 from hpop.criteria.base import make_criterion, trajectory_costs
-from hpop.errors import ModelError, OptionError
+from hpop.errors import CriterionError, ModelError, OptionError
 from hpop.front import Front
 from hpop.models.driven import driven
 from hpop.motion_table import MotionTable
 from hpop.motions import HOLD, Hold, States, laws_of
 from hpop.planners.polylines.warm_starts import known_trajectories
-from hpop.testing import check_model
+from hpop.testing import check_criterion, check_model
 from hpop.trajectory import Trajectory
 from hpop.verify import collision_free, verify
 from tests.jointed import Jointed
@@ -290,6 +290,21 @@ class Hasty(hpop.DifferentialDrive):
 def test_the_check_of_models_looks_at_holds(robot, text):
     with pytest.raises(ModelError, match=text):
         check_model(robot)
+
+
+@dataclass(frozen=True)
+class Restless:
+    """It charges each hold as if all lasted equally long."""
+
+    name, group, unit, aggregate, requires, smooth, quantum = "restless", "O", "s", "sum", (), False, 1e-6
+
+    def cost(self, m):
+        return 1.0 + 0.0 * m.duration if m.kind == "hold" else m.duration
+
+
+def test_the_check_of_criteria_looks_at_holds():
+    with pytest.raises(CriterionError, match="fails 1 check:\n  costs halves of a move or hold as much as the whole"):
+        check_criterion(Restless())
 
 
 def test_a_table_shows_it_standing():
