@@ -24,9 +24,11 @@ from pathlib import Path
 from typing import IO, Any
 
 COMMAND = "from hpop.entry import main; main()"
-#: `hpop plan`, but that no process is left to draw what it has found: seconds of work.
+#: `hpop plan`, but that no process is left to draw what it has found, seconds of work, and pictures have few pixels.
 UNDRAWN = """\
-import hpop.cli.pictures
+import functools
+import hpop.cli.pictures, hpop.view
+hpop.view.save_pictures = functools.partial(hpop.view.save_pictures, dpi=40)
 hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 from hpop.entry import main
 main()
@@ -161,7 +163,9 @@ def enter(request: Mapping[str, Any]) -> None:
 
 
 if __name__ == "__main__":
+    gc.disable()
     import_everything()
+    gc.enable()
     gc.freeze()  # else each process looks through all of it when it ends, and copies it so: half a second
     if (asked := serve(socket.socket(fileno=int(sys.argv[1])))) is not None:
         enter(asked)

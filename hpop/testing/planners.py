@@ -255,13 +255,12 @@ def _same(expected: Candidates, found: Candidates) -> str:
 
 
 def _again(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """The same by a copy, as processes get it, and on an executor where it sweeps."""
-    if fault := _same(first, pickle.loads(pickle.dumps(planner)).solve(problem)):
-        return fault
+    """The same by a copy, as processes get it; on an executor where it sweeps."""
+    copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
-        return ""
+        return _same(first, copy.solve(problem))
     with ThreadPoolExecutor(2) as threads:
-        fault = _same(first, planner.solve(problem, executor=threads))
+        fault = _same(first, copy.solve(problem, executor=threads))
     return f"on an executor: {fault}" if fault else ""
 
 

@@ -35,7 +35,8 @@ class EdgeGrid:
         """File edges (E, 4), m, at about two a bucket."""
         corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
         size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
-        side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() / 2000.0, 1e-9)
+        least = size.max() * max(2.0 / len(edges), 1.0 / 2000.0)  # of what is flat: one row of buckets, no area
+        side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), least, 1e-9)
         columns, rows = np.floor(size / side).astype(np.int64) + 1
         bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
         start = np.searchsorted(bucket, np.arange(rows * columns + 1))

@@ -43,6 +43,16 @@ def test_flat_degenerate_long_and_far_away_edges(edges):
     assert EdgeGrid.build(edges).distance(x, y) == pytest.approx(brute(edges, x, y), abs=1e-8)
 
 
+@pytest.mark.parametrize("count", [1, 2, 9, 200])
+def test_edges_in_a_row_have_no_more_buckets_than_they_are(count):
+    """Else a point far away looks through thousands of empty ones."""
+    ends = np.linspace(0.0, 10.0, count + 1)
+    for flat in (0.0, 1e-3):
+        edges = np.stack([ends[:-1], 0.0 * ends[1:], ends[1:], flat + 0.0 * ends[1:]], axis=1)
+        assert EdgeGrid.build(edges).rings.size <= count + 1
+        assert EdgeGrid.build(edges[:, [1, 0, 3, 2]]).rings.size <= count + 1
+
+
 def test_points_on_bucket_borders_and_corners_find_their_edge():
     lines = np.arange(11.0)
     zero, ten = np.zeros(11), np.full(11, 10.0)

@@ -107,13 +107,13 @@ def test_a_clear_position_is_free_at_every_yaw(robot, seed):
 @pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["move", "run"])
 def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
-    world, start = room(seed), random_states(seed + 20, 150)
-    length = np.random.default_rng(seed).uniform(0.0, 1.0, 150)
+    world, start = room(seed), random_states(seed + 20, 100)
+    length = np.random.default_rng(seed).uniform(0.0, 1.0, 100)
     end = States(x=start.x + length * np.cos(start.yaw), y=start.y + length * np.sin(start.yaw), yaw=start.yaw)
     collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.05 < free.mean() < 0.95
-    sampled = np.ones(150, dtype=bool)
+    sampled = np.ones(100, dtype=bool)
     for share in np.linspace(0, 1, 201):
         between = States(**{n: (1 - share) * getattr(start, n) + share * getattr(end, n) for n in start.names})
         sampled &= collision.states_free(between)
@@ -132,13 +132,13 @@ def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
 @pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["turn", "spin"])
 def test_turns_never_miss_a_collision_that_dense_samples_find(robot, seed, kind):
-    world, start = room(seed), random_states(seed + 30, 200)
-    turn = np.random.default_rng(seed).uniform(-np.pi, np.pi, 200)
+    world, start = room(seed), random_states(seed + 30, 100)
+    turn = np.random.default_rng(seed).uniform(-np.pi, np.pi, 100)
     end = States(x=start.x, y=start.y, yaw=start.yaw + turn)
     collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.03 < free.mean() < 0.95
-    sampled = np.ones(200, dtype=bool)
+    sampled = np.ones(100, dtype=bool)
     for share in np.linspace(0, 1, 301):
         sampled &= collision.states_free(States(x=start.x, y=start.y, yaw=start.yaw + share * turn))
     assert not (free & ~sampled).any()

@@ -87,7 +87,7 @@ OBLONG = DifferentialDrive(footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.
 @pytest.mark.parametrize("robot", [ROBOT, OBLONG])
 def test_candidates_are_what_they_claim(robot, most):
     problem = Problem(OPEN, robot, (1, 2, 0), (5, 2, 0), ["exposure", "turns", "length", "rotation"])
-    candidates = EpsilonConstraint(step=0.5, max_points=most).solve(problem)
+    candidates = EpsilonConstraint(step=1.0, max_points=most).solve(problem)
     assert candidates.trajectories
     front = problem.front(candidates)
     assert verify(problem, front) == []
@@ -132,7 +132,7 @@ def test_divisions_find_trade_offs_between_the_known_ones(step):
 
 def test_a_goal_off_the_grid_is_reached_exactly():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (4.87, 2.13, 0), ["exposure", "turns", "length"])
-    candidates = EpsilonConstraint(step=0.5, max_points=5).solve(problem)
+    candidates = EpsilonConstraint(step=1.0, max_points=5).solve(problem)
     assert candidates.trajectories
     for trajectory in candidates.trajectories:
         s = trajectory.states
@@ -142,7 +142,7 @@ def test_a_goal_off_the_grid_is_reached_exactly():
 
 def test_a_time_mean_is_reported_and_its_integral_minimised():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["obstruction", "length"])
-    front = problem.solve("epsilon-constraint", step=0.5, minimise="exposure", max_points=3)
+    front = problem.solve("epsilon-constraint", step=1.0, minimise="exposure", max_points=3)
     assert front.names == ("exposure", "length")
     assert front.reported_names == ("obstruction",)
     assert {p["minimise"] for p in front.provenance} == {"exposure"}
@@ -150,7 +150,7 @@ def test_a_time_mean_is_reported_and_its_integral_minimised():
 
 def test_start_is_goal():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
-    front = problem.solve("epsilon-constraint", step=0.5)
+    front = problem.solve("epsilon-constraint", step=1.0)
     assert front.costs.tolist() == [[1.0, 0.0]]
 
 
@@ -192,7 +192,7 @@ def test_what_needs_a_finer_sum_is_solved_with_one():
 
 
 def test_the_cap_on_points_is_said_when_it_binds(paper):
-    candidates = EpsilonConstraint(step=0.5, max_points=2).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, max_points=2).solve(PAPER)
     assert candidates.status is Status.POINT_LIMIT
     assert candidates.stats["tried"] == 2
     assert any(note.startswith("max_points") for note in candidates.notes)
@@ -220,7 +220,7 @@ def ctrl_c():
 
 def test_ctrl_c_keeps_what_is_finished():
     stop = Stop(2, ctrl_c)
-    candidates = EpsilonConstraint(step=0.5).solve(PAPER, stop)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER, stop)
     assert candidates.status is Status.INTERRUPTED
     assert len(candidates.trajectories) == 2
     assert [p.labels for p in stop.seen] == list(range(len(stop.seen)))
@@ -237,7 +237,7 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
         return solve(program, *arguments, **options)
 
     monkeypatch.setattr(PolylineProgram, "solve", interrupted)
-    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert 0 < len(candidates.trajectories) < candidates.stats["warm_starts"]
     (note,) = candidates.notes
@@ -245,19 +245,19 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
 
 
 def test_ctrl_c_in_the_warm_starts_ends_the_plan(monkeypatch):
-    first = Lattice(step=0.5).solve(PAPER)
+    first = Lattice(step=1.0).solve(PAPER)
     stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
-    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert (candidates.status, candidates.stats["tried"]) == (Status.INTERRUPTED, 0)
 
 
 def test_warm_starts_that_are_not_all_are_said(monkeypatch):
-    first = Lattice(step=0.5).solve(PAPER)
+    first = Lattice(step=1.0).solve(PAPER)
     two = {name: getattr(first, name)[:2] for name in ("trajectories", "planned", "tolerance", "provenance")}
     stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT, **two)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
-    candidates = EpsilonConstraint(step=0.5).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
     assert "the warm starts are not all there are: label limit" in candidates.notes
 
@@ -265,7 +265,7 @@ def test_warm_starts_that_are_not_all_are_said(monkeypatch):
 def test_time_that_runs_out_is_said(monkeypatch):
     clock = iter(range(100_000))
     monkeypatch.setattr("hpop.status.time.perf_counter", lambda: float(next(clock)))
-    candidates = EpsilonConstraint(step=0.5, time_limit=30.0).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, time_limit=15.0).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)
 
@@ -321,7 +321,7 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
 
     monkeypatch.setattr(PolylineProgram, "solve", stubborn)
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), [Exposure(), "length"])
-    candidates = EpsilonConstraint(step=0.5, max_points=1, rounds=1).solve(problem)
+    candidates = EpsilonConstraint(step=1.0, max_points=1, rounds=1).solve(problem)
     assert candidates.stats["perturbed"] == 1
     assert candidates.stats["saved by perturbation"] == 1
     assert candidates.provenance[0]["perturbed"]
@@ -339,7 +339,7 @@ def test_what_never_converges_is_counted_with_its_status(monkeypatch):
         )
 
     monkeypatch.setattr(PolylineProgram, "solve", never)
-    candidates = EpsilonConstraint(step=0.5, max_points=3).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, max_points=3).solve(PAPER)
     assert candidates.trajectories == ()
     assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": 3}
     assert "3 bounds without a candidate: not converged (Restoration_Failed)" in candidates.notes
@@ -356,6 +356,6 @@ def test_solutions_that_collide_are_dropped_and_counted(monkeypatch):
         return dataclasses.replace(solution, polyline=dataclasses.replace(solution.polyline, vertices=vertices))
 
     monkeypatch.setattr(PolylineProgram, "solve", through)
-    candidates = EpsilonConstraint(step=0.5, max_points=3).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, max_points=3).solve(PAPER)
     assert candidates.trajectories == ()
     assert sum(candidates.stats["failed"].values()) == 3

@@ -27,7 +27,7 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
     rng = np.random.default_rng(k)
     scale = np.iinfo(number).max // 4
     if large and k >= 3:
-        vectors = on_a_sphere(rng, 1000, k, scale)
+        vectors = on_a_sphere(rng, 600, k, scale)
     else:
         vectors = rng.integers(0, 6, (300, k)) * (scale // 6 if large else 1)
     sets, pool = np.zeros((3, SET_COLUMNS), np.int64), np.zeros(40_000, number)
@@ -45,9 +45,11 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
         used = enter(sets, pool, s, f, used)
         assert used - before <= room
         expected[s] = {m for m in expected[s] if not all(b <= a for a, b in zip(m, rest, strict=True))} | {rest}
-        assert members(sets, pool, s, k) == expected[s]
+        if len(expected[s]) < PIECE or len(expected[s]) % 8 == 0:  # of large sets, each member some of the times
+            assert members(sets, pool, s, k) == expected[s]
         assert sets[s, SIZE] == len(expected[s])
         largest = max(largest, len(expected[s]))
+    assert [members(sets, pool, s, k) for s in range(3)] == expected
     assert not (large and k >= 4) or largest > 2 * PIECE
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -77,14 +78,14 @@ def test_every_extreme_supported_vector_is_found_and_nothing_unsupported(
 
 def test_the_fronts_compared_have_unsupported_vectors_and_vectors_inside_faces(hull: Any) -> None:
     unsupported = between = 0
-    for k in (2, 3, 4):
-        for seed, largest in DRAWS:
-            front = vectors(pareto_paths(random_graph(seed, k, largest=largest), 0, [10, 11]))
-            supported = {y for y in front if hull.supported(y, front)}
-            unsupported += len(front) - len(supported)
-            between += len(supported - hull.extreme(front))
-    assert unsupported >= 20
-    assert between >= 10
+    for k, (seed, largest) in itertools.product((2, 3, 4), DRAWS):
+        front = vectors(pareto_paths(random_graph(seed, k, largest=largest), 0, [10, 11]))
+        supported = {y for y in front if hull.supported(y, front)}
+        unsupported += len(front) - len(supported)
+        between += len(supported - hull.extreme(front))
+        if unsupported >= 20 and between >= 10:
+            return
+    pytest.fail(f"only {unsupported} vectors are unsupported, and {between} are inside faces")
 
 
 @pytest.mark.parametrize("seed", range(3))
