@@ -114,6 +114,7 @@ class WeightedSum:
             budget=budget,
             progress=progress,
             executor=executor,
+            free=query.free,
         )
         stats: dict[str, Any] = {
             "objectives": [criterion.name for criterion in objectives.optimised],
@@ -125,7 +126,7 @@ class WeightedSum:
         return query.candidates(
             "weighted-sum",
             paths,
-            self._claim(paths.status.is_final, str(paths.status), query),
+            self._claim(paths.status.is_final, str(paths.status), query) + query.looked_at(paths),
             provenance=[{"weights": rows.tolist()} for rows in paths.weights],
             notes=paths.notes,
             stats=stats,
@@ -133,7 +134,7 @@ class WeightedSum:
 
     def _claim(self, ended: bool, status: str, query: GraphQuery) -> str:
         """What is claimed, in words."""
-        where = f"{query.space.words} for ({query.names})"
+        where = f"{query.part} for ({query.names})"
         rounded = "edge costs rounded to their quanta"
         if not ended:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"

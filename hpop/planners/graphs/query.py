@@ -22,6 +22,7 @@ from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives
 from hpop.search import Graph, ParetoPaths, pareto_paths
+from hpop.search.asked_arcs import Free
 from hpop.search.machinery.checkpoint import CheckpointSpec
 from hpop.status import Budget, ProgressCallback, Status
 
@@ -131,11 +132,11 @@ class GraphQuery:
                 tolerance=slack.tolist(),
                 at_most=self.at_most(),
                 checkpoint=checkpoint,
-                free=None if self.space.is_checked else self.space.arcs_free,
+                free=self.free,
             )
 
         paths = self.with_fewest_turns(search)
-        where = f"{'' if self.space.is_checked else 'the free part of '}{self.space.words} for ({self.names})"
+        where = f"{self.part} for ({self.names})"
         if self.max_turns is not None:
             where += f" and at most {self.max_turns} turns"
         factor, gap = within(eps, tolerance or {}), min(paths.gap, covered)
@@ -153,7 +154,7 @@ class GraphQuery:
             )
         else:
             claim = f"exact on {where}, edge costs rounded to their quanta"
-        claim += self._looked_at(paths)
+        claim += self.looked_at(paths)
         found = {
             "method": paths.stats.method,
             "labels_generated": paths.stats.labels_generated,
@@ -162,13 +163,19 @@ class GraphQuery:
             "peak_memory": paths.stats.peak_memory,
             "gap": gap if math.isfinite(gap) else None,
         }
-        if not self.space.is_checked:
-            counted = paths.stats
-            found |= {"edges_checked": counted.arcs_checked, "edges_blocked": counted.arcs_blocked}
-            found |= {"rounds": counted.rounds}
         return self.candidates(name, paths, claim, notes=at_memory_limit(paths), stats=found)
 
-    def _looked_at(self, paths: ParetoPaths) -> str:
+    @property
+    def part(self) -> str:
+        """The part of the graph that is searched, in words."""
+        return f"{'' if self.space.is_checked else 'the free part of '}{self.space.words}"
+
+    @property
+    def free(self) -> Free | None:
+        """What tells which arcs are free; None where all are."""
+        return None if self.space.is_checked else self.space.arcs_free
+
+    def looked_at(self, paths: ParetoPaths) -> str:
         """How many edges were checked, in words; nothing where all are free."""
         if self.space.is_checked:
             return ""
@@ -250,7 +257,10 @@ class GraphQuery:
         adds_up = np.array([criterion.aggregate != "max" for criterion in objectives.optimised])
         rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
         blocked = (reason or self._what_blocks(paths.blocked),) if paths.status is Status.NO_PATH else ()
-        options = space.options
+        options, counted = space.options, dict[str, int]()
+        if not space.is_checked:
+            counted = {"edges_checked": paths.stats.arcs_checked, "edges_blocked": paths.stats.arcs_blocked}
+            counted |= {"rounds": paths.stats.rounds}
         return Candidates(
             objectives=objectives.optimised,
             trajectories=Deferred(len(paths), trajectories) if len(paths) else (),
@@ -267,6 +277,7 @@ class GraphQuery:
                 "edges": int(self.graph.heads.size),
                 "build_seconds": self.build_seconds,
                 **(stats or {}),
+                **counted,
                 "bounds_seconds": paths.stats.seconds_bounds,
                 "search_seconds": paths.stats.seconds_search,
             },

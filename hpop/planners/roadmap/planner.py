@@ -157,7 +157,6 @@ class Roadmap:
         """The problem on the roadmap's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
         refuse_unanswerable(problem, objectives, "roadmap")
         roadmap, notes = self._noted(self.roadmap(problem, spending))
-        roadmap = replace(roadmap, lazy=False) if isinstance(roadmap, ConfigurationRoadmap) else roadmap
         return roadmap_query(objectives, roadmap, progress, notes)
 
     def _noted(self, roadmap: AnyRoadmap) -> tuple[AnyRoadmap, tuple[str, ...]]:

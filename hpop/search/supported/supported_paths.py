@@ -16,8 +16,10 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.options import real, whole
+from hpop.search.asked_arcs import AskedArcs, Free
 from hpop.search.graph import Graph
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
+from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
 from hpop.search.supported.weight_cone import Vector, WeightCone
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
@@ -31,8 +33,6 @@ CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredt
 FINEST = 10**6  # denominators of given weights
 LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 MAX_WEIGHTS = 100_000
-
-Task = tuple[Vector, int]  # weights of the reduced costs, and what the least weighted sum is known not to exceed
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +63,7 @@ def supported_paths(
     budget: Budget = UNLIMITED,
     progress: ProgressCallback | None = None,
     executor: Executor | None = None,
+    free: Free | None = None,
 ) -> SupportedPaths:
     """Find supported cost vectors of the paths from source to target, each with one path.
 
@@ -79,6 +80,11 @@ def supported_paths(
     Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. The adaptive sweep
     that ends by itself has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do not
     depend on the executor. If the time limit or Ctrl-C stops it, what is returned are supported vectors.
+
+    With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
+    without those that are blocked; it is asked, in this process, only about arcs on paths that are found, once each. A
+    weight whose path is blocked is solved again without what is known to be blocked, until its path is free: that is
+    the optimum, as to remove what was not asked about cannot better it.
 
     Cost: a shortest path a weight, by A* with the bounds of all costs; the number of facets grows with the number of
     extreme supported points n like n for up to three costs, like n^2 for four and five, n^3 for six.
@@ -102,7 +108,7 @@ def supported_paths(
     targets = checked_targets(graph, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
-    run = SupportedRun(graph, source, Clock(budget, progress))
+    run = SupportedRun(graph, source, Clock(budget, progress), None if free is None else AskedArcs(graph, free))
     try:
         status = run.go(targets, given, executor)
     except KeyboardInterrupt:
@@ -158,61 +164,28 @@ def _smallest(vector: Sequence[int]) -> Vector:
     return tuple(v // divisor for v in vector)
 
 
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """What a worker needs: the graph without dead ends, costs reduced by the bounds of the cost-to-go.
-
-    The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative, and along a path from the source to a target
-    adds up to its cost minus the ideal.
-
-    indptr, heads  arcs in compressed rows
-    costs          (m, k)  reduced, in int32 where they fit
-    source         node
-    is_target      (n,)
-    largest        (k,)    greatest reduced cost of an arc
-    """
-
-    indptr: IntArray
-    heads: Any
-    costs: Any
-    source: int
-    is_target: Any
-    largest: tuple[int, ...]
-
-
-def solve_weight(data: Reduced, task: Task) -> IntArray:
-    """Arcs (in the reduced graph) of a path of least weighted cost."""
-    return _solve(data, task, lambda kernel, *arguments: kernel(*arguments))
-
-
-def _solve(data: Reduced, task: Task, call: Any) -> IntArray:
-    from hpop.search.supported.weighted_path import encoded, weighted_path
-
-    weights, limit = encoded(*task, data.largest)
-    arcs: IntArray = call(
-        weighted_path, data.indptr, data.heads, data.costs, data.source, data.is_target, weights, limit
-    )
-    if arcs.size and arcs[0] < 0:
-        raise AssertionError(f"no path within the limit {task}: the graph's bounds are wrong, please report")
-    return arcs
-
-
 @dataclass(eq=False)
 class SupportedRun:
-    """One query: bounds, lexicographic optima, sweep; keeps what is found as it comes."""
+    """One query: bounds, lexicographic optima, sweep; keeps what is found as it comes.
+
+    asked  what is known of the arcs; None where all are free
+    """
 
     graph: Graph
     source: int
     clock: Clock
+    asked: AskedArcs | None = None
     found: dict[Vector, tuple[IntArray, list[Vector]]] = field(default_factory=dict)  # reduced costs: arcs, weights
+    least: IntArray = field(init=False)  # bounds of the ideal, from which reduced costs are counted
     ideal: IntArray = field(init=False)
     nadir: IntArray = field(init=False)
     solved: int = 0
+    rounds: int = 0
     after_bounds: float = 0.0
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
+        self.least = self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
 
     def go(self, targets: IntArray, given: list[Vector] | None, executor: Executor | None) -> Status:
         """Run the query; what it found is in ``found``."""
@@ -225,36 +198,84 @@ class SupportedRun:
             return status
         if h[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        self.ideal = self.nadir = h[:, self.source].copy()
+        self.least = self.nadir = h[:, self.source].copy()
+        self.ideal = self.least.copy()
         self._reduce(h, targets, UNREACHABLE)
         del h
         units = [tuple(int(i == j) for i in range(k)) for j in range(k)]
-        for unit in units:
-            if self._late():
-                return Status.TIME_LIMIT
-            self._keep(unit, _solve(self.data, self._task(unit, 0), self.clock.call))
-            self.nadir = self.ideal + np.max(np.array(list(self.found)), axis=0)
+        for j, unit in enumerate(units):
+            status = self._optimum(j, unit)
+            if status is not None:
+                return status
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
         chunk = max(1, min(ROUND, CHUNK_ARCS // max(1, len(self.data.heads))))
         with Sweep(solve_weight, self.data, executor, chunk=chunk) as sweep:
-            rounds = self._adaptive(units) if given is None else self._given(given, ranges, units)
-            for tasks in rounds:
-                known = list(self.found)
-                nearest = (np.array(known, float) @ np.array(tasks, float).reshape(-1, k).T).argmin(axis=0)
-                bounded = [self._task(w, _dot(w, known[i])) for w, i in zip(tasks, nearest, strict=True)]
-                results: dict[int, IntArray] = {}
-                try:
-                    for i, arcs in sweep.run(bounded, self._late):
-                        results[i] = arcs
-                        self.solved += 1
-                        self._report(len(tasks) - len(results), len(self.found))
-                finally:  # what is finished when Ctrl-C comes is kept
-                    for i in sorted(results):
-                        self._keep(tasks[i], results[i], count=0)
-                    self.notes = tuple(sweep.notes)
-                if len(results) < len(tasks):
+            for weights in self._adaptive(units) if given is None else self._given(given, ranges, units):
+                if not self._round(weights, sweep):
                     return Status.TIME_LIMIT
         return Status.COMPLETE
+
+    def _optimum(self, j: int, unit: Vector) -> Status | None:
+        """Keep the lexicographic optimum of a cost; or why not."""
+        task = self._task(unit, 0 if self.asked is None else self.radix[j])
+        while not self._late():
+            self.rounds += 1
+            (posed,) = self._posed([task])
+            arcs = least_path(self.data, posed, self.clock.call)
+            if arcs is None:
+                return Status.NO_PATH
+            if not self._settle([arcs]):
+                break
+            if self._is_free(arcs):
+                self.ideal[j] += self._keep(unit, arcs)[j]
+                self.nadir = self.least + np.max(np.array(list(self.found)), axis=0)
+                return None
+        return Status.TIME_LIMIT
+
+    def _round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
+        """Solve some weights, again where a path is blocked, and keep what is found; False where it was late before."""
+        known = list(self.found)
+        nearest = (np.array(known, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
+        tasks = [self._task(w, _dot(w, known[i])) for w, i in zip(weights, nearest, strict=True)]
+        results: dict[int, IntArray] = {}
+        try:
+            while waiting := [i for i in range(len(tasks)) if i not in results]:
+                self.rounds += 1
+                found: dict[int, IntArray] = {}
+                try:
+                    for place, arcs in sweep.run(self._posed([tasks[i] for i in waiting]), self._late):
+                        found[waiting[place]] = arcs
+                        self._report(len(results) + len(found), len(waiting) - len(found))
+                    ended = self._settle(list(found.values())) and len(found) == len(waiting)
+                finally:  # what is finished when Ctrl-C comes is kept
+                    results |= {i: arcs for i, arcs in found.items() if self._is_free(arcs)}
+                if not ended:
+                    return False
+        finally:
+            for i in sorted(results):
+                self._keep(weights[i], results[i])
+            self.notes = tuple(sweep.notes)
+        return True
+
+    # Arcs that may be blocked
+
+    def _posed(self, tasks: list[Task]) -> list[Task]:
+        """The same without the arcs that are known to be blocked."""
+        if self.asked is None:
+            return tasks
+        blocked = np.flatnonzero(self.asked.blocked[self.place])
+        return [task._replace(blocked=blocked) for task in tasks]
+
+    def _settle(self, paths: list[IntArray]) -> bool:
+        """Ask which paths are free; False where it was late before that is known."""
+        if self.asked is None or not paths:
+            return True
+        lengths = np.array([arcs.size for arcs in paths])
+        return self.asked.settle(self.place[np.concatenate(paths)], lengths, self._late)
+
+    def _is_free(self, arcs: IntArray) -> bool:
+        """Whether a path is known to be free."""
+        return self.asked is None or bool(self.asked.are_free(self.place[arcs], np.array([arcs.size]))[0])
 
     def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
         """Drop arcs that lead nowhere and reduce the costs of the rest."""
@@ -287,7 +308,8 @@ class SupportedRun:
             if weights[j] == 0:
                 refined[j] = scale
                 scale *= self.radix[j]
-        return tuple(w * scale if w else r for w, r in zip(weights, refined, strict=True)), (limit + 1) * scale - 1
+        refined = [w * scale if w else r for w, r in zip(weights, refined, strict=True)]
+        return Task(tuple(refined), (limit + 1) * scale - 1)
 
     def _adaptive(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
         """Rounds of weights, until every facet of the hull of what is found is tested."""
@@ -316,34 +338,42 @@ class SupportedRun:
         scaled = dict.fromkeys(_smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in given)
         yield [w for w in scaled if w not in units]
 
-    def _keep(self, weights: Vector, arcs: IntArray, count: int = 1) -> None:
-        """File a path under its costs."""
+    def _keep(self, weights: Vector, arcs: IntArray) -> Vector:
+        """File a path under its reduced costs, and return these."""
         costs = tuple(int(c) for c in self.data.costs[arcs].sum(axis=0, dtype=np.int64))
-        self.solved += count
+        self.solved += 1
         self.found.setdefault(costs, (arcs, []))[1].append(weights)
+        return costs
 
     def _late(self) -> bool:
         return self.clock.exceeded(0, 0) is not None
 
-    def _report(self, waiting: int, found: int) -> None:
+    def _report(self, done: int, waiting: int) -> None:
+        """Report how many weights of a round are done, and how many wait."""
         if self.clock.progress is not None:
-            seconds = self.clock.seconds()
-            self.clock.progress(Progress("weights", labels=self.solved, open=waiting, front=found, seconds=seconds))
+            seconds, front = self.clock.seconds(), len(self.found)
+            solved = self.solved + done
+            self.clock.progress(Progress("weights", labels=solved, open=waiting, front=front, seconds=seconds))
 
     def result(self, status: Status) -> SupportedPaths:
         """What was found, in lexicographic order."""
         k = self.graph.criteria
         points = sorted(self.found)
-        costs = np.array(points, np.int64).reshape(len(points), k) + self.ideal
+        costs = np.array(points, np.int64).reshape(len(points), k) + self.least
         costs.setflags(write=False)
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
         end = self.clock.seconds()
+        state = NONE if self.asked is None else self.asked.state
+        blocked = NONE if self.asked is None else np.flatnonzero(self.asked.blocked)
         stats = SearchStats(
             "weighted sum",
             peak_memory=self.clock.peak,
             seconds_bounds=self.after_bounds,
             seconds_search=end - self.after_bounds,
             seconds_compiled=self.clock.compiled,
+            arcs_checked=int(np.count_nonzero(state)),
+            arcs_blocked=blocked.size,
+            rounds=self.rounds,
         )
         return SupportedPaths(
             costs,
@@ -357,6 +387,7 @@ class SupportedRun:
             nadir=self.nadir,
             solved=self.solved,
             notes=self.notes,
+            blocked=blocked,
         )
 
 

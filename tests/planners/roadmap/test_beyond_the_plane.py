@@ -14,7 +14,7 @@ import hpop
 from hpop.criteria import criterion
 from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.motions import Motions, States
-from hpop.planners import Roadmap
+from hpop.planners import Roadmap, WeightedSum
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import guides as seeking
 from hpop.planners.roadmap.configurations import ConfigurationRoadmap
@@ -23,7 +23,7 @@ from hpop.planners.roadmap.links import farther
 from hpop.planners.roadmap.planner import on_roadmap
 from hpop.planners.roadmap.samples import informed
 from hpop.planners.spending import Spending
-from hpop.search import pareto_paths
+from hpop.search import pareto_paths, supported_paths
 from hpop.status import Status
 from hpop.verify import verify
 from tests.joints import Balls, Joints, Sway, problem
@@ -118,13 +118,30 @@ def test_what_is_found_is_free_and_leads_from_the_start_to_the_goal() -> None:
     assert front.certificate.startswith("roadmap: exact on the free part of the roadmap of 300 samples (seed 0)")
 
 
-def test_weighted_sums_take_the_roadmap_with_all_edges_checked() -> None:
-    asked = problem(Joints(3, 40, 0.9, seed=1))
-    exact = asked.solve("roadmap", samples=150)
-    front = asked.solve({"weighted-sum": {"on": {"roadmap": {"samples": 150}}}})
-    assert verify(asked, front) == []
-    rows = {tuple(row) for row in np.round(exact.costs, 6).tolist()}
-    assert {tuple(row) for row in np.round(front.costs, 6).tolist()} <= rows
+@pytest.mark.seeds(3, of=30)
+def test_weighted_sums_are_those_of_the_roadmap_with_all_edges_checked(seed: int) -> None:
+    asked = problem(Joints(3, 40, 0.9, seed=seed))
+    roadmap = Roadmap(samples=150).roadmap(asked)
+    assert isinstance(roadmap, ConfigurationRoadmap)
+    checked = replace(roadmap, lazy=False)
+    eager = supported_paths(checked.graph(asked.criteria), checked.start, checked.goals)
+    lazy = WeightedSum(on={"roadmap": {"samples": 150}}).solve(asked)
+    quanta = [criterion.quantum for criterion in asked.criteria]
+    assert np.rint(lazy.planned / quanta).astype(int).tolist() == eager.costs.tolist()
+    assert verify(asked, asked.front(lazy)) == []
+    stats = lazy.stats
+    assert f"; {stats['edges_checked']} of {stats['edges']:,} edges were checked in {stats['rounds']} rounds, " in (
+        lazy.certificate
+    )
+    assert "all extreme supported points of the free part of the roadmap of 150 samples" in lazy.certificate
+
+
+def test_weighted_sums_tell_what_separates_start_and_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seeking, "STEPS", 20)
+    on = {"roadmap": {"samples": 60}}
+    found = WeightedSum(on=on).solve(problem(Walled(2), criteria=[Sway("q0"), "duration"]))
+    assert found.status is Status.NO_PATH
+    assert any("are reached from the start by edges that are not blocked" in note for note in found.notes)
 
 
 def test_where_no_path_leads_that_is_told_of_the_edges_that_are_not_blocked(monkeypatch: pytest.MonkeyPatch) -> None:
