@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pieces:
     """The motions of a trajectory, each cut into pieces of equal duration.
 
@@ -78,6 +78,9 @@ class Pieces:
         """Time (n,), s, from the start of its motion to each piece."""
         within = np.arange(len(self)) - np.repeat(np.cumsum(self.counts) - self.counts, self.counts)
         return within * (self.trajectory.durations / self.counts)[self.owner]
+
+    def __repr__(self) -> str:
+        return f"<Pieces: {len(self):,} of {self.trajectory!r}>"
 
 
 @dataclass(frozen=True, eq=False)

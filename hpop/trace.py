@@ -22,7 +22,7 @@ FEWEST, MOST = 100, 4000  # and into more where the trajectory is short, and int
 AGREES = 0.02  # a criterion whose pieces add up to something else, as a share of its value, is traced motion by motion
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trace:
     """Criteria along a trajectory, piece by piece.
 
@@ -55,6 +55,10 @@ class Trace:
     def states(self) -> States:
         """States (n+1,) at those times: where on the map each piece is."""
         return self.pieces.states
+
+    def __repr__(self) -> str:
+        costs = ", ".join(f"{c.name} {cost:.6g}" for c, cost in zip(self.criteria, self.cost.tolist(), strict=True))
+        return f"<Trace: {costs} in {len(self.pieces):,} pieces of {self.pieces.trajectory!r}>"
 
 
 def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> Trace:

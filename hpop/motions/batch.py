@@ -40,7 +40,7 @@ class _Probe(NamedTuple):
     value: Column | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motions:
     """A batch of M motions under one law.
 
@@ -362,6 +362,9 @@ class Motions:
                 break
             elapsed = elapsed + other.duration
         return elapsed
+
+    def __repr__(self) -> str:
+        return f"<Motions: {len(self):,} of {self.kind}, {type(self.model).__name__} in {self.world!r}>"
 
 
 def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:

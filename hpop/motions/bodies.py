@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hpop.motions.batch import Motions
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Body:
     """A moving body as a criterion sees it over a batch of motions.
 
@@ -38,6 +38,9 @@ class Body:
     stays: bool = False
     steady: bool = False
     upright: bool = False
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: from {self.start!r} to {self.end!r}>"
 
 
 def standing(name: str, motions: Motions) -> Body:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=type)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Candidates:
     """What a planner found.
 
@@ -80,6 +80,10 @@ class Candidates:
             tolerance=self.tolerance[rows],
             provenance=tuple(self.provenance[i] for i in rows),
         )
+
+    def __repr__(self) -> str:
+        names = ", ".join(criterion.name for criterion in self.objectives)
+        return f"<Candidates: {len(self.trajectories):,} by {names}; {self.status}; {self.certificate}>"
 
 
 class Planner(Protocol):

@@ -24,7 +24,7 @@ MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key 
 AGGREGATES = ("sum", "max")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Graph:
     """A directed graph with k non-negative integer costs on every arc.
 
@@ -238,6 +238,11 @@ class Graph:
             return self.labels.index(label)
         except ValueError:
             raise GraphError(f"no node is called {label!r}") from None
+
+    def __repr__(self) -> str:
+        return (
+            f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({', '.join(self.aggregates)})>"
+        )
 
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:

@@ -53,7 +53,7 @@ class SearchStats:
     rounds: int = 1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ParetoPaths:
     """A front and its paths.
 
@@ -115,6 +115,9 @@ class ParetoPaths:
     def arcs(self, i: int) -> IntArray:
         """Arcs of path i, as indices into the arcs that the caller gave."""
         return self._graph.arc[self._paths[i]].astype(np.int64)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self):,} of {self.costs.shape[1]} costs; {self.status}>"
 
 
 def checked_node(graph: Graph, node: Any, name: str) -> int:

@@ -140,7 +140,7 @@ class Zone:
             raise MapError(f"{what} has a path, which only a one-way zone has; leave it out.")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Content:
     """All people, conversations, landmarks and zones of a world.
 
@@ -220,6 +220,10 @@ class Content:
                 for zone in data["zones"]
             ),
         )
+
+    def __repr__(self) -> str:
+        counts = (f"{name}: {len(some)}" for name, some in vars(self).items() if some)
+        return f"<Content: {', '.join(counts) or 'nothing'}>"
 
 
 def _plain(value: Any) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class Layer(NamedTuple):
     cells: bool
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ground:
     """Obstacles, and where a robot must stay, in metres: a world without its content.
 
@@ -196,6 +196,13 @@ class Ground:
         field = sample_clearance(self, free, self.cache.find(key))
         self.cache.keep(key, (free, field))
         return field
+
+    def __repr__(self) -> str:
+        x0, y0, x1, y1 = self.extent.bounds or (0.0,) * 4
+        prisms, solids = len(self.obstacles) - len(self.solids), len(self.solids)
+        parts = [f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"]
+        parts += [f"{name}: {count}" for name, count in (("obstacles", prisms), ("solids", solids)) if count]
+        return f"<Ground: {', '.join([*parts, *filter(None, [self.path])])}>"
 
 
 def union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:

@@ -46,7 +46,7 @@ class Both:
         return self.base.why_blocked(state) or self.links.why_blocked(state)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Links(ArmCollision):
     """Links in space; the base is held against these alone."""
 
@@ -54,7 +54,7 @@ class Links(ArmCollision):
         return ((a, b) for a, b in super()._outer_pairs() if self.parts[a].link != PLATFORM)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LinksJudge(ArmJudge):
     """The same by python-fcl."""
 
@@ -64,7 +64,7 @@ class LinksJudge(ArmJudge):
         return [(a, b) for a, b in super()._pairs if b < size or self.parts[a].link != PLATFORM]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MobileCollision(Both):
     """For planning: exact for the base where it goes straight, proved for the links all along.
 

@@ -31,7 +31,7 @@ MOST_PIECES = 4096  # of a curve; beyond, its chords are farther from it, which 
 CLOSE = 1e-6  # relative: how far clearances may be below the distance
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmCollision:
     """Tells which states and motions of an arm are free in a world.
 
@@ -217,6 +217,9 @@ class ArmCollision:
             if name in law.varies:
                 bends[:, k] = np.abs(slopes(law, name, start, end, share)[1])
         return bends
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self.chain.names)} joints>"
 
 
 def _slices(size: int) -> Iterator[slice]:

@@ -43,7 +43,7 @@ class _Steps(NamedTuple):
     moved: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmJudge:
     """Tells which states and motions of an arm collide.
 
@@ -187,6 +187,9 @@ class ArmJudge:
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self.chain.names)} joints>"
 
 
 def _half_sides(solid: Solid) -> FloatArray:

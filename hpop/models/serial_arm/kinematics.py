@@ -135,7 +135,7 @@ class Kinematics:
         return self._mounts[body]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmPose:
     """Pose of a body at the tip; what is not read is not computed."""
 
@@ -191,8 +191,11 @@ class ArmPose:
     def _column(self, value: Column) -> Column:
         return np.full(self.states.size, value) if isinstance(value, float) else value
 
+    def __repr__(self) -> str:
+        return f"<ArmPose: {self.states!r}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmTwist:
     """How fast a body at the tip moves and turns; what is not read is not computed."""
 
@@ -236,8 +239,11 @@ class ArmTwist:
         chain = self.kinematics.chain
         return list(zip(chain.names, chain.sliding.tolist(), self.posture.lines, strict=True))
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.states!r}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ArmTwistRate(ArmTwist):
     """How fast the twist of a body at the tip changes."""
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 METHOD = "capped mean"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MeanPaths(ParetoPaths):
     """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
 

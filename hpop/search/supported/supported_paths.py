@@ -35,7 +35,7 @@ LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 MAX_WEIGHTS = 100_000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SupportedPaths(ParetoPaths):
     """Supported points and their paths; see :class:`ParetoPaths`.
 
