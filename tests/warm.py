@@ -24,14 +24,22 @@ from pathlib import Path
 from typing import IO, Any
 
 COMMAND = "from hpop.entry import main; main()"
-#: `hpop plan`, but that no process is left to draw what it has found, seconds of work, and pictures have few pixels.
+#: `hpop plan`, but that no process is left to draw what it has found, seconds of work; that pictures have few pixels;
+#: and that a process ends once what is to be done at exit is done: taking all modules apart would copy them first.
 UNDRAWN = """\
-import functools
+import atexit, functools, os, sys, threading
 import hpop.cli.pictures, hpop.view
 hpop.view.save_pictures = functools.partial(hpop.view.save_pictures, dpi=40)
 hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 from hpop.entry import main
-main()
+try:
+    main()
+except SystemExit as end:
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(end.code or 0)
 """
 
 
