@@ -42,7 +42,8 @@ from hpop.world.solids import Shape
 
 AXIS = Mount()  # of the base, on the floor
 UNFOLDED = 1e-6  # rad or m: an arm is folded if no joint is farther from where it is then
-DRIVES = ("move", "turn", "run", "spin")
+TURN, MOVE = "spin", "run"  # laws of the base: both from rest to rest, as it stops for each turn and each reach
+DRIVES = (MOVE, TURN)
 
 
 @model("mobile_arm")
@@ -124,7 +125,7 @@ class MobileArm(Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Those of the base but for curves, which know no arm; and "reach" of the arm."""
+        """Runs and spins of the base, and "reach" of the arm: each from rest to rest, as it is executed."""
         return {**{kind: self.base.laws[kind] for kind in DRIVES}, "reach": self.arm.laws["reach"]}
 
     @property
@@ -227,10 +228,14 @@ class MobileArm(Model):
 
         Joints that are NaN in b are left as they are, folded where the base has moved.
         """
-        drives = np.any([leg.present for leg in turn_move_turn(self.space, a, b)], axis=0)
+        drives = np.any([leg.present for leg in self._drive(a, b)], axis=0)
         fold = self._reach(a, {name: np.where(drives, value, np.nan) for name, value in self._rest.items()})
-        drive = turn_move_turn(self.space, fold.end, b)
+        drive = self._drive(fold.end, b)
         return [fold, *drive, self._reach(drive[-1].end, b.__dict__)]
+
+    def _drive(self, a: States, b: States) -> list[Leg]:
+        """The legs of the base from states a (M,) to the places and headings of b."""
+        return turn_move_turn(self.space, a, b, turn=TURN, move=MOVE)
 
     def _reach(self, a: States, joints: Mapping[str, Column]) -> Leg:
         """From states a (M,) to values of the joints, where they are numbers."""
@@ -238,8 +243,8 @@ class MobileArm(Model):
         return leg._replace(end=States(**a.__dict__ | leg.end.__dict__))
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """What the robot really does: moves in one line are one, and all goes from rest to rest."""
-        return rest_to_rest_execution(trajectory, {"move": "run", "turn": "spin"})
+        """What is planned, which goes from rest to rest; but runs in one line are one."""
+        return rest_to_rest_execution(trajectory, {MOVE: MOVE})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """What the base cannot do, joints beyond their limits, and an arm that is not folded while the base moves."""

@@ -112,7 +112,7 @@ def test_it_folds_turns_moves_turns_and_reaches_out(robot, home):
     a = robot.space.state([1.0, 1.0, 0.0, *(0.1,) * 6])
     b = robot.space.state([2.0, 2.0, np.pi, *(0.2,) * 6])
     legs = robot.connect(a, b)
-    assert [leg.kind for leg in legs] == ["reach", "turn", "move", "turn", "reach"]
+    assert [leg.kind for leg in legs] == ["reach", "spin", "run", "spin", "reach"]
     assert all(leg.present[0] for leg in legs)
     for leg in legs[:-1]:
         np.testing.assert_allclose([getattr(leg.end, name)[0] for name in robot.joints], home)
@@ -138,7 +138,7 @@ def test_moves_in_one_line_are_driven_as_one_and_reaches_between_them_end_them(r
     places = [(1.0, 1.0, 0.0, *home), (1.5, 1.0, 0.0, *home), (2.0, 1.0, 0.0, *home), (2.0, 1.0, 0.0, *(0.1,) * 6)]
     planned = Trajectory.through(robot, robot_states(robot, [*places, (3.0, 1.0, 0.0, *home)]))
     done, _ = robot.execution(planned)
-    assert planned.kinds == ("move", "move", "reach", "reach", "move")
+    assert planned.kinds == ("run", "run", "reach", "reach", "run")
     assert done.kinds == ("run", "reach", "reach", "run")
     assert list(robot.faults(planned)) == list(robot.faults(done)) == []
 
@@ -148,14 +148,14 @@ def robot_states(robot: MobileArm, rows: list[tuple[float, ...]]) -> States:
 
 
 def test_a_base_that_drives_with_its_arm_out_is_a_fault(robot):
-    out = Trajectory(robot, robot_states(robot, [(1, 1, 0, *(0.1,) * 6), (2, 1, 0, *(0.1,) * 6)]), ("move",))
-    assert list(robot.faults(out)) == ["drives with its arm unfolded in motion 0, a move"]
-    assert robot.doubtful(robot.laws["move"], out.states.take([0]), out.states.take([1])).all()
+    out = Trajectory(robot, robot_states(robot, [(1, 1, 0, *(0.1,) * 6), (2, 1, 0, *(0.1,) * 6)]), ("run",))
+    assert list(robot.faults(out)) == ["drives with its arm unfolded in motion 0, a run"]
+    assert robot.doubtful(robot.laws["run"], out.states.take([0]), out.states.take([1])).all()
 
 
 def test_a_joint_beyond_its_limit_is_a_fault_while_the_base_drives_too(robot, home):
     beyond = (*home[:2], 2.6, *home[3:])
-    out = Trajectory(robot, robot_states(robot, [(1, 1, 0, *beyond), (2, 1, 0, *beyond)]), ("move",))
+    out = Trajectory(robot, robot_states(robot, [(1, 1, 0, *beyond), (2, 1, 0, *beyond)]), ("run",))
     assert any("upper_arm_to_elbow at 2.6 rad" in fault for fault in robot.faults(out))
 
 
@@ -275,6 +275,13 @@ def test_costs_of_a_plan_are_those_of_its_trajectory(problem, front):
     for costs, trajectory in zip(front.costs, front.trajectories, strict=True):
         again = problem.evaluate(trajectory)
         np.testing.assert_allclose(costs, [again[name] for name in front.names], atol=0.01)
+
+
+def test_a_plan_is_executed_in_the_time_that_it_was_planned_to_take(front):
+    """Runs and spins go from rest to rest on the roadmap as well: no turn is charged with a stop that is none."""
+    assert any(trajectory.kinds.count("spin") > trajectory.kinds.count("run") for trajectory in front.trajectories)
+    for trajectory in front.trajectories:
+        assert trajectory.execution().duration == pytest.approx(trajectory.duration, abs=1e-9)
 
 
 def test_a_saved_plan_is_of_the_same_robot(problem, front, tmp_path):
