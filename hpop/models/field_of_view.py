@@ -43,5 +43,6 @@ def checked_field_of_view(angles: Any) -> FieldOfView | None:
         raise ModelError(f"field_of_view is (horizontal, vertical) in rad, or None; got {shown(angles)}") from None
     kind = "(horizontal, vertical) in rad, each an angle"
     limits = zip((h, v), ALL, strict=True)
-    h, v = (float(real("field_of_view", a, LEAST, most + ROUND_OFF, kind, error=ModelError)) for a, most in limits)
+    hint = "degrees are written as '60 deg' in a scenario, math.radians(60) in Python"
+    h, v = (float(real("field_of_view", a, LEAST, m + ROUND_OFF, kind, hint=hint, error=ModelError)) for a, m in limits)
     return h, v

@@ -116,7 +116,8 @@ def load_scenario(path: str | Path) -> Scenario:
                 refuse_unsupported(planner, model)
             except UnsupportedModel as error:
                 place = ("planner", i) if isinstance(asked, list) else ("planner",)
-                faults.add((*place, cast(Planner, planner).name), str(error), UnsupportedModel)
+                default = f"no planner is given, and the default is {DEFAULT_PLANNER}: " * ("planner" not in given)
+                faults.add((*place, cast(Planner, planner).name), f"{default}{error}", UnsupportedModel)
     robot = model if isinstance(model, Model) else None
     space = None if robot is None else robot.space
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None

@@ -89,7 +89,7 @@ class Faults:
         try:
             return schema.model_validate_json(json.dumps(values), context={"folder": str(self._document.path.parent)})
         except ValidationError as error:
-            details = [(self._place(place, fault["loc"]), fault) for fault in error.errors()[:MOST_COMPARED]]
+            details = [(self._place(place, _whole(fault)), fault) for fault in error.errors()[:MOST_COMPARED]]
         places = [where for where, _ in details]
         for where in dict.fromkeys(places):
             below = any(other[: len(where)] == where != other for other in places)
@@ -163,6 +163,8 @@ class Faults:
             return {name: self._column(values[key], (*place, key), space, name) for name, key in keys.items()}
         got = "nothing" if given is None else shown(given, 60)
         misfit = space.misfit(given) if by_name else ""
+        if isinstance(given, list) and len(given) != len(space.names):
+            misfit = f"{len(given)} values for {len(space.names)} states"
         self.add(place, f"expected {_form(space, what)}, got {got}{_note(given)}{f'; {misfit}' * bool(misfit)}")
         return None
 
@@ -244,10 +246,11 @@ def _may_be(value: Any, angle: bool) -> bool:
 
 def _form(space: StateSpace, what: str) -> str:
     """How a start or goal is written."""
-    *units, last = space.units
+    *units, last = dict.fromkeys(space.units) if len(set(space.units)) == 1 else space.units
     angle = next((name for name in space.names if name in space.angles), "")
     degrees = f" (or a {angle} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
-    return f"[{', '.join(space.names)}], numbers in {', '.join(units)} and {last}{degrees}"
+    named = f", or the name of one ({', '.join(space.named)})" * bool(space.named)
+    return f"[{', '.join(space.names)}], numbers in {', '.join(units)}{' and ' * bool(units)}{last}{degrees}{named}"
 
 
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
@@ -265,11 +268,10 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
         hint = f"; did you mean {near[0]!r}?" if near else "."
         return f"no such key{hint} Known here: {', '.join(known)}{way_out}"
     if fault["type"] == "missing":
-        return (
-            f"an entry is missing here, got {shown(got, 60)}"
-            if isinstance(loc[-1], int)
-            else "this key is missing; add it"
-        )
+        if not isinstance(fault["loc"][-1], int):
+            return "this key is missing; add it"
+        wanted = 1 + max(one["loc"][-1] for one in faults if isinstance(one["loc"][-1], int))
+        return f"expected {wanted} entries, got {shown(got, 60)}"
     if fault["type"] in ("too_short", "too_long"):
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
         return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
@@ -281,6 +283,12 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     text += f" of {limit}" * bool(limit)
     hint = f"; {NO_LIMIT}" * bool(limit)
     return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}{hint}"
+
+
+def _whole(fault: Any) -> tuple[str | int, ...]:
+    """Where a fault is told: entries that lack of a short list are told of the list."""
+    loc: tuple[str | int, ...] = fault["loc"]
+    return loc[:-1] if fault["type"] == "missing" and isinstance(loc[-1], int) else loc
 
 
 def _expected(fault: Any) -> str:

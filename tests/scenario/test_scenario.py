@@ -139,7 +139,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("[5.0, 1.0, any]", "[5.0, 1.0]"), 9, "goal", "(or a yaw such as 90 deg, or any), got [5.0, 1.0]"),
         (("[2.5, 0], ", "[2.5], "), 5, "world.polygons.obstacles.0.corners.0", "a point [x, y] in m, got [2.5]"),
         (("height: [0, 2]", "height: 2"), 5, "world.polygons.obstacles.0.height", "[z_min, z_max] in m, got 2"),
-        (("radius: 0.2", "camera_offset: [1]"), 7, "model.differential_drive.camera_offset.1", "missing here, got [1]"),
+        (("radius: 0.2", "camera_offset: [1]"), 7, "model.differential_drive.camera_offset", "expected 2 entries"),
         (("[turns, length]", "[]"), 10, "criteria", "at least 1 entries, got 0"),
         (("[3.5, 0], [3.5, 2.2], ", ""), 5, "world.polygons.obstacles.0.corners", "at least 3 entries, got 2"),
         (("\n  lattice: {step: 0.5}", " []"), 11, "planner", "at least 1 entries, got 0"),

@@ -44,11 +44,12 @@ def assembled(
 
     Joints in ``fixed`` stand at a value, those elsewhere than between root and tip at 0 or the limit nearest to it.
     """
-    for name in fixed:
+    given = {"fixed": fixed, "acceleration": acceleration if isinstance(acceleration, Mapping) else {}}
+    for parameter, name in ((parameter, name) for parameter, values in given.items() for name in values):
         if name not in robot.joints:
             raise robot.file.error(
-                f"fixed gives the value of the joint {shown(name)}, which there is not."
-                + did_you_mean(name, robot.joints)
+                f"{parameter} gives a value for the joint {shown(name)}, which there is not; its joints are "
+                f"{', '.join(map(shown, robot.joints))}." + did_you_mean(name, robot.joints)
             )
     ancestry = robot.ancestry(tip)
     joints = [joint for joint in ancestry if joint.kind != "fixed" and joint.name not in fixed]

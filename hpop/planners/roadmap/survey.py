@@ -124,7 +124,10 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
         free = collision.states_free(states)
         if not free.any():
             reason = collision.why_blocked(states.take(slice(0, 1)))
-            raise QueryError(f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}.")
+            raise QueryError(
+                f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}, or move or widen "
+                "the goal."
+            )
         return states.take(free), states.size
     usable, refusals = list[States](), list[str]()
     for i, member in enumerate(target.members):

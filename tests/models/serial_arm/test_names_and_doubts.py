@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import hpop
-from hpop.errors import ModelError, QueryError
+from hpop.errors import HpopError, ModelError, QueryError
 from hpop.goals import AnyOf, GoalSet, LookAt
 from hpop.scenario import load_scenario
 from hpop.world import Box, Solid, World, pose_at
@@ -90,6 +90,46 @@ def test_a_scenario_says_it_where_the_name_stands(tmp_path, start, goal, place):
     )
     with pytest.raises(QueryError, match=rf"arm.yaml, line \d, {place}: .*Got 'home': .*as srdf"):
         load_scenario(tmp_path / "arm.yaml")
+
+
+FORM = r"numbers in rad \(or .*\), or the name of one \(home, ready, upright\)"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("start: home", "start: [0, 0, 0]", rf"line 3, start: expected \[.*\], {FORM}, got .*; 3 values for 6 states"),
+        (
+            "tip: tool",
+            "tip: tool, camera: [0, 0, 0.1]",
+            r"line 2, .*arm.camera: expected 6 entries, got \[0, 0, 0.1\]$",
+        ),
+        (
+            "tip: tool",
+            "tip: tool, field_of_view: [60, 45]",
+            r"field_of_view .* in rad, .* got 60.0; degrees are written as '60 deg'",
+        ),
+        ("planner: roadmap", "quanta: {}", "planner.*: no planner is given, and the default is lattice: lattice needs"),
+    ],
+    ids=["values that lack", "a pose without angles", "degrees without their name", "no planner"],
+)
+def test_what_is_wrong_with_an_arm_in_a_scenario_is_said_in_its_words(tmp_path, old, new, said):
+    text = (
+        "world: {solids: {obstacles: [{sphere: 0.1, position: [5, 0, 0]}]}}\n"
+        f"model: {{serial_arm: {{urdf: {HERE}/arm6.urdf, srdf: {HERE}/arm6.srdf, tip: tool, acceleration: 6.0}}}}\n"
+        "start: home\ngoal: ready\ncriteria: [duration]\nplanner: roadmap\n"
+    )
+    assert old in text
+    (tmp_path / "arm.yaml").write_text(text.replace(old, new))
+    with pytest.raises(HpopError, match=said):
+        load_scenario(tmp_path / "arm.yaml")
+
+
+def test_a_goal_in_space_none_of_whose_states_is_free_says_what_to_do():
+    wall = World.from_solids([Solid(Box((0.5, 0.5, 0.5)), pose_at(CAN.target), "block")])
+    problem = hpop.Problem(wall, arm6(), "home", LookAt(CAN.target, (0.05, 0.1)), ["duration"])
+    with pytest.raises(QueryError, match=r"'block', .*\. Take another posture, or move or widen the goal\.$"):
+        problem.solve("roadmap", samples=10)
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,13 @@ def test_a_urdf_without_the_tip_is_refused_with_its_links(tmp_path):
         made(tmp_path, tip="rail")
 
 
+def test_an_acceleration_of_a_joint_that_is_not_there_is_refused_by_its_name(tmp_path):
+    given = {"lift": 1.0, "swing": 1.0, "out": 1.0, "tilt": 1.0}
+    assert made(tmp_path, acceleration={**given, "wick": 1.0}).chain.acceleration.tolist() == [1.0] * 4
+    with pytest.raises(ModelError, match=r"acceleration gives a value for the joint 'tlit', .* Did you mean 'tilt'\?"):
+        made(tmp_path, acceleration={**given, "tlit": 1.0})
+
+
 @pytest.mark.parametrize("given", [0, -1.0, float("inf"), "fast", {"lift": 1.0}, {"lift": "fast"}])
 def test_accelerations_are_positive_numbers_one_for_all_or_one_for_each_joint(tmp_path, given):
     with pytest.raises(ModelError, match="acceleration"):
@@ -133,7 +140,7 @@ def test_a_joint_of_the_chain_that_is_fixed_moves_no_more(tmp_path):
     poses = [arm.pose("tool", arm.space.state(rows | extra)) for arm, extra in ((free, {"out": 0.1}), (fixed, {}))]
     np.testing.assert_allclose([p.x[0] for p in poses[:1]], [poses[1].x[0]], atol=1e-12)
     np.testing.assert_allclose([p.z[0] for p in poses[:1]], [poses[1].z[0]], atol=1e-12)
-    with pytest.raises(ModelError, match=r"the joint 'outer', which there is not\. Did you mean 'out'"):
+    with pytest.raises(ModelError, match=r"'outer', which there is not; its joints are 'lift', .*Did you mean 'out'"):
         made(tmp_path, fixed={"outer": 0.1})
 
 
