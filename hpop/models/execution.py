@@ -20,9 +20,12 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
 
     executed  the law by which the motions of a planned law are done; motions of others are done as planned
 
-    Consecutive motions that go on in one line, and turn on it as much a metre, become one.
+    Consecutive motions that go on in one line, and turn on it as much a metre, become one. Where nothing changes, what
+    is planned is what is done.
     """
     ends, kinds = _runs(planned, executed)
+    if kinds and kinds == planned.kinds:
+        return planned, planned.times
     done = Trajectory(planned.model, planned.states.take(np.array(ends)), kinds)
     return done, _passed(planned.states, ends, done)
 

@@ -59,17 +59,18 @@ def found_mesh(mesh: Mesh, folder: Path, packages: Mapping[str, str]) -> Path:
 def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
     """The convex pieces of a mesh, in m; ModelError where one is not convex."""
     mesh = _loaded(data, path)
-    bodies = [mesh] if _depth(mesh, scale, path) <= DEEPEST else mesh.split(only_watertight=False)
+    deepest = _depth(mesh, scale, path)
+    bodies = [mesh] if deepest <= DEEPEST else mesh.split(only_watertight=False)
     if len(bodies) > MOST_BODIES:
         raise _error(path, f"expected at most {MOST_BODIES} pieces, found {len(bodies)}")
-    for body in bodies:
-        if (len(bodies) < 2 and body is not mesh) or _depth(body, scale, path) > DEEPEST:
-            raise _error(
-                path,
-                f"it is not convex: its surface lies up to {_depth(body, scale, path):.3g} m within its convex hull; "
-                "cut it into convex pieces (CoACD and V-HACD do), and give each a <collision> with a file of its own; "
-                "or take boxes, cylinders and spheres, or the mesh's convex hull if that is not too much",
-            )
+    if deepest > DEEPEST and not (len(bodies) > 1 and all(_is_convex(body, scale, path) for body in bodies)):
+        raise _error(
+            path,
+            "it is not convex, nor made of convex pieces that do not touch: its surface lies up to "
+            f"{deepest:.3g} m within its convex hull; cut it into convex pieces (CoACD and V-HACD do), and give each a "
+            "<collision> with a file of its own; or take boxes, cylinders and spheres, or the mesh's convex hull if "
+            "that is not too much",
+        )
     return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
 
 
@@ -127,6 +128,14 @@ def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
         depths = -(part @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         deepest = max(deepest, float(depths.max(initial=0.0)))
     return deepest
+
+
+def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
+    """Whether a piece of a mesh is a solid and convex: one that touches others is torn where they share corners."""
+    try:
+        return _depth(piece, scale, path) <= DEEPEST
+    except ModelError:
+        return False
 
 
 def _error(path: Path, said: str) -> ModelError:

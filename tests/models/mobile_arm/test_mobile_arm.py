@@ -281,7 +281,7 @@ def test_a_plan_is_executed_in_the_time_that_it_was_planned_to_take(front):
     """Runs and spins go from rest to rest on the roadmap as well: no turn is charged with a stop that is none."""
     assert any(trajectory.kinds.count("spin") > trajectory.kinds.count("run") for trajectory in front.trajectories)
     for trajectory in front.trajectories:
-        assert trajectory.execution().duration == pytest.approx(trajectory.duration, abs=1e-9)
+        assert trajectory.execution() is trajectory  # so pictures draw one line for both
 
 
 def test_a_saved_plan_is_of_the_same_robot(problem, front, tmp_path):

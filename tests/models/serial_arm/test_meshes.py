@@ -57,9 +57,22 @@ def test_pieces_that_are_convex_are_hulls_each(tmp_path):
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
     with pytest.raises(
-        ModelError, match=r"ell.stl': it is not convex: .* up to 0.0\d+ m within its convex hull; cut it"
+        ModelError, match=r"ell.stl': it is not convex, nor .* up to 0.0\d+ m within its convex hull; cut it"
     ):
         with_mesh(tmp_path, "ell.stl")
+
+
+def test_convex_pieces_that_share_corners_are_refused_with_the_way_out(tmp_path):
+    """As tools that cut a mesh may write them in one file."""
+    shifted = BOX.copy()
+    shifted.apply_translation((2 * BOX.bounds[1][0], 0, 0))
+    corner = BOX.copy()
+    corner.apply_translation((0, 2 * BOX.bounds[1][1], 0))
+    trimesh.util.concatenate([BOX, shifted, corner]).export(tmp_path / "touching.obj")
+    with pytest.raises(
+        ModelError, match=r"convex pieces that do not touch: .* give each a <collision> with a file of its"
+    ):
+        with_mesh(tmp_path, "touching.obj")
 
 
 def test_a_package_is_a_folder_that_is_given(tmp_path):
