@@ -10,6 +10,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.errors import HpopError
 
+SAME = 1e-9  # m or rad, and relative: so far apart is the same
 LEAST_SCALE = 1e-5  # of columns: where all is smaller, this is what a share is taken of
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
-from hpop.motions import HOLD, Body, Model, Motions, Pose, States, is_curve, laws_of, stands
+from hpop.motions import HOLD, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.possible import STILL
-from hpop.motions.states import Vector
 from hpop.registry import make_model
-from hpop.testing.checks import Check, differ, fault_of, raise_faults
+from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
+from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
 from hpop.testing.motions import holds, random_motions
 from hpop.testing.worlds import random_world
 from hpop.text import shown
@@ -25,14 +25,8 @@ from hpop.world import World
 PAIRS = 12  # motions of each law
 STATES = 200  # drawn, read and connected
 JUDGED = 80  # states, and motions of each law, whose collisions are looked at
-MOMENTS = 40  # within each motion
-MOMENT = 1e-6  # s, of differences
-SAMPLES = 1000  # along a motion whose way and rotation are measured
 HELD = 2.0  # s, on the way of a trajectory
 NEAR = 0.15  # share of the way to another state: of motions short enough to be free now and then
-SAME = 1e-9  # m or rad, and relative
-TWIST_TOLERANCE = 1e-4  # relative, of differences
-BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in the place of curves
 PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
 BODIES = ("base", "camera", "tool")
 
@@ -61,10 +55,10 @@ def model_checks(model: Model, *, seed: int = 0) -> Iterator[Check]:
     if led.fault:  # the other checks look at motions
         return
     bodies = [name for name in BODIES if name in model.provides]
-    yield Check("has poses with axes at right angles", fault_of(lambda: _upright(bodies, batches)))
-    yield Check("has twists that say how its poses change", fault_of(lambda: _twisted(bodies, batches, rng)))
-    yield Check("moves its bodies as far as their poses go", fault_of(lambda: _measured(bodies, batches)))
-    yield Check("moves no body farther than its extent", fault_of(lambda: _bounded(bodies, batches)))
+    yield Check("has poses with axes at right angles", fault_of(lambda: upright(bodies, batches)))
+    yield Check("has twists that say how its poses change", fault_of(lambda: twisted(bodies, batches, rng)))
+    yield Check("moves its bodies as far as their poses go", fault_of(lambda: measured(bodies, batches)))
+    yield Check("moves no body farther than its extent", fault_of(lambda: bounded(bodies, batches)))
     yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, rng)))
     connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, rng)))
     yield connected
@@ -100,7 +94,7 @@ def _spaced(model: Model, world: World, rng: np.random.Generator) -> str:
             return f"{space.values(one)} is read as {space.values(space.state(space.values(one)))}"
     turned = States(**{n: getattr(states, n) + 2 * np.pi * (n in space.turning) for n in space.names})
     for body in (name for name in BODIES if name in model.provides):
-        here, there = _axes(model.pose(body, states), STATES), _axes(model.pose(body, turned), STATES)
+        here, there = axes_of(model.pose(body, states), STATES), axes_of(model.pose(body, turned), STATES)
         if fault := differ(f"{body} after a whole turn of {', '.join(space.turning)}", here, there, SAME, 10.0):
             return fault
     return ""
@@ -185,121 +179,6 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
             return fault
         batches.append(motions)
     return "" if batches else "none of which motions can be drawn"
-
-
-def _each(motions: Motions) -> Iterator[Trajectory]:
-    """Each of some motions as a trajectory of its own."""
-    names = motions.start.names
-    ends = {name: np.stack([getattr(motions.start, name), getattr(motions.end, name)], axis=1) for name in names}
-    for i in range(len(motions)):
-        yield Trajectory(motions.model, States(**{name: ends[name][i] for name in names}), (motions.kind,))
-
-
-def _columns(vector: Vector, size: int) -> FloatArray:
-    """Three columns, or numbers in their place, as an array (3, N)."""
-    return np.stack([np.broadcast_to(column, (size,)) for column in vector])
-
-
-def _axes(pose: Pose, size: int) -> FloatArray:
-    """Place and axes (4, 3, N) of a pose."""
-    return np.stack([_columns(v, size) for v in ((pose.x, pose.y, pose.z), pose.ahead, pose.left, pose.up)])
-
-
-def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Rotation vectors (3, N), of small angles, from some axes (3, 3, N) to others."""
-    turned: FloatArray = 0.5 * np.cross(before, after, axis=1).sum(axis=0)
-    return turned
-
-
-def _upright(bodies: list[str], batches: list[Motions]) -> str:
-    for motions in batches:
-        for body in bodies:
-            pose = motions.model.pose(body, motions.start)
-            _, ahead, left, up = _axes(pose, len(motions))
-            products = np.einsum("ikn,jkn->ijn", *(np.stack([ahead, left, up]),) * 2)
-            unit = np.broadcast_to(np.eye(3)[:, :, None], products.shape)
-            if fault := differ(f"products of the axes of the {body}", unit, products, SAME, 1.0):
-                return fault
-            if fault := differ(f"ahead x left of the {body}", up, np.cross(ahead, left, axis=0), SAME, 1.0):
-                return fault
-            yaw, pitch = (np.broadcast_to(angle, (len(motions),)) for angle in (pose.yaw, pose.pitch))
-            along = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
-            if fault := differ(f"ahead of the {body} by its yaw and pitch", along, ahead, 1e-6, 1.0):
-                return fault
-    return ""
-
-
-def _twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
-    for motions in batches:
-        model = motions.model
-        for trajectory in _each(motions):
-            times = rng.uniform(2 * MOMENT, max(3 * MOMENT, trajectory.duration - 2 * MOMENT), MOMENTS)
-            states, (rates, changes) = trajectory.at(times), trajectory.rates(times)
-            around = [(trajectory.at(t), trajectory.rates(t)[0]) for t in (times - MOMENT, times + MOMENT)]
-            for body in bodies:
-                before, after = (_axes(model.pose(body, there), MOMENTS) for there, _ in around)
-                twist = model.twist(body, states, rates)
-                moved = (after[0] - before[0]) / (2 * MOMENT)
-                turned = _rotations(before[1:], after[1:]) / (2 * MOMENT)
-                rate = model.twist_rate(body, states, rates, changes)
-                begin, end = (model.twist(body, *there) for there in around)
-                gains = (
-                    (_columns(getattr(end, part), MOMENTS) - _columns(getattr(begin, part), MOMENTS)) / (2 * MOMENT)
-                    for part in ("velocity", "rotation")
-                )
-                for what, expected, found in zip(
-                    ("velocity", "rotation", "acceleration", "angular acceleration"),
-                    (moved, turned, *gains),
-                    (twist.velocity, twist.rotation, rate.velocity, rate.rotation),
-                    strict=True,
-                ):
-                    told = f"{what} of the {body} in a {motions.kind}"
-                    if fault := differ(told, expected, _columns(found, MOMENTS), TWIST_TOLERANCE, 10.0):
-                        return fault
-    return ""
-
-
-def _measured(bodies: list[str], batches: list[Motions]) -> str:
-    for motions in batches:
-        size = len(motions)
-        for name in bodies:
-            body: Body = motions.body(name)
-            way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
-            for i, trajectory in enumerate(_each(motions)):
-                states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
-                axes = _axes(motions.model.pose(name, states), SAMPLES)
-                steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])
-                way[i] = np.linalg.norm(np.diff(axes[0]), axis=0).sum()
-                turned[i], rotation[i] = np.linalg.norm(steps, axis=0).sum(), steps[2].sum()
-                tilted[i] = np.linalg.norm(steps[:2], axis=0).sum()
-            compared = {"length": way, "turned": turned, "rotation": rotation}
-            for what, expected in compared.items():
-                found = getattr(body, what) + np.zeros(size)
-                told = f"{what} of the {name} in a {motions.kind}"
-                if fault := differ(told, expected, found, BODY_TOLERANCE, float(np.abs(expected).max()) + SAME):
-                    return fault
-            added = sum(turn + np.zeros(size) for turn in body.turns)
-            if fault := differ(f"sum of the turns of the {name} in a {motions.kind}", body.rotation, added, 1e-6, 1.0):
-                return fault
-            if body.stays and way.max() > SAME:
-                return f"the {name} is said to stay in a {motions.kind}, but goes {way.max():.3g} m"
-            if body.steady and turned.max() > SAME:
-                return f"the {name} is said not to turn in a {motions.kind}, but turns {turned.max():.3g} rad"
-            if body.upright and tilted.max() > SAME:
-                return f"the {name} is said to stay upright in a {motions.kind}, but tilts {tilted.max():.3g} rad"
-    return ""
-
-
-def _bounded(bodies: list[str], batches: list[Motions]) -> str:
-    for motions in (batch for batch in batches if not batch.stands):
-        farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
-        for name in bodies:
-            body: Body = motions.model.body(name, motions)
-            for what, bound, found in (("goes", farthest, body.length), ("turns", most_turned, body.turned)):
-                if (found > bound * (1 + 1e-6) + 1e-6).any():
-                    worst = int(np.argmax(found - bound))
-                    return f"the {name} {what} {found[worst]:.6g} in a {motions.kind}, the bound is {bound[worst]:.6g}"
-    return ""
 
 
 def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
