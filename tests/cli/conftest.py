@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -68,8 +69,14 @@ def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., No
     return tmp_path
 
 
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures have few pixels, where a command draws them itself."""
+    monkeypatch.setattr(hpop.view, "save_pictures", partial(hpop.view.save_pictures, dpi=40))
+
+
 @pytest.fixture
-def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_pictures(coarse: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are tested elsewhere and take a second each."""
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
