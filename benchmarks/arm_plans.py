@@ -3,10 +3,11 @@
 ``python benchmarks/arm_plans.py --out out/bench/arm_plans.json [--problems 20]``
 
 The arm grasps with what it grasps in sight: costs are the duration, the rotation of its camera, the angle to the target
-over time. Roadmaps of 10,000 samples on one problem, with three and four costs; then problems of both sets on 2,000,
-the quickest and the calmest path of each front made a spline. Joint lengths are those of MotionBenchMaker, rad.
-RRT-Connect has OMPL's defaults and asks the same certificates for one motion at a time, from Python; OMPL shortens its
-path. It shows what one plan is worth beside a front, not how fast OMPL is. Seconds are the processor's, kernels loaded.
+over time. Roadmaps of 10,000 samples on one problem, with three and four costs, their fronts and their weighted sums;
+then problems of both sets on 2,000, the quickest and the calmest path of each front made a spline. Joint lengths are
+those of MotionBenchMaker, rad. RRT-Connect has OMPL's defaults and asks the same certificates for one motion at a time,
+from Python; OMPL shortens its path. It shows what one plan is worth beside a front, not how fast OMPL is. Seconds are
+the processor's, kernels loaded.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from hpop.motions import Motions, States
 from hpop.planners import Roadmap
 from hpop.planners.spending import Spending
 from hpop.planners.spline.job import SplineJob
-from hpop.search import pareto_paths
+from hpop.search import pareto_paths, supported_paths
 from hpop.trajectory import Trajectory
 
 LARGE, SAMPLES = 10_000, 2_000
@@ -62,13 +63,19 @@ def large(problem: hpop.Problem, far: int) -> dict[str, Any]:
     graph = roadmap.graph(problem.criteria)
     row |= {"edges": graph.arcs, "costs_s": watch.seconds()}
     paths = pareto_paths(graph, roadmap.start, roadmap.goals, free=roadmap.arcs_free)
-    return row | {
+    row |= {
         "front_s": watch.seconds(),
         "front": len(paths),
         "rounds": paths.stats.rounds,
         "edges_checked": paths.stats.arcs_checked,
         "edges_checked_share": paths.stats.arcs_checked / graph.arcs,
         "labels_generated": paths.stats.labels_generated,
+    }
+    supported = supported_paths(graph, roadmap.start, roadmap.goals, free=roadmap.arcs_free)
+    return row | {
+        "weighted_sums_s": watch.seconds(),
+        "weighted_sums": len(supported),
+        "weighted_sums_edges_checked": supported.stats.arcs_checked,
     }
 
 
@@ -232,7 +239,8 @@ def main() -> None:
     report: dict[str, Any] = {}
     for more in ([], ["singularity"]):
         asked = mbm.problem(arm, mbm.SETS[0], 1, *more)
-        Roadmap(samples=200).solve(asked)  # kernels
+        for planner in ("roadmap", {"weighted-sum": {"on": {"roadmap": {"samples": 200}}}}):  # kernels
+            asked.solve(planner)
         for name, far in FAR.items():
             report[f"{len(asked.criteria)} costs, {name}"] = row = large(asked, far)
             print(len(asked.criteria), "costs,", name, row, flush=True)
