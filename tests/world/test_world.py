@@ -67,7 +67,7 @@ def test_multipolygons_become_several_obstacles():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: World.from_polygons([]), "extent="),
+        (lambda: World.from_polygons([]), "needs an extent, the area in which the robot must stay"),
         (lambda: World.from_polygons([], extent=Polygon()), "extent is empty"),
         (lambda: World.from_polygons([LineString([(0, 0), (1, 1)])]), "Polygon"),
         (lambda: World.from_polygons([Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])]), "not valid"),
