@@ -16,7 +16,7 @@ from hpop.motions.bodies import Body, standing
 from hpop.motions.hold import stands
 from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, timed
+from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class Motions:
         """Whether the robot holds: nothing of it moves."""
         return stands(self.law)
 
-    def integrate(self, rate: Rate) -> Column:
+    def integrate(self, rate: Rate, *, jumps: bool = False) -> Column:
         """Time integral (M,) of a rate along each motion.
 
         Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
@@ -131,19 +131,21 @@ class Motions:
         (the camera's position during a turn about it) is exact, and so is one that reads accelerations that stay the
         same within each phase. While the robot holds only a rate that reads the time changes; a panel then lasts no
         longer than a second, and no person walks farther in it than a field cell.
+
+        An adaptive quadrature looks closer at a rate that ``jumps``, as counts do.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
         if parts := self._parts_of_holds():
-            return np.concatenate([part.integrate(rate) for part in parts])
+            return np.concatenate([part.integrate(rate, jumps=jumps) for part in parts])
         if self._adaptive and probe.read <= set(self.start.names):
-            return self._integral_of_places(rate)
+            return self._integral_of_places(rate, jumps)
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
-            total = total + phase.duration * (self._phase_mean(rate, phase) if mean is None else mean)
+            total = total + phase.duration * (self._phase_mean(rate, phase, jumps) if mean is None else mean)
         return total
 
     def worst(self, rate: Rate) -> Column:
@@ -225,13 +227,15 @@ class Motions:
         names = self.start.names
         return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
 
-    def _phase_mean(self, rate: Rate, phase: Phase) -> Column:
+    def _phase_mean(self, rate: Rate, phase: Phase, jumps: bool) -> Column:
         if self._symbolic:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
         if self._adaptive:
-            return adaptive_integrals(self._at(rate, phase), evenly, np.flatnonzero(phase.duration), len(self))
+            pieces = pieces_of(self._turned * (phase.end - phase.begin), jumps=jumps)
+            some = np.flatnonzero(phase.duration)
+            return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
         owner, u, weight, columns = self._quadrature(phase)
         return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
 
@@ -240,12 +244,18 @@ class Motions:
         """Whether the law names an adaptive quadrature for what is not fixed to so many panels."""
         return self.panels is None and not self._symbolic and getattr(self.law, "quadrature", None) == "adaptive"
 
-    def _integral_of_places(self, rate: Rate) -> FloatArray:
+    @cached_property
+    def _turned(self) -> Column:
+        """How far (M,), rad, no body turns farther."""
+        return self.model.extent(self)[1]
+
+    def _integral_of_places(self, rate: Rate, jumps: bool) -> FloatArray:
         """Time integral (M,) of a rate that reads states alone."""
         nothing = 0.0 * self.duration
         whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
         some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
-        return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, len(self))[self.twins]
+        pieces = pieces_of(self._turned, jumps=jumps)
+        return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, pieces, jumps=jumps)[self.twins]
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
         """The rate at fractions of a phase, of motions that are named."""
@@ -273,10 +283,10 @@ class Motions:
             for value in values[1:]:
                 largest = np.maximum(largest, value)
             return largest
-        owner, u, _ = self._nodes(phase, ends_and_middles)
-        values = rate(self._instants(phase, u, owner))
-        first = np.flatnonzero(np.diff(owner, prepend=-1))
-        return np.maximum.reduceat(np.broadcast_to(values, owner.shape), first)
+        owner, u, _ = self._nodes(phase, ends_and_middles[:-1])  # a panel ends where the next one begins
+        inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
+        within = np.maximum.reduceat(inside, np.flatnonzero(np.diff(owner, prepend=-1)))
+        return np.maximum(within, rate(self._instants(phase, np.ones(len(self)), np.arange(len(self)))))
 
     def _nodes(self, phase: Phase, within: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""

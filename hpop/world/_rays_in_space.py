@@ -7,14 +7,15 @@ import math
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel
+from hpop.compiled import kernel, lean
 
 PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
+TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
 WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
 NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
-@kernel
+@lean
 def _inside(
     planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
 ) -> tuple[float, float]:
@@ -59,7 +60,7 @@ def _inside(
     return low, high
 
 
-@kernel
+@lean
 def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
     """Write to found the bodies that are no farther than reach from a place, and give their number."""
     count = 0
@@ -71,7 +72,7 @@ def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArra
     return count
 
 
-@kernel
+@lean
 def _in_bundle(rounds: FloatArray, o: tuple[float, ...], directions: FloatArray, found: IntArray, count: int) -> int:
     """Keep of some bodies those that a bundle of rays (K, 3) from a place may meet: within the cone round all of it."""
     x = y = z = 0.0
@@ -99,7 +100,7 @@ def _in_bundle(rounds: FloatArray, o: tuple[float, ...], directions: FloatArray,
     return kept
 
 
-@kernel
+@lean
 def _first(
     planes: FloatArray,
     begin: IntArray,
@@ -113,7 +114,7 @@ def _first(
     best = reach
     for b in some:
         low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
-        if low <= high and 0.0 <= low < best:
+        if low <= high and TOUCH < low < best:
             best = low
     return best
 
@@ -188,7 +189,7 @@ def blocked(
                     pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z,
                 )
                 low, high = _inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
-                hidden = low <= high and 0.0 <= low < reach[n, k]
+                hidden = low <= high and TOUCH < low < reach[n, k]
             count += hidden
         out[n] = count / directions.shape[1]
 

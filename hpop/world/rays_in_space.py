@@ -69,7 +69,8 @@ class Surfaces:
     def first_hits(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
         """How far (N, K), m, the rays (N, K, 3) of unit length from each origin (N, 3), m, get; at most ``reach``.
 
-        A ray ends where it enters a body. What contains the origin, such as a hand the camera in it, is no hindrance.
+        A ray ends where it enters a body. What contains or touches the origin, as a hand the camera in it, is no
+        hindrance.
         """
         from hpop.world._rays_in_space import first_hits
 
@@ -188,5 +189,8 @@ def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, floa
             normals /= np.linalg.norm(normals, axis=1)[:, None]
             planes = np.column_stack([normals, np.sum(normals * a, axis=1)])
             _, once = np.unique(np.round(planes, 12), axis=0, return_index=True)
-            centre = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
-            return planes[once], centre, zero, 0.0, float(np.linalg.norm(shape.points - centre, axis=1).max())
+            low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+            centre = 0.5 * (low + high)
+            box = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])])
+            planes = np.concatenate([box, planes[once]])  # most lines that miss it miss the box round it already
+            return planes, centre, zero, 0.0, float(np.linalg.norm(shape.points - centre, axis=1).max())

@@ -63,6 +63,15 @@ def test_a_camera_within_the_ball_sees_it():
     assert share(Jointed(), panel(-1, 1), Occlusion(tuple(place[:, 0] + 0.01), radius=0.3)) == 0.0
 
 
+def poses_of(pose, size):
+    """A pose's columns as matrices (N, 4, 4)."""
+    poses = np.tile(np.eye(4), (size, 1, 1))
+    for i, column in enumerate((*pose.ahead, *pose.left, *pose.up)):
+        poses[:, i % 3, i // 3] = column
+    poses[:, :3, 3] = np.stack([pose.x, pose.y, pose.z], axis=1)
+    return poses
+
+
 @dataclass(frozen=True)
 class Fingered(Jointed):
     """The double with a palm round its camera and a finger beside the view, or before it."""
@@ -70,14 +79,11 @@ class Fingered(Jointed):
     finger: float = 0.0  # m, ahead of the camera; nothing at 0
 
     def bodies(self, states):
-        pose, poses = self.pose("camera", states), np.tile(np.eye(4), (states.size, 1, 1))
-        axes = [np.stack(np.broadcast_arrays(*axis), axis=1) for axis in (pose.ahead, pose.left, pose.up)]
-        poses[:, :3, :3] = np.stack(axes, axis=2)
-        poses[:, :3, 3] = np.stack([pose.x, pose.y, pose.z], axis=1)
+        poses = poses_of(self.pose("camera", states), states.size)
         bodies = [(Sphere(0.05), poses)]
         if self.finger:
             before = poses.copy()
-            before[:, :3, 3] += self.finger * axes[0]
+            before[:, :3, 3] += self.finger * poses[:, :3, 0]
             bodies += [(Cylinder(0.02, 0.001), before), (Box((0.01, 0.3, 0.3)), before)]
         return bodies
 
@@ -88,6 +94,23 @@ def test_the_robots_own_bodies_hide_it_but_not_what_holds_the_camera():
     assert share(Fingered(finger=0.2), OPEN, Occlusion(TARGET), row) == 1.0
     behind = Occlusion((-2.0, 0.0, 0.3))
     assert share(Fingered(finger=0.2), OPEN, behind, row) == 0.0
+
+
+@dataclass(frozen=True)
+class Cased(Jointed):
+    """The double with its camera's lens in the front face of a case."""
+
+    def bodies(self, states):
+        poses = poses_of(self.pose("camera", states), states.size)
+        poses[:, :3, 3] -= 0.05 * poses[:, :3, 0]
+        return [(Box((0.1, 0.08, 0.06)), poses)]
+
+
+@pytest.mark.parametrize("target", [TARGET, (-2.0, 0.0, 0.3)])
+def test_a_case_with_the_lens_in_its_face_hides_nothing_however_places_round(target):
+    """Rounding puts the camera within its case or before it, from posture to posture."""
+    for yaw in np.linspace(-3.0, 3.0, 41):
+        assert share(Cased(), OPEN, Occlusion(target), (0.1, 0.2, yaw)) == 0.0
 
 
 def test_it_adds_up_on_edges_and_trajectories():

@@ -40,7 +40,8 @@ class _Unseen:
         horizontal, vertical = field_of_view(m.model, self.fov)
         limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
         if rises(m.model):
-            return m.integrate(lambda s: sight_in_space.landmarks_unseen(m.world, s.camera, s.state.size, **limits))
+            unseen = sight_in_space.landmarks_unseen
+            return m.integrate(lambda s: unseen(m.world, s.camera, s.state.size, **limits), jumps=True)
         return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits))
 
 

@@ -6,6 +6,7 @@ In the space of the joints a reach is straight, so with the ways D of the joints
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 
@@ -15,9 +16,12 @@ from hpop.arrays import Column, IntArray
 from hpop.math import is_symbolic, norm
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Body, Motions, States, Twist
-from hpop.motions.quadrature import KRONROD, NODES, adaptive_integrals, evenly
+from hpop.motions.quadrature import adaptive_integrals, evenly, pieces_of
 
 PIECES = 3  # of a reach on symbols, unless its batch says otherwise
+NODES = [0.5 + 0.5 * place for place in (-math.sqrt(6 / 7), -math.sqrt(1 / 3), 0.0, math.sqrt(1 / 3), math.sqrt(6 / 7))]
+KRONROD = [49 / 495, 27 / 110, 14 / 45, 27 / 110, 49 / 495]
+"""The five nodes on [0, 1] and weights of Kronrod's rule (1965) on Gauss' of two nodes, exact to degree 7."""
 
 
 class ArmBody(Body):
@@ -26,25 +30,24 @@ class ArmBody(Body):
     def __init__(self, name: str, kinematics: Kinematics, motions: Motions) -> None:
         ends = {key: kinematics.pose(name, states) for key, states in (("start", motions.start), ("end", motions.end))}
         self.__dict__.update(ends, _name=name, _kinematics=kinematics, _ends=(motions.start, motions.end))
-        self.__dict__.update(_pieces=motions.panels, _twins=motions.twins)
+        self.__dict__.update(_motions=motions)
 
     _name: str
     _kinematics: Kinematics
     _ends: tuple[States, States]
-    _pieces: int | None
-    _twins: IntArray
+    _motions: Motions
 
     @cached_property
     def length(self) -> Column:
-        return self._along(lambda twist: norm(twist.velocity), self._twins)
+        return self._along(lambda twist: norm(twist.velocity), self._motions.twins)
 
     @cached_property
     def turned(self) -> Column:
-        return self._along(lambda twist: norm(twist.rotation), self._twins)
+        return self._along(lambda twist: norm(twist.rotation), self._motions.twins)
 
     @cached_property
     def rotation(self) -> Column:
-        return self._along(lambda twist: twist.rotation[2], np.arange(self._twins.size))
+        return self._along(lambda twist: twist.rotation[2], np.arange(len(self._motions)))
 
     @property
     def turns(self) -> tuple[Column, ...]:
@@ -62,11 +65,12 @@ class ArmBody(Body):
             return amount(self._kinematics.twist(self._name, there, way))
 
         symbolic = any(is_symbolic(getattr(ways, name)) for name in names)
-        if not symbolic and self._pieces is None:
-            return adaptive_integrals(at, evenly, np.unique(twins), start.size)[twins]
-        count = self._pieces or PIECES
+        if not symbolic and self._motions.panels is None:
+            _, turned = self._motions.model.extent(self._motions)
+            return adaptive_integrals(at, evenly, np.unique(twins), pieces_of(turned))[twins]
+        count = self._motions.panels or PIECES
         return sum(
             weight / count * at((i + node) / count)
             for i in range(count)
-            for node, weight in zip(NODES.tolist(), KRONROD.tolist(), strict=True)
+            for node, weight in zip(NODES, KRONROD, strict=True)
         )
