@@ -100,6 +100,35 @@ class Image(MapFile):
     height: Heights | None = None
 
 
+class RosBag(MapFile):
+    """The map in a bag, a nav_msgs/OccupancyGrid on ``topic``."""
+
+    topic: str | None = None
+    unknown_is_free: bool = False
+    height: Heights | None = None
+
+
+class Drawing(MapFile):
+    """A floor plan of lines; all lengths in m, ``origin`` in the drawing's units."""
+
+    scale: float | None = Field(default=None, gt=0)
+    layers: Paths | None = None
+    wall_width: float = Field(default=0.05, gt=0)
+    inside: Point | None = None
+    origin: Annotated[Pair, _form("an origin [x, y] in the drawing's units")] = (0.0, 0.0)
+
+
+class DXF(Drawing):
+    """A floor plan in DXF; ``scale`` is metres a unit, where the drawing does not say its units."""
+
+
+class PDF(Drawing):
+    """A floor plan in PDF; ``scale`` is metres a point, ``ratio`` 100 for a plan at 1:100."""
+
+    ratio: float | None = Field(default=None, gt=0)
+    page: int = Field(default=1, ge=1)
+
+
 class Prism(_Strict):
     """An obstacle: corners in m, and the heights between which it stands; without, the whole height."""
 
@@ -152,6 +181,9 @@ class WorldSection(_Strict):
     ros_map: RosMap | None = None
     movingai: MovingAI | None = None
     geojson: GeoJSON | None = None
+    dxf: DXF | None = None
+    pdf: PDF | None = None
+    ros_bag: RosBag | None = None
     image: Image | None = None
     polygons: Polygons | None = None
     moveit_scene: MoveItScene | None = None

@@ -111,7 +111,7 @@ def found_from(folder: str, description: Any) -> Any:
     found, seen = described, {}
     for key, path in _paths(described).items():
         seen[key] = there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
-        if os.path.isfile(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
+        if os.path.exists(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
             found = {**found, **({key: there} if key == "path" else {"options": {**found["options"], key: there}})}
     if not all(map(os.path.exists, _paths(found).values())):
         return {**found, "relative": seen}

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hpop.errors import MapError
-from hpop.options import FARTHEST, real
-from hpop.text import shown
+from hpop.options import real
 from hpop.world import blueprint
 from hpop.world.files import file_source, read_bytes
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
-from hpop.world.shapes import Raster, check_heights, check_pose, check_positive, check_span
+from hpop.world.shapes import Raster, check_heights, check_inside, check_pose, check_positive, check_span
 from hpop.world.world import World
 
 
@@ -67,7 +65,7 @@ def read(
     heights = WHOLE if height is None else check_heights(height)
     if smallest_obstacle is not None:
         smallest_obstacle = check_positive("smallest_obstacle", smallest_obstacle)
-    inside = None if inside is None else _point(inside)
+    inside = check_inside(inside)
     content = read_bytes(path, "image")
     picture = read_image(content, path)
     check_span(picture.height, picture.width, resolution, path)
@@ -101,15 +99,3 @@ def read(
     ground = Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))
     said = tuple(f"{path}: {note}." for note in notes)
     return World(ground, notes=said).read_from(file_source("image", path, options, content))
-
-
-def _point(given: Any) -> tuple[float, float]:
-    """A point (x, y), m, or `MapError`."""
-    try:
-        x, y = given
-    except (TypeError, ValueError):
-        raise MapError(f"inside must be a point [x, y] in m; got {shown(given)}.") from None
-    x, y = (
-        float(real("inside", value, -FARTHEST, FARTHEST, "a point [x, y] in m", error=MapError)) for value in (x, y)
-    )
-    return x, y

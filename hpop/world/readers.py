@@ -12,20 +12,53 @@ and then ``read_world("text_plan", "office.txt")`` and ``world: {text_plan: {pat
 from __future__ import annotations
 
 import inspect
+import os
 from pathlib import Path
 from typing import Any
 
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.registry import readers
-from hpop.world import geojson, image, moveit_scene, movingai, ros_map
+from hpop.text import shown
+from hpop.world import dxf, geojson, image, moveit_scene, movingai, pdf, ros_bag, ros_map
+from hpop.world.files import named
 from hpop.world.limits import LimitPassed
 from hpop.world.world import World
 
+readers.add("dxf", dxf.read)
 readers.add("geojson", geojson.read)
 readers.add("image", image.read)
 readers.add("moveit_scene", moveit_scene.read)
 readers.add("movingai", movingai.read)
+readers.add("pdf", pdf.read)
+readers.add("ros_bag", ros_bag.read)
 readers.add("ros_map", ros_map.read)
+
+ENDINGS = {
+    **dict.fromkeys((".geojson", ".json"), "geojson"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp", ".gif", ".pgm", ".ppm"), "image"),
+    **dict.fromkeys((".bag", ".mcap", ".db3"), "ros_bag"),
+    **dict.fromkeys((".yaml", ".yml"), "ros_map"),
+    ".dxf": "dxf",
+    ".map": "movingai",
+    ".pdf": "pdf",
+}
+"""Readers by how the names of their files end."""
+
+
+def reader_of(path: str | Path) -> str:
+    """The reader of a file by its ending, or of a folder, a bag; `MapError` where the ending says none."""
+    try:
+        ending = Path(path).suffix.lower()
+        if os.path.isdir(path):
+            return "ros_bag"
+    except (TypeError, ValueError):
+        raise MapError(f"a map is named by its path; got {shown(path)}.") from None
+    if ending not in ENDINGS:
+        raise MapError(
+            f"{named(path)} does not say by its ending which reader it needs; give reader, one of {', '.join(readers)}."
+            f" Endings known: {', '.join(sorted(ENDINGS))}."
+        )
+    return ENDINGS[ending]
 
 
 def read_world(reader: str, path: str | Path, **options: Any) -> World:

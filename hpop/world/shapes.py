@@ -83,6 +83,20 @@ def check_positive(name: str, value: Any) -> float:
     return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
 
 
+def check_inside(given: Any) -> tuple[float, float] | None:
+    """A point (x, y) of the free space, m, or None; `MapError` for anything else."""
+    if given is None:
+        return None
+    try:
+        x, y = given
+    except (TypeError, ValueError):
+        raise MapError(f"inside must be a point [x, y] in m; got {shown(given)}.") from None
+    x, y = (
+        float(real("inside", value, -FARTHEST, FARTHEST, "a point [x, y] in m", error=MapError)) for value in (x, y)
+    )
+    return x, y
+
+
 def check_size(height: int, width: int, what: str) -> None:
     """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken for it."""
     if height < 1 or width < 1:

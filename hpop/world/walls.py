@@ -30,6 +30,11 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
     if line.length == 0:
         return []
     check_widenable(line, width / 2, what)
-    found = shapely.buffer(line, width / 2, cap_style="square", join_style="mitre", mitre_limit=SHARPEST)
+    return widened(np.array([line]), width)
+
+
+def widened(lines: NDArray[np.object_], width: float) -> list[Polygon]:
+    """The same for many lines (n,), of which none comes near to itself again and again."""
+    found = shapely.buffer(lines, width / 2, cap_style="square", join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(found)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]

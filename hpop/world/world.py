@@ -161,6 +161,17 @@ class World:
         return cls(Ground(extent=extent, solids=given))
 
     @classmethod
+    def from_file(cls, path: str | Path, *, reader: str | None = None, **options: Any) -> World:
+        """Read a map by a reader's name, or by the ending of the file's: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
+
+        The options are the reader's, see :mod:`hpop.world.dxf`, :mod:`~hpop.world.pdf`, :mod:`~hpop.world.ros_bag`
+        and the other modules called as the readers are; :mod:`hpop.world.readers` has all of them.
+        """
+        from hpop.world.readers import read_world, reader_of
+
+        return read_world(reader_of(path) if reader is None else reader, path, **options)
+
+    @classmethod
     def from_moveit_scene(cls, path: str | Path) -> World:
         """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.moveit_scene.read`."""
         from hpop.world import moveit_scene

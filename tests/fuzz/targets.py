@@ -23,6 +23,7 @@ from PIL import Image
 from verdicts import CONTROLS, asked, shown, verdict
 
 import hpop
+from hpop.apart import child
 from hpop.cli import main
 from hpop.registry import criteria, models, planners
 from hpop.scenario import load_scenario
@@ -31,6 +32,7 @@ from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.status import Budget, Status
 from hpop.verify import verify
 from hpop.world import Box, Cylinder, Hull, Solid, pose_at
+from tests import plans
 
 SOFTEST = 0.5  # share of inputs whose bytes are bent; the others' structure is
 
@@ -150,7 +152,9 @@ def _looked_at(world: hpop.World) -> None:
 def geojson(rng: Rng, folder: Path) -> str:
     path = _written(folder / "plan.geojson", GEOJSON, rng, _json)
     meaning = ("obstacles", "free", "outline")[rng.integers(3)]
-    return verdict(lambda: _looked_at(hpop.World.from_geojson(path, polygons=meaning)))  # type: ignore[arg-type]
+    options = {("units", "wall_width", "origin")[rng.integers(3)]: hostile(rng)} if rng.random() < 0.3 else {}
+    wide = {"wall_width": 0.1, **options}
+    return verdict(lambda: _looked_at(hpop.World.from_geojson(path, polygons=meaning, **wide)))  # type: ignore[arg-type]
 
 
 def ros_map(rng: Rng, folder: Path) -> str:
@@ -180,7 +184,54 @@ def image(rng: Rng, folder: Path) -> str:
     path = folder / "plan.png"
     path.write_bytes(bent_bytes(buffer.getvalue(), rng))
     resolution = hostile(rng) if rng.random() < 0.3 else 0.1
-    return verdict(lambda: _looked_at(hpop.World.from_image(path, resolution)))
+    options = {("smallest_obstacle", "inside")[rng.integers(2)]: hostile(rng)} if rng.random() < 0.3 else {}
+    return verdict(lambda: _looked_at(hpop.World.from_image(path, resolution, **options)))
+
+
+def dxf(rng: Rng, folder: Path) -> str:
+    """A drawing with bent bytes, or hostile options; read here, where memory and time are bounded as well."""
+    path = folder / "plan.dxf"
+    path.write_bytes(bent_bytes(plans.dxf(_drawn), rng))
+    options = {("scale", "layers", "wall_width", "inside")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
+    with _read_here():
+        return verdict(lambda: _looked_at(hpop.World.from_file(path, **options)))
+
+
+def _drawn(drawing: Any) -> None:
+    space = drawing.modelspace()
+    space.add_lwpolyline([(0, 0, 0.3), (6, 0, 0), (6, 4, 0), (0, 4, -1)], format="xyb", close=True)
+    space.add_circle((3, 2), 0.5, dxfattribs={"layer": "COLUMNS"})
+    space.add_spline([(1, 1), (2, 2), (3, 1)])
+    space.add_hatch().paths.add_polyline_path([(4, 1), (5, 1), (5, 2)], is_closed=True)
+    drawing.blocks.new("TABLE").add_ellipse((0, 0), (0.4, 0), 0.5)
+    space.add_blockref("TABLE", (1, 3), dxfattribs={"rotation": 30, "column_count": 2, "column_spacing": 1})
+
+
+def pdf(rng: Rng, folder: Path) -> str:
+    """A page with bent bytes, in the process that is meant to break down where pdfium does."""
+    form = plans.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
+    content = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s q 2 0 0 2 90 90 cm /X Do Q 0.2 g 100 200 30 30 re f"
+    path = folder / "plan.pdf"
+    path.write_bytes(bent_bytes(plans.pdf(content, resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng))
+    return verdict(lambda: _looked_at(hpop.World.from_file(path, ratio=100)))
+
+
+def ros_bag(rng: Rng, folder: Path) -> str:
+    storage = ("ros1", "mcap", "sqlite3")[rng.integers(3)]
+    cells = rng.choice([-1, 0, 50, 100], size=(12, 16))
+    name = "walk.bag" if storage == "ros1" else "walk"
+    path = plans.bag(folder / name, {"/map": [plans.grid(cells, storage=storage)]}, storage=storage)
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    bent = files[rng.integers(len(files))]
+    bent.write_bytes(bent_bytes(bent.read_bytes(), rng))
+    topic = hostile(rng) if rng.random() < 0.2 else None
+    with _read_here():
+        return verdict(lambda: _looked_at(hpop.World.from_file(path, topic=topic)))
+
+
+def _read_here() -> Any:
+    """Half a second less for each; pdfium alone may bring down whoever reads."""
+    return patch("hpop.world.reading_apart._said", lambda asked, data, path: child.said(asked, data))
 
 
 # Robots
@@ -479,7 +530,7 @@ def warm(folder: Path) -> None:
 
 
 EVERY: list[Attempt] = [
-    *(geojson, ros_map, movingai, moveit_scene, image, arm, scenario, plan, front, show, checkpoint),
+    *(geojson, ros_map, movingai, moveit_scene, image, dxf, pdf, ros_bag, arm, scenario, plan, front, show, checkpoint),
     *(python, problem, graph, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}

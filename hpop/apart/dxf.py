@@ -1,0 +1,103 @@
+"""Lines and solid fills of a DXF drawing's model space, by ezdxf."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from hpop.apart.answer import Answer, Refused
+from hpop.apart.lines import FARTHEST, MOST_DEEP, SAG, Lines
+
+CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX")
+FILLED = ("SOLID", "TRACE")
+
+
+def extract(data: bytes, options: dict[str, Any]) -> Answer:
+    """Lines of a drawing, in its units; what ``$INSUNITS`` says of them is among the words."""
+    try:
+        from ezdxf import recover
+        from ezdxf.lldxf.const import DXFError
+    except ImportError as error:
+        raise Refused(
+            f"DXF drawings are read by ezdxf, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
+        ) from None
+    try:
+        drawing, _ = recover.read(io.BytesIO(data))
+    except DXFError as error:
+        raise Refused(f"it is no DXF drawing that can be read ({str(error)[:200]})") from None
+    lines = Lines(options["layers"])
+    hidden = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off() or layer.is_frozen()}
+    for placed in _within(drawing.modelspace(), None, "", 0, lines):
+        _add(placed, placed.layer.casefold() not in hidden, lines)
+    return lines.answer(
+        (layer.dxf.name for layer in drawing.layers),
+        insunits=int(drawing.header.get("$INSUNITS", 0)),
+        elsewhere=sum(len(layout) for layout in drawing.layouts if layout.name != "Model"),
+    )
+
+
+class _Placed(NamedTuple):
+    """An entity, the matrix that takes it from its block to the drawing, or None, and its layer."""
+
+    entity: Any
+    matrix: Any
+    layer: str
+
+
+def _within(entities: Any, matrix: Any, around: str, deep: int, lines: Lines) -> Iterator[_Placed]:
+    """Entities, those of blocks where they are inserted; layer 0 of a block is its reference's.
+
+    Matrices are multiplied here: ezdxf turns a reference within a stretched block into one that it can say.
+    """
+    for entity in entities:
+        lines.look()
+        layer = str(entity.dxf.get("layer", "0"))
+        layer = around if layer == "0" and around else layer
+        if entity.dxftype() != "INSERT":
+            yield _Placed(entity, matrix, layer)
+        elif deep == MOST_DEEP:
+            lines.left_out[f"blocks more than {MOST_DEEP} deep"] += 1
+        elif (block := entity.block()) is None:
+            lines.left_out["INSERT without a block"] += 1
+        else:
+            for reference in entity.multi_insert() if entity.mcount > 1 else (entity,):
+                lines.look()
+                own = reference.matrix44()
+                yield from _within(block, own if matrix is None else own @ matrix, layer, deep + 1, lines)
+
+
+def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
+    from ezdxf import path
+
+    entity, matrix, layer = placed
+    kind = entity.dxftype()
+    solid = kind in FILLED or (kind == "HATCH" and entity.dxf.solid_fill)
+    if not (solid or kind in CURVES):
+        lines.left_out["HATCH of a pattern" if kind == "HATCH" else kind] += 1
+        return
+    if not lines.wants(layer, shown=shown):
+        return
+    try:
+        paths = [*path.from_hatch(entity)] if kind == "HATCH" else [path.make_path(entity)]
+        paths = paths if matrix is None else [each.transform(matrix) for each in paths]
+    except (TypeError, ValueError, ArithmeticError):  # a mesh, a circle without a radius
+        lines.left_out[f"{kind} without a line"] += 1
+        return
+    lines.add(layer, [points for each in paths for points in _flat(each)], filled=solid)
+
+
+def _flat(path: Any) -> Iterator[list[tuple[float, float]]]:
+    """The parts of a path as points (x, y), curves within a share of their size."""
+    for part in path.sub_paths() if path.has_sub_paths else (path,):
+        corners = [(v.x, v.y, v.z) for v in part.control_vertices()]
+        if not corners:
+            continue
+        if not all(abs(value) <= FARTHEST for corner in corners for value in corner):
+            raise Refused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+        size = math.dist(
+            [min(axis) for axis in zip(*corners, strict=True)], [max(a) for a in zip(*corners, strict=True)]
+        )
+        flat = part.flattening(SAG * size) if part.has_curves and size > 0 else part.control_vertices()
+        yield [(v.x, v.y) for v in flat]

@@ -1,0 +1,158 @@
+"""A world from the lines and solid fills of a drawing, as DXF and PDF files have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hpop.apart.answer import Answer
+from hpop.apart.lines import said
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import MapError
+from hpop.text import shown
+from hpop.world import limits
+from hpop.world.crossings import check_joinable, check_widenable
+from hpop.world.ground import Ground
+from hpop.world.limits import READING
+from hpop.world.placement import Placement
+from hpop.world.shapes import LARGEST, SMALLEST, Obstacle, check_inside, check_positive
+from hpop.world.walls import widened
+from hpop.world.world import World
+
+WALL_WIDTH = 0.05
+"""Thickness of a wall along a line, m: drawings have walls as two lines, their faces."""
+LONG = 400
+"""Points of a line that may come near to itself so often that its strip cannot be made."""
+BLOCK = 2_000
+"""Lines that are widened between two looks at the limits."""
+
+
+class Options(NamedTuple):
+    """What every drawing is asked for.
+
+    wall_width  m
+    layers      names, or None for all that are shown
+    inside      a point of the free space, m, or None
+    """
+
+    wall_width: float
+    layers: list[str] | None
+    inside: tuple[float, float] | None
+
+
+def options(wall_width: Any, layers: Any, inside: Any) -> Options:
+    """The options checked, or `MapError`."""
+    return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside))
+
+
+def _names(layers: Any) -> list[str] | None:
+    if layers is None:
+        return None
+    names = [layers] if isinstance(layers, str) else layers
+    if not (isinstance(names, Sequence) and names and all(isinstance(name, str) and name for name in names)):
+        raise MapError(f"layers must be a name, or a list of names, of layers of the drawing; got {shown(layers)}.")
+    return list(names)
+
+
+def build(path: str | Path, found: Answer, placement: Placement, asked: Options, *, nothing: str) -> World:
+    """The world of a drawing's lines; what was left out is told in its notes.
+
+    found      ``points`` (n, 2) of all lines, where each line ``starts`` (m + 1,), its ``layer`` (m,), and its ``area``
+               (m,): lines of one number above 0 bound an area
+    placement  from the drawing's units to metres
+    nothing    what to do about a drawing without lines
+    """
+    words, arrays = found
+    left = f"left out: {said(words['left_out'])}" if words["left_out"] else ""
+    starts, area = arrays["starts"], arrays["area"]
+    if len(starts) < 2:
+        raise MapError(f"{path} has no lines{' on those layers' * (asked.layers is not None)}; {left or nothing}.")
+    points = placement.placed(arrays["points"])
+    width, height = np.ptp(points, axis=0)
+    if not SMALLEST <= max(width, height) <= LARGEST:
+        raise MapError(
+            f"{path}: a scale of {placement.scale:g} m a unit makes it {width:.3g} x {height:.3g} m; expected a "
+            "building. Give another scale."
+        )
+    walls = _walls(points, starts, np.flatnonzero(area == 0), asked.wall_width, path)
+    solid = [*walls, *_areas(points, starts, area, path)]
+    if not solid:
+        raise MapError(f"{path} has lines without length only; {left or nothing}.")
+    limits.check(READING)
+    check_joinable(solid, f"{path}")
+    union = shapely.union_all(solid)
+    counted = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
+    size = f"{len(starts) - 1:,} lines and fills of {width:.4g} x {height:.4g} m"
+    notes = [
+        f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(counted)}; layers chooses some",
+        left,
+    ]
+    extent = shapely.box(*union.bounds)
+    if asked.inside is None:
+        ground = Ground(tuple(Obstacle(part) for part in shapely.get_parts(union).tolist()), extent=extent)
+    else:
+        reached = _reached(shapely.difference(extent, union), asked.inside, extent, path)
+        ground = Ground(extent=reached, outside_is_obstacle=True)
+        x, y = asked.inside
+        notes.append(f"what cannot be reached from inside ({x:g}, {y:g}) is solid, {reached.area:.4g} m² are free")
+    return World(ground, notes=tuple(f"{path}: {note}." for note in notes if note))
+
+
+def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
+    numbers, counts = np.unique(layer, return_counts=True)
+    return numbers.tolist(), counts.tolist()
+
+
+def _walls(points: FloatArray, starts: IntArray, lines: IntArray, width: float, path: str | Path) -> list[BaseGeometry]:
+    """Polygons along lines."""
+    walls: list[BaseGeometry] = []
+    for begin in range(0, len(lines), BLOCK):
+        limits.check(READING)
+        some = lines[begin : begin + BLOCK]
+        made = _linestrings(points, starts, some)
+        for line in made[shapely.get_num_coordinates(made) > LONG].tolist():
+            check_widenable(line, width / 2, f"a line of {path}")
+        walls += widened(made, width)
+    return walls
+
+
+def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:
+    """Lines, those of no length left out."""
+    sizes = starts[lines + 1] - starts[lines]
+    owner = np.repeat(np.arange(len(lines)), sizes)
+    place = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
+    made: NDArray[np.object_] = shapely.linestrings(points[place], indices=owner)
+    return made[shapely.length(made) > 0]
+
+
+def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
+    """Polygons that lines bound together: what lies within an odd number of them."""
+    made: list[BaseGeometry] = []
+    lines = np.flatnonzero(area)
+    for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):
+        limits.check(READING)
+        rings = [
+            shapely.LineString([*line, line[0]]) for i in some if len(line := points[starts[i] : starts[i + 1]]) > 2
+        ]
+        check_joinable(rings, f"a fill of {path}")
+        made += [part for part in shapely.get_parts(shapely.build_area(shapely.union_all(rings))).tolist() if part.area]
+    return made
+
+
+def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeometry, path: str | Path) -> BaseGeometry:
+    """The part of the free space in which a point lies, or `MapError`."""
+    here = shapely.Point(inside)
+    for part in shapely.get_parts(free).tolist():
+        if shapely.intersects(part, here):
+            return part  # type: ignore[no-any-return]
+    x0, y0, x1, y1 = extent.bounds
+    raise MapError(
+        f"{path}: inside ({inside[0]:g}, {inside[1]:g}) is in a wall or beyond; expected a point of the free space of "
+        f"a plan that spans x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m. Move it."
+    )

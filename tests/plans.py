@@ -1,0 +1,110 @@
+"""Floor plans in formats of others, as tests write them: DXF, PDF, bags of ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_typestore
+
+from hpop.apart import child
+from hpop.world import reading_apart
+
+GRID = "nav_msgs/msg/OccupancyGrid"
+
+
+def dxf(draw: Callable[[Any], Any], units: int = 6) -> bytes:
+    """A DXF drawing; ``draw`` is given the document."""
+    drawing = ezdxf.new(units=units)
+    draw(drawing)
+    text = io.StringIO()
+    drawing.write(text)
+    return text.getvalue().encode()
+
+
+def pdf(
+    content: bytes, *, page: bytes = b"", resources: bytes = b"", catalog: bytes = b"", objects: Sequence[bytes] = ()
+) -> bytes:
+    """A PDF of one page of 400 x 300 points; further ``objects`` are numbered from 5."""
+    bodies = [
+        b"<< /Type /Catalog /Pages 2 0 R " + catalog + b" >>",
+        b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+        b"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 400 300] /Contents 4 0 R /Resources << %b >> %b >>"
+        % (resources, page),
+        stream(content),
+        *objects,
+    ]
+    data, offsets = b"%PDF-1.6\n", []
+    for number, body in enumerate(bodies, 1):
+        offsets.append(b"%010d 00000 n \n" % len(data))
+        data += b"%d 0 obj\n" % number + body + b"\nendobj\n"
+    table = b"xref\n0 %d\n0000000000 65535 f \n" % (len(bodies) + 1) + b"".join(offsets)
+    trailer = b"trailer << /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (len(bodies) + 1, len(data))
+    return data + table + trailer
+
+
+def stream(content: bytes, entries: bytes = b"") -> bytes:
+    """A stream object of a PDF."""
+    return b"<< /Length %d %b >>\nstream\n" % (len(content), entries) + content + b"\nendstream"
+
+
+def bag(
+    path: Path, grids: dict[str, list[Any]], *, storage: str = "mcap", texts: Sequence[str] = ("/chatter",)
+) -> Path:
+    """A bag with grids (`grid`) and texts by topic; storage "ros1", "mcap" or "sqlite3"."""
+    store = store_of(storage)
+    if storage == "ros1":
+        writer: Any = rosbag1.Writer(path)
+    else:
+        plugin = rosbag2.StoragePlugin.MCAP if storage == "mcap" else rosbag2.StoragePlugin.SQLITE3
+        writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
+    packed = store.serialize_ros1 if storage == "ros1" else store.serialize_cdr
+    with writer:
+        for topic in texts:
+            connection = writer.add_connection(topic, "std_msgs/msg/String", typestore=store)
+            writer.write(connection, 1, packed(store.types["std_msgs/msg/String"]("hello"), connection.msgtype))
+        for topic, messages in grids.items():
+            connection = writer.add_connection(topic, GRID, typestore=store)
+            for time, message in enumerate(messages):
+                writer.write(connection, time, packed(message, GRID))
+    return path
+
+
+@contextmanager
+def read_here() -> Iterator[None]:
+    """Files of others are read in this process, as in that which is otherwise started: half a second less for each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reading_apart, "_said", lambda asked, data, path: child.said(asked, data))
+        yield
+
+
+def store_of(storage: str) -> Any:
+    return get_typestore(Stores.ROS1_NOETIC if storage == "ros1" else Stores.ROS2_HUMBLE)
+
+
+def grid(
+    cells: Any,
+    resolution: float = 0.05,
+    origin: tuple[float, float] = (0.0, 0.0),
+    turned: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
+    *,
+    storage: str = "mcap",
+    **info: int,
+) -> Any:
+    """An occupancy grid (H, W), percent; ``turned`` is the quaternion x, y, z, w of its origin."""
+    types = store_of(storage).types
+    time = types["builtin_interfaces/msg/Time"](0, 0)
+    header = types["std_msgs/msg/Header"](stamp=time, frame_id="map", **({"seq": 0} if storage == "ros1" else {}))
+    position = types["geometry_msgs/msg/Point"](*origin, 0.0)
+    pose = types["geometry_msgs/msg/Pose"](position, types["geometry_msgs/msg/Quaternion"](*turned))
+    data = np.asarray(cells, dtype=np.int8)
+    size = {"width": data.shape[1], "height": data.shape[0], **info}
+    about = types["nav_msgs/msg/MapMetaData"](map_load_time=time, resolution=resolution, origin=pose, **size)
+    return types[GRID](header=header, info=about, data=data.ravel())

@@ -1,0 +1,146 @@
+"""Claims: dark lines on a page of a PDF are walls where they are shown, at the scale that is given."""
+
+import json
+import zlib
+
+import numpy as np
+import pytest
+import shapely
+
+from hpop.apart.answer import Refused
+from hpop.apart.pdf import extract
+from hpop.errors import MapError
+from hpop.scenario import load_scenario
+from hpop.world import World
+from tests.plans import pdf, read_here, stream
+
+ROOM = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s\n"  # a rectangle, closed
+IMAGE = stream(
+    b"\x00", b"/Type /XObject /Subtype /Image /Width 1 /Height 1 /ColorSpace /DeviceGray /BitsPerComponent 8"
+)
+LETTERS = b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
+
+
+@pytest.fixture(autouse=True)
+def here():
+    with read_here():
+        yield
+
+
+def found(data, layers=None, page=1):
+    """Words and the points of each line."""
+    words, arrays = extract(data, {"layers": layers, "page": page})
+    return words, [part.tolist() for part in np.split(arrays["points"], arrays["starts"][1:-1])]
+
+
+def saved(folder, data):
+    path = folder / "plan.pdf"
+    path.write_bytes(data)
+    return path
+
+
+def test_a_plan_at_1_to_100_has_its_true_size(tmp_path):
+    column = b"0.2 g 100 100 30 30 re f 0.9 g 60 60 20 20 re f\n"  # a dark fill, and a light one that colours a room
+    path = saved(tmp_path, pdf(ROOM + column + b"BT /F 12 Tf 70 70 Td (Hall) Tj ET", resources=b"/Font << /F 5 0 R >>",
+                               objects=[LETTERS]))  # fmt: skip
+    world = World.from_file(path, ratio=100, wall_width=0.1)
+    metre = 0.0254 / 72 * 100
+    wall = shapely.box(*(metre * v for v in (50, 50, 350, 250))).exterior.buffer(0.05, join_style="mitre")
+    expected = wall | shapely.box(*(metre * v for v in (100, 100, 130, 130)))
+    assert shapely.symmetric_difference(world.solid(), expected).area < 1e-4
+    assert "2 lines and fills" in world.notes[0]
+    assert "light fills and lines (1)" in world.notes[1]
+    assert "texts (1)" in world.notes[1]
+    assert World.from_description(json.loads(json.dumps(world.describe()))).solid().equals(world.solid())
+    assert World.from_file(path, scale=metre, wall_width=0.1).solid().equals(world.solid())
+
+
+def test_a_page_that_is_turned_or_cropped_is_read_as_it_is_shown():
+    line = b"60 60 m 110 80 l S"
+    turned = {
+        0: [[60, 60], [110, 80]],
+        90: [[60, 340], [80, 290]],
+        180: [[340, 240], [290, 220]],
+        270: [[240, 60], [220, 110]],
+    }
+    for angle, expected in turned.items():
+        assert found(pdf(line, page=b"/Rotate %d" % angle))[1] == [expected]
+    assert found(pdf(line, page=b"/CropBox [50 40 250 140]"))[1] == [[[10, 20], [60, 40]]]
+    assert found(pdf(line, page=b"/CropBox [50 40 250 140] /Rotate 90"))[1] == [[[20, 190], [40, 140]]]
+
+
+def test_what_forms_draw_is_where_they_are_placed_and_belongs_to_the_layer_of_its_marks():
+    form = stream(b"0 0 m 10 0 l S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99] /Matrix [1 0 0 1 5 0]")
+    content = b"q 2 0 0 2 100 100 cm /X Do Q /OC /L BDC 0 1 -1 0 0 0 cm 20 -20 m 30 -20 l S EMC"
+    data = pdf(
+        content,
+        resources=b"/XObject << /X 5 0 R >> /Properties << /L 6 0 R >>",
+        catalog=b"/OCProperties << /OCGs [6 0 R] /D << >> >>",
+        objects=[form, b"<< /Type /OCG /Name (Walls) >>"],
+    )
+    words, lines = found(data)
+    assert words["counted"] == {"(no layer)": 1, "Walls": 1}
+    assert lines == [[[110, 100], [130, 100]], [[20, 20], [20, 30]]]
+    assert found(data, layers=["walls"])[1] == lines[1:]
+    with pytest.raises(
+        Refused, match=r"no layer 'wals'. Did you mean 'Walls'\? It has \(no layer\) \(1\), Walls \(1\)"
+    ):
+        found(data, layers=["wals"])
+
+
+def test_a_curve_is_a_polyline_near_it():
+    k = 0.5522847498
+    quarter = b"100 0 m 100 %f %f 100 0 100 c S" % (100 * k, 100 * k)
+    (points,) = found(pdf(quarter))[1]
+    chords = (np.array(points[1:]) + points[:-1]) / 2
+    assert np.abs(np.hypot(*np.concatenate([points, chords]).T) - 100).max() < 0.1
+
+
+def test_lines_as_light_as_paper_and_what_is_not_drawn_are_none():
+    words, lines = found(
+        pdf(b"1 G 0 0 m 9 9 l S 0 0 m 9 9 l n 0 G 1 1 m 5 5 l S 0 0 400 300 re W n 1 g 0 0 400 300 re f")
+    )
+    assert lines == [[[1, 1], [5, 5]]]
+    assert words["left_out"] == {"light fills and lines": 2}
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "message"),
+    [
+        (pdf(ROOM), {}, "a PDF does not say its scale. Give ratio, .* got none"),
+        (pdf(ROOM), {"scale": 0.01, "ratio": 100}, "got both"),
+        (pdf(b""), {"ratio": 100}, "has no lines; page 1 of 1 is empty"),
+        (pdf(b"q 400 0 0 300 0 0 cm /I Do Q", resources=b"/XObject << /I 5 0 R >>", objects=[IMAGE]), {"ratio": 100},
+         r"no lines; left out: images \(1\)\. Is it scanned\? .* pdftoppm -r 150 .* image with resolution 0.01693"),
+        (pdf(b"BT /F 12 Tf (Hall) Tj ET", resources=b"/Font << /F 5 0 R >>", objects=[LETTERS]), {"ratio": 100},
+         r"has no lines; left out: texts \(1\)"),
+        (pdf(ROOM), {"ratio": 100, "page": 2}, "it has 1 pages; page must be one of them, got 2"),
+        (pdf(ROOM), {"ratio": 100, "page": 0}, "page must be a whole number"),
+        (pdf(ROOM), {"ratio": 0.001}, "expected a building. Give another scale"),
+        (pdf(ROOM), {"ratio": 100, "inside": (0, 0)}, r"inside \(0, 0\) is in a wall or beyond"),
+        (b"%PDF-1.6 but nothing else", {"ratio": 100}, "no PDF that can be read"),
+        (b"plain text", {"ratio": 100}, "no PDF that can be read"),
+        (pdf(ROOM.replace(b"350", b"1000000000")), {"ratio": 100}, "expected a building. Give another scale"),
+    ],
+)  # fmt: skip
+def test_what_is_no_plan_is_refused_with_the_way_out(tmp_path, data, options, message):
+    with pytest.raises(MapError, match=message):
+        World.from_file(saved(tmp_path, data), **options)
+
+
+def test_a_scenario_reads_a_plan_and_closes_what_cannot_be_reached(tmp_path):
+    saved(tmp_path, pdf(ROOM + b"60 60 m 340 60 l S"))
+    asked = {"world": {"pdf": {"path": "plan.pdf", "scale": 0.02, "inside": [3, 3], "origin": [50, 50]}},
+             "start": [1, 2, 0], "goal": [5, 3, 0], "criteria": ["length"]}  # fmt: skip
+    (tmp_path / "scenario.yaml").write_text(json.dumps(asked))
+    world = load_scenario(tmp_path / "scenario.yaml").problem.world
+    assert world.bounds == pytest.approx((0.025, 0.025, 5.975, 3.975))
+    assert world.extent.area == pytest.approx(5.95 * 3.95 - 0.05 * 5.65)
+    with pytest.raises(MapError, match=r"expected a point of the free space of a plan that spans x -0\.03 to 6\.03 m"):
+        World.from_file(tmp_path / "plan.pdf", scale=0.02, origin=(50, 50), inside=(9, 9))
+
+
+def test_compressed_content_is_read():
+    packed = stream(zlib.compress(b"10 10 m 20 20 l S"), b"/Filter /FlateDecode")
+    data = pdf(b"").replace(stream(b""), packed)
+    assert found(data)[1] == [[[10, 10], [20, 20]]]

@@ -1,0 +1,99 @@
+"""Claims: a file that would take all memory or time, or breaks what reads it, ends the process that reads it alone."""
+
+import json
+import os
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hpop.apart.answer import Answer, Refused, refusal, unpacked
+from hpop.errors import MapError
+from hpop.world import World, limits, reading_apart
+from hpop.world.readers import reader_of
+from tests.plans import bag, dxf, grid, pdf, stream
+
+
+def children() -> set[str]:
+    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
+
+
+def test_each_format_is_read_in_another_process(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("ezdxf.py").write_text("raise SystemExit('code of the current folder')")
+    Path("plan.dxf").write_bytes(dxf(lambda d: d.modelspace().add_lwpolyline([(0, 0), (4, 0), (4, 3)])))
+    Path("plan.pdf").write_bytes(pdf(b"0 0 m 400 0 l 400 300 l S"))
+    bag(Path("walk"), {"/map": [grid(np.zeros((30, 40)), 0.1)]})
+    before = children()
+    for name, options in (("plan.dxf", {}), ("plan.pdf", {"scale": 0.01}), ("walk", {})):
+        x0, y0, x1, y1 = World.from_file(name, **options).bounds
+        assert (x1 - x0, y1 - y0) == pytest.approx((4, 3), abs=0.06)
+    assert children() <= before
+
+
+def test_a_bomb_is_refused_within_its_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_apart, "MEMORY", 300_000_000)
+    packed = zlib.compress(bytes(300_000_000), 1)  # in 1.3 MB
+    path = tmp_path / "plan.pdf"
+    path.write_bytes(pdf(b"").replace(stream(b""), stream(packed, b"/Filter /FlateDecode")))
+    with pytest.raises(MapError, match=r"plan\.pdf.*(broke down|memory|no lines|cannot be read)"):
+        World.from_file(path, scale=0.01)
+
+
+def test_what_takes_too_long_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading_apart, "SECONDS", 1)
+    path = tmp_path / "plan.pdf"
+    path.write_bytes(pdf(b"".join(b"%d 0 m %d 300 l S\n" % (i % 400, i % 399) for i in range(100_000))))
+    with pytest.raises(MapError, match="more than 1 processor seconds to read"):
+        World.from_file(path, scale=0.01)
+
+
+def test_a_limit_of_whoever_plans_ends_the_process(tmp_path):
+    class Passed(limits.LimitPassed):
+        pass
+
+    class Soon:
+        def check(self, doing, memory=0):
+            raise Passed
+
+        def hold(self, memory, doing):
+            pass
+
+    path = tmp_path / "plan.pdf"
+    path.write_bytes(pdf(b"0 0 m 400 0 l 400 300 l S"))
+    before = children()
+    with pytest.raises(Passed), limits.within(Soon()):
+        World.from_file(path, scale=0.01)
+    assert children() <= before
+
+
+def test_an_answer_is_numbers_and_words_and_nothing_else():
+    answer = Answer({"layers": ["Ä"]}, {"points": np.arange(6.0).reshape(3, 2), "cells": np.zeros((2, 0), "|i1")})
+    again = unpacked(answer.packed())
+    assert again.words == answer.words
+    assert {name: array.tolist() for name, array in again.arrays.items()} == {
+        name: array.tolist() for name, array in answer.arrays.items()
+    }
+    with pytest.raises(Refused, match="no lines"):
+        unpacked(refusal("no lines"))
+    for arrays in ([["points", "|O", [1]]], [["points", "<f8", [10**9]]], [["points", "<f8", [-1]]], 3):
+        with pytest.raises((ValueError, TypeError)):
+            unpacked(json.dumps({"words": {}, "arrays": arrays}).encode() + b"\n" + bytes(8))
+
+
+def test_a_reader_is_found_by_the_ending(tmp_path):
+    named = {"a.geojson": "geojson", "b.DXF": "dxf", "c.pdf": "pdf", "d.PNG": "image", "e.yaml": "ros_map"}
+    named |= {"f.map": "movingai", "g.mcap": "ros_bag"}
+    assert {name: reader_of(name) for name in named} == named
+    assert reader_of(tmp_path) == "ros_bag"
+    with pytest.raises(
+        MapError, match=r"'plan.dwg' does not say .* give reader, one of dxf, geojson, image, .*Endings"
+    ):
+        World.from_file("plan.dwg")
+    for path in (3, None, b"\x00"):
+        with pytest.raises(MapError):
+            World.from_file(path)
+    (tmp_path / "plan.txt").write_text("{}")
+    with pytest.raises(MapError, match="GeoJSON"):
+        World.from_file(tmp_path / "plan.txt", reader="geojson")
