@@ -179,12 +179,12 @@ class WorldSection(_Strict):
     """Exactly one of the ways to give a world."""
 
     ros_map: RosMap | None = None
+    ros_bag: RosBag | None = None
     movingai: MovingAI | None = None
     geojson: GeoJSON | None = None
+    image: Image | None = None
     dxf: DXF | None = None
     pdf: PDF | None = None
-    ros_bag: RosBag | None = None
-    image: Image | None = None
     polygons: Polygons | None = None
     moveit_scene: MoveItScene | None = None
     solids: Solids | None = None

@@ -229,7 +229,8 @@ def test_a_world_that_cannot_be_read_is_a_map_error_with_its_line(tmp_path: Path
 def test_no_world_at_all_lists_the_ways_to_give_one(tmp_path: Path) -> None:
     text = "world: {}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
     (message,) = faults(scenario(tmp_path, text=text))
-    assert "ros_map, movingai, geojson, image, polygons, moveit_scene, solids; got none" in message
+    every = "ros_map, ros_bag, movingai, geojson, image, dxf, pdf, polygons, moveit_scene, solids"
+    assert f"{every}; got none" in message
 
 
 def test_all_faults_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
