@@ -15,6 +15,7 @@ from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
 from hpop.frontier import FrontFileError, storage
 from hpop.frontier.storage import checked_path
+from hpop.html import facts_html, picture_html, table_html
 from hpop.models import files
 from hpop.motion_table import MotionTable
 from hpop.motions import Model
@@ -89,6 +90,21 @@ class Front(frontier.Front[Trajectory]):
         found = self.evaluated
         least = {f"least {name}" + " of those found" * (name in found): self.best(name) for name in self.names}
         return {"knee": self.knee(), **least}
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the points worth a name, what is claimed, a picture where hpop.view is imported."""
+        units = dict(zip(self.names + self.reported_names, self.units + self.reported_units, strict=True))
+        headings = [name if unit == "1" else f"{name} ({unit})" for name, unit in units.items()]
+        marks: dict[int, list[str]] = {}
+        for label, point in self.named().items():
+            marks.setdefault(point.index, []).append(label)
+        rows = []
+        for row in sorted(marks):
+            values = (*self[row].costs.values(), *self[row].reported.values())
+            rows.append([str(row), *(f"{value:.5g}" for value in values), ", ".join(marks[row])])
+        caption = f"{len(self):,} points, those worth a name"
+        facts = [("status", self.status), ("certificate", self.certificate)]
+        return table_html(["#", *headings, ""], rows, caption) + facts_html(facts) + picture_html(self)
 
     @property
     def question(self) -> dict[str, Any] | None:

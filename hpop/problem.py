@@ -20,6 +20,7 @@ from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.front import Front
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
+from hpop.html import facts_html, picture_html
 from hpop.motions import Model
 from hpop.motions.space import StateSpec, Values
 from hpop.options import MOST, real
@@ -101,6 +102,13 @@ class Problem:
         names = ", ".join(criterion.name for criterion in self.criteria)
         of = f"{names} of {type(self.model).__name__}"
         return f"<Problem: {of} from {GoalSet((self.start,))} to {self.target} in {self.world!r}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table, and a map where :mod:`hpop.view` is imported."""
+        criteria = (f"{c.name} ({c.unit})" if c.unit != "1" else c.name for c in self.criteria)
+        facts = {"criteria": ", ".join(criteria), "robot": repr(self.model), "world": repr(self.world)}
+        facts |= {"start": str(GoalSet((self.start,))), "goal": str(self.target)}
+        return facts_html(list(facts.items())) + picture_html(self)
 
     @property
     def target(self) -> Goal:

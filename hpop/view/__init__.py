@@ -1,7 +1,8 @@
 """Pictures of a problem and its front: the map, the front itself, one trajectory in time and on the map.
 
 What is drawn is a ``matplotlib.figure.Figure`` that no global state knows of:
-``draw_map(problem, front).savefig("map.pdf")``.
+``draw_map(problem, front).savefig("map.pdf")``; a notebook shows it as the last value of a cell, and small pictures
+of worlds, problems and fronts once this package is imported. With ``ax=`` each draws in a figure of yours.
 The core never imports this package.
 """
 
@@ -11,6 +12,7 @@ from hpop import matplotlib_folder
 
 matplotlib_folder.provide()
 
+from hpop.view import notebook
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.save import save_pictures
@@ -19,4 +21,14 @@ from hpop.view.states import draw_states
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
 
-__all__ = ["draw_front", "draw_map", "draw_side", "draw_states", "draw_trace", "draw_where", "save_pictures"]
+notebook.provide()
+
+__all__ = [
+    "draw_front",
+    "draw_map",
+    "draw_side",
+    "draw_states",
+    "draw_trace",
+    "draw_where",
+    "save_pictures",
+]

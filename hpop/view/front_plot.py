@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.view.canvas import figure_for, whole
 from hpop.view.style import (
     HALO,
     LARGE,
@@ -26,7 +27,6 @@ from hpop.view.style import (
     drawn_rows,
     how_many_drawn,
     marks,
-    new_figure,
     plain,
     quantities,
     stacked,
@@ -40,7 +40,7 @@ ROOM = 0.06  # share of an axis left free at both ends
 
 
 @plain
-def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figure:
+def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
     """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
 
     Of more than 2,000 parallel lines so many are drawn, evenly over the front, which the title says.
@@ -51,6 +51,9 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figu
         Any number of points, at least one.
     chosen : mapping from label to row, optional
         Points to mark and name, as on the map; by default the knee and the best of each criterion.
+    ax : Axes, optional
+        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
+        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
 
     Raises
     ------
@@ -62,8 +65,8 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figu
     columns = quantities(front)[: len(front.names)]
     named = marks(front, chosen)
     if 2 <= len(columns) <= MOST_IN_MATRIX:
-        return _scatter_matrix(columns, named)
-    return _parallel(columns, named, drawn_rows(front), how_many_drawn(front))
+        return whole(_scatter_matrix(columns, named, ax))
+    return whole(_parallel(columns, named, drawn_rows(front), how_many_drawn(front), ax))
 
 
 def limits(values: FloatArray) -> tuple[float, float]:
@@ -77,10 +80,10 @@ def limits(values: FloatArray) -> tuple[float, float]:
     return low - room, high + room
 
 
-def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark]) -> Figure:
+def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark], ax: Axes | None) -> FigureBase:
     """Panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
     size = len(columns) - 1
-    figure = new_figure(6.4, 5.6) if size == 1 else new_figure(2.7 * size + 1.2, 2.5 * size + 0.9)
+    figure = figure_for(ax, *((6.4, 5.6) if size == 1 else (2.7 * size + 1.2, 2.5 * size + 0.9)))
     panels = figure.subplots(size, size, squeeze=False)
     for i in range(size):
         for j in range(size):
@@ -158,13 +161,15 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
     axes.text(0.98, 0.97, "dominated", transform=axes.transAxes, ha="right", va="top", fontsize=SMALL, color=QUIET)
 
 
-def _parallel(columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str) -> Figure:
+def _parallel(
+    columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str, ax: Axes | None
+) -> FigureBase:
     """One vertical axis a criterion, its least value at the bottom; one line a trajectory of some rows."""
     count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)
     scaled = (table - bounds[:, 0]) / (bounds[:, 1] - bounds[:, 0])
-    figure = new_figure(max(5.0, 1.55 * len(columns) + 1.0), 5.6)
+    figure = figure_for(ax, max(5.0, 1.55 * len(columns) + 1.0), 5.6)
     axes = figure.add_subplot(label="parallel")
     at = np.arange(len(columns))
     alpha = float(np.clip(60.0 / count, 0.03, 0.7))  # lines cover far more than points
@@ -215,7 +220,7 @@ def _title(columns: Sequence[Quantity], reading: str, drawn: str = "") -> str:
     return f"{count} non-dominated {'trajectory' if count == 1 else 'trajectories'}{drawn}\n{reading}"
 
 
-def _legend(figure: Figure, columns: Sequence[Quantity], named: Sequence[Mark]) -> None:
+def _legend(figure: FigureBase, columns: Sequence[Quantity], named: Sequence[Mark]) -> None:
     handles = _handles(columns, named, WIDE)
     figure.legend(handles=handles, loc="outside lower center", fontsize=SMALL, frameon=False, handlelength=4.0)
 

@@ -16,6 +16,7 @@ from hpop.front import Front
 from hpop.goals import GoalSet
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
+from hpop.view.canvas import checked, new_figure
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, EndPose, Ends, draw_ends, end_poses, goal_words
 from hpop.view.ground import (
@@ -28,7 +29,7 @@ from hpop.view.ground import (
 )
 from hpop.view.holds import draw_holds, hold_entry, is_held
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.page import Bar, Handle, draw_caption, lay_out
+from hpop.view.page import WHOLE, Bar, Handle, draw_caption, lay_on, lay_out
 from hpop.view.paths import Heights, camera_heights, path_points
 from hpop.view.robot import corners_of, draw_robot, from_above, robot_outlines
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE
@@ -42,7 +43,6 @@ from hpop.view.style import (
     mapped_body,
     mapped_points,
     marks,
-    new_figure,
     plain,
     turns_in_place,
     whole_ticks,
@@ -59,7 +59,7 @@ def draw_map(
     chosen: Mapping[str, int] | None = None,
     colour: str | None = None,
     view: View | None = None,
-    figure: Figure | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """Draw a front's trajectories over the obstacles and the obstructed fraction.
 
@@ -77,8 +77,9 @@ def draw_map(
     view : View, optional
         The rectangle to show, m; by default all free space, or where the trajectories lead if that is less than
         two fifths of it along the longer side.
-    figure : Figure, optional
-        Where to draw; by default a new figure that fits the map.
+    ax : Axes, optional
+        Where to draw, with a colour bar beside and the named trajectories alone in the legend; its figure is
+        returned. By default a new figure that fits, with all legends and what is claimed.
 
     Raises
     ------
@@ -96,9 +97,7 @@ def draw_map(
         more = [targets_of(problem)[:, :2], corners_of(robot)]
         view = view_of(problem, [*map(line, shown), *more] if shown else ())
     scale = scale_of(front, colour) if len(front) else None
-    own = figure is None
-    figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="map")
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="map") if ax is None else checked(ax)
     heights = camera_heights(problem, shown)
     symbols: list[Handle] = [
         *draw_map_obstacles(axes, problem, heights, view),
@@ -134,8 +133,9 @@ def draw_map(
     _draw_frame(axes, view)
     if heights.vary or "base" not in model.provides:
         draw_caption(axes, f"From above: paths of the {mapped_body(model)}")
-    lay_out(figure, axes, view, front, bars=bars, lines=lines, symbols=symbols, resize=own)
-    return figure
+    if ax is not None:
+        return lay_on(axes, front, bars=bars, lines=lines)
+    return lay_out(axes, view, front, bars=bars, lines=lines, symbols=symbols)
 
 
 def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> list[Bar]:

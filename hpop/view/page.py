@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import fill as wrapped
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
@@ -18,6 +18,7 @@ from hpop.front import Front
 from hpop.frontier.union import JOINT
 from hpop.status import Status
 from hpop.text import printable
+from hpop.view.canvas import whole
 from hpop.view.ground import View
 from hpop.view.sheet import Sheet
 from hpop.view.style import (
@@ -30,6 +31,7 @@ from hpop.view.style import (
     whole_ticks,
 )
 
+WHOLE = (0.0, 0.0, 1.0, 1.0)  # of a figure, where axes are that have no place yet
 CLAIM_WRAP = 118  # characters a line of what is claimed
 Handle = Line2D | Patch
 Corner = Literal["upper left", "upper center"]
@@ -45,8 +47,22 @@ class Bar:
     extend: str = "neither"
 
 
+def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Handle]) -> Figure:
+    """Write round axes of somebody's figure, which is returned: colour bars, the title, the named trajectories."""
+    figure = cast(FigureBase, axes.get_figure(root=False))
+    for bar in bars:
+        drawn = figure.colorbar(bar.of, ax=axes, extend=bar.extend, extendfrac=0.025, shrink=0.8)
+        drawn.set_label(bar.words, fontsize=SMALL)
+        drawn.ax.tick_params(labelsize=SMALL)
+        whole_ticks(drawn.ax.yaxis, bar.counts, most=8)
+    axes.set_title(_title(front), fontsize=NORMAL, pad=18.0)
+    if lines:
+        below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
+        axes.legend(handles=list(lines), fontsize=SMALL, frameon=False, handlelength=4.0, **below)
+    return whole(figure)
+
+
 def lay_out(
-    figure: Figure,
     axes: Axes,
     view: View,
     front: Front,
@@ -54,9 +70,9 @@ def lay_out(
     bars: Sequence[Bar],
     lines: Sequence[Handle],
     symbols: Sequence[Handle],
-    resize: bool,
-) -> None:
-    """Give the axes their place in a figure, and write what belongs round them; the figure may be made to fit."""
+) -> Figure:
+    """Give the axes of a new figure their place, write what belongs round them, and make the figure fit."""
+    figure = whole(cast(FigureBase, axes.get_figure(root=True)))
     drawn, claim = [_draw_bar(figure, bar) for bar in bars], _claim(front)
     sheet = Sheet.of(
         view,
@@ -64,8 +80,7 @@ def lay_out(
         lines=max(height_of(lines), height_of(symbols)),
         claim=claim.count("\n") + 1,
     )
-    if resize:
-        figure.set_size_inches(sheet.width, sheet.height)
+    figure.set_size_inches(sheet.width, sheet.height)
     axes.set_position(sheet.map_box())
     for place, cax in enumerate(drawn):
         cax.set_position(sheet.bar_box(place))
@@ -76,6 +91,7 @@ def lay_out(
     else:
         _draw_legend(figure, symbols, (0.5, sheet.legends[0][1]), "upper center")
     figure.text(*sheet.claim, claim, fontsize=SMALL, color=QUIET, va="bottom", gid="claim")
+    return figure
 
 
 def draw_caption(axes: Axes, words: str) -> None:

@@ -17,18 +17,19 @@ from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
+from hpop.view.canvas import checked, new_figure
 from hpop.view.content import INK, MOST_NAMES, STAR, write
 from hpop.view.ends import draw_ends, end_positions, goal_words
 from hpop.view.ground import View
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.page import Handle, draw_caption, lay_out
+from hpop.view.page import WHOLE, Handle, draw_caption, lay_on, lay_out
 from hpop.view.paths import Heights, camera_path
 from hpop.view.robot import corners_of, draw_robot, robot_outlines
 from hpop.view.section import Section
 from hpop.view.sheet import stretch_of
 from hpop.view.sight import draw_cones, sight_entry
 from hpop.view.silhouettes import Surroundings, draw_silhouettes, ends_of
-from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, new_figure, plain, whole_ticks
+from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, plain, whole_ticks
 from hpop.view.targets import draw_targets, targets_of
 from hpop.world.content import Landmark
 
@@ -46,7 +47,7 @@ def draw_side(
     *,
     chosen: Mapping[str, int] | None = None,
     colour: str | None = None,
-    figure: Figure | None = None,
+    ax: Axes | None = None,
 ) -> Figure:
     """Draw the camera's paths of a front from the side, among the obstacles that stand among them.
 
@@ -63,8 +64,9 @@ def draw_side(
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
         The criterion or reported value that colours the trajectories; by default the length, else the first.
-    figure : Figure, optional
-        Where to draw; by default a new figure that fits.
+    ax : Axes, optional
+        Where to draw, with a colour bar beside and the named trajectories alone in the legend; its figure is
+        returned. By default a new figure that fits, with all legends and what is claimed.
 
     Raises
     ------
@@ -91,9 +93,7 @@ def draw_side(
     def line(trajectory: Trajectory) -> FloatArray:
         return section.flattened(path(trajectory))
 
-    own = figure is None
-    figure = new_figure(1.0, 1.0, layout=None) if figure is None else figure
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), label="side")
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="side") if ax is None else checked(ax)
     symbols: list[Handle] = [
         *draw_silhouettes(axes, solid, view),
         *(_draw_floor(axes, view) if drives else ()),
@@ -112,8 +112,9 @@ def draw_side(
     places = [tuple(place) for place in section.flattened(goals).tolist()]
     symbols += draw_ends(axes, section.flattened(start).tolist(), places, ("", goal_words(problem, len(goals))))
     _draw_frame(axes, view, section)
-    lay_out(figure, axes, view, front, bars=bars, lines=lines, symbols=symbols, resize=own)
-    return figure
+    if ax is not None:
+        return lay_on(axes, front, bars=bars, lines=lines)
+    return lay_out(axes, view, front, bars=bars, lines=lines, symbols=symbols)
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:

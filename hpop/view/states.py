@@ -17,7 +17,8 @@ from hpop.motions import Model, States, StateSpace
 from hpop.options import FARTHEST
 from hpop.text import printable
 from hpop.trajectory import Trajectory
-from hpop.view.style import LARGE, NORMAL, QUIET, SMALL, Mark, marks, new_figure, plain, whole_ticks
+from hpop.view.canvas import figure_for, whole
+from hpop.view.style import LARGE, NORMAL, QUIET, SMALL, Mark, marks, plain, whole_ticks
 
 SAMPLES = 600  # along each trajectory, beside the ends of its motions
 CHANGES = 1e-6  # m or rad: a state that varies by less stays
@@ -62,7 +63,7 @@ def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
 
 
 @plain
-def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None) -> Figure:
+def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
     """Draw the states along time as they are planned, one panel each, with dashed lines at their limits.
 
     Angles are in degrees. Of a robot in the plane x and y, which the map shows, are left out; what never changes is
@@ -74,12 +75,15 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None) -> Fig
         At least one of its trajectories changes a state that the map does not show (:func:`changing`).
     chosen : mapping from label to row, optional
         Trajectories to draw; by default the knee and the best of each criterion.
+    ax : Axes, optional
+        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
+        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
     """
     named = marks(front, chosen)
     trajectories = [front.trajectories[mark.row] for mark in named]
     model = trajectories[0].model
     names = changing(model, trajectories)
-    figure = new_figure(WIDTH, PANEL * len(names) + WORDS + LEGEND_LINE * -(-len(named) // LEGEND_COLUMNS))
+    figure = figure_for(ax, WIDTH, PANEL * len(names) + WORDS + LEGEND_LINE * -(-len(named) // LEGEND_COLUMNS))
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     sampled = [_sampled(trajectory) for trajectory in trajectories]
     for axes, name in zip(panels, names, strict=True):
@@ -92,7 +96,7 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None) -> Fig
         handles.append(Line2D([], [], label="limit", **LIMIT))
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": LEGEND_COLUMNS}
     figure.legend(handles=handles, fontsize=SMALL, frameon=False, handlelength=4.0, **place)
-    return figure
+    return whole(figure)
 
 
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, States]:

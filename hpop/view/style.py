@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import wraps
 from itertools import cycle
 from textwrap import fill
-from typing import Any, ParamSpec
+from typing import ParamSpec
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
@@ -210,13 +209,6 @@ def mapped_points(model: Model, states: States) -> FloatArray:
     """Places (M, 2), m, of that body."""
     pose = mapped(model, states)
     return np.stack([pose.x, pose.y], axis=1)
-
-
-def new_figure(width: float, height: float, layout: Any = "constrained") -> Figure:
-    """Make a white figure of a size in inches that no global state knows of."""
-    figure = Figure(figsize=(width, height), layout=layout, facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:

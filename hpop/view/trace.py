@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
@@ -17,6 +17,7 @@ from hpop.math import norm
 from hpop.problem import Problem
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
+from hpop.view.canvas import figure_for, whole
 from hpop.view.holds import is_held
 from hpop.view.style import (
     COLOURS,
@@ -25,7 +26,6 @@ from hpop.view.style import (
     QUIET,
     SMALL,
     label,
-    new_figure,
     plain,
     stacked,
     turns_in_place,
@@ -40,7 +40,9 @@ DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and what 
 
 
 @plain
-def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory") -> Figure:
+def draw_trace(
+    problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
+) -> Figure:
     """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
 
     A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst
@@ -56,10 +58,13 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         A planned trajectory of the problem's model.
     name : str
         What the title calls it.
+    ax : Axes, optional
+        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
+        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
     """
     executed = trajectory.execution()
     rows = len(problem.criteria) + 2
-    figure = new_figure(7.2, 1.25 * rows + 1.3)
+    figure = figure_for(ax, 7.2, 1.25 * rows + 1.3)
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     trace = problem.trace(trajectory)
     for column, axes in enumerate(panels[:-2]):
@@ -97,7 +102,7 @@ def draw_trace(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     figure.legend(
         handles=handles, loc="outside lower center", ncols=4 if len(shades) > 1 else 3, fontsize=SMALL, frameon=False
     )
-    return figure
+    return whole(figure)
 
 
 class CameraRates(NamedTuple):
@@ -164,7 +169,7 @@ def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = Fal
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _align_names(figure: Figure, panels: Sequence[Axes]) -> None:
+def _align_names(figure: Figure | SubFigure, panels: Sequence[Axes]) -> None:
     """Put the names of the panels in line: as `align_ylabels`, which measures the ticks of all panels for each."""
     ticks = [axes.yaxis.get_major_formatter().format_ticks(axes.yaxis.get_majorticklocs().tolist()) for axes in panels]
     room = GAP + DIGIT * max(len(text) for texts in ticks for text in texts)

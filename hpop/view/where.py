@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Colormap, ListedColormap, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
@@ -21,6 +21,7 @@ from hpop.problem import Problem
 from hpop.text import printable
 from hpop.trace import Trace
 from hpop.trajectory import Trajectory
+from hpop.view.canvas import figure_for, whole
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import outline, view_of
@@ -38,7 +39,6 @@ from hpop.view.style import (
     SMALL,
     mapped_body,
     mapped_points,
-    new_figure,
     plain,
     turns_in_place,
     whole_ticks,
@@ -59,7 +59,9 @@ RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1
 
 
 @plain
-def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory") -> Figure:
+def draw_where(
+    problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
+) -> Figure:
     """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
 
     A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
@@ -75,6 +77,9 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         A planned trajectory of the problem's model.
     name : str
         What the title calls it.
+    ax : Axes, optional
+        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
+        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
     """
     trace = problem.trace(trajectory)
     view, ends = view_of(problem, [path_points(trajectory)]), path_points(trajectory)[[0, -1]].tolist()
@@ -83,7 +88,7 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
     columns = min(COLUMNS, len(trace.criteria))
     rows = math.ceil(len(trace.criteria) / columns)
     height = np.clip(MAP_WIDTH * view.height / view.width, 1.0, 2.0 * MAP_WIDTH) + WORDS
-    figure = new_figure(WIDTH * columns, height * rows + 0.35, layout="compressed")
+    figure = figure_for(ax, WIDTH * columns, height * rows + 0.35, layout="compressed")
     maps = figure.subplots(rows, columns, squeeze=False).ravel()
     handles: list[Handle] = []
     for place, axes in enumerate(maps):
@@ -112,11 +117,12 @@ def draw_where(problem: Problem, trajectory: Trajectory, *, name: str = "the tra
         whole_ticks(axes.yaxis, False)
     abreast = ENTRIES if columns > 1 else 1
     figure.legend(handles=handles, loc="outside lower center", ncols=abreast, fontsize=SMALL, frameon=False)
-    width, height = figure.get_size_inches()
-    figure.set_size_inches(width, height + LINE * (height_of(handles) / abreast + 1))
+    if isinstance(figure, Figure):
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height + LINE * (height_of(handles) / abreast + 1))
     title = f"Where along {name} each cost arises: dark is much"
     figure.suptitle(fill(title, TITLE_WIDTH * columns), fontsize=LARGE)
-    return figure
+    return whole(figure)
 
 
 def shown_along(trace: Trace, column: int) -> FloatArray:
@@ -148,7 +154,7 @@ def shown_along(trace: Trace, column: int) -> FloatArray:
     return number[owner]
 
 
-def _draw_shown(figure: Figure, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
+def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
     criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
     points = mapped_points(trajectory.model, trace.states)
     norm = Normalize(0.0, float(f"{shown.max(initial=0.0):.{DIGITS}g}") or 1.0)

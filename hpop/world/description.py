@@ -49,20 +49,29 @@ def describe(world: World) -> dict[str, Any]:
 
 def summary(world: World) -> str:
     """One line on a world: its size, what is in it, and where it comes from."""
+    said = facts(world)
+    size, source = said.pop("size"), said.pop("source", None)
+    cells = said.pop("cells", None)
+    parts = [size, *filter(None, [cells]), *(f"{name}: {count}" for name, count in said.items())]
+    return f"<World: {', '.join([*parts, *filter(None, [source])])}>"
+
+
+def facts(world: World) -> dict[str, str]:
+    """The size of a world, what is in it, and where it comes from, in words."""
     x0, y0, x1, y1 = world.bounds
-    parts = [f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"]
+    said = {"size": f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"}
     if world.raster is not None:
         rows, columns = world.raster.cells.shape
-        parts.append(f"{columns} x {rows} cells of {world.raster.resolution:g} m")
+        said["cells"] = f"{columns} x {rows} cells of {world.raster.resolution:g} m"
     content = world.content
     solids = world.ground.solids
     prisms = world.obstacles[: len(world.obstacles) - len(solids)]
     things = (prisms, solids, content.people, content.landmarks, content.zones)
     names = ("obstacles", "solids", "people", "landmarks", "zones")
-    parts += [f"{name}: {len(some)}" for name, some in zip(names, things, strict=True) if some]
+    said |= {name: str(len(some)) for name, some in zip(names, things, strict=True) if some}
     if world.source is not None:
-        parts.append(str(world.source["path"]))
-    return f"<World: {', '.join(parts)}>"
+        said["source"] = str(world.source["path"])
+    return said
 
 
 def build(description: Mapping[str, Any]) -> World:

@@ -26,6 +26,7 @@ from hpop.world.extent import check_area
 from hpop.world.field import Field
 from hpop.world.ground import WHOLE, Ground, Heights, union
 from hpop.world.planar import FreeSpace, without
+from hpop.world.presented import Presented
 from hpop.world.sampling import obstructed
 from hpop.world.shapes import Obstacle, Raster, check_heights, prisms_of
 from hpop.world.solids import MARGIN, Solid, check_solids
@@ -38,7 +39,7 @@ W = TypeVar("W", bound="World")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class World:
+class World(Presented):
     """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
     ground    obstacles, and the extent where the robot must stay: all that is solid
@@ -71,11 +72,6 @@ class World:
         if not all(area.is_empty for area in areas):
             check_joinable([*(o.polygon for o in self.obstacles), self.extent, *areas], "the world")
         object.__setattr__(self, "cache", Cache(beside=self.ground.cache))
-
-    def __repr__(self) -> str:
-        from hpop.world.description import summary
-
-        return summary(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields without what was derived from them."""

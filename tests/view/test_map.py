@@ -288,12 +288,6 @@ def test_legends_and_title_lie_outside_the_map_and_inside_the_page(problem, make
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
 
 
-def test_a_given_figure_is_drawn_on(problem, make_front):
-    figure = Figure(figsize=(9, 8))
-    assert draw_map(problem, make_front(problem), figure=figure) is figure
-    assert tuple(figure.get_size_inches()) == (9, 8)
-
-
 def test_wrong_names_and_rows_are_refused(problem, make_front):
     front = make_front(problem)
     with pytest.raises(UnknownColumnError, match="turns"):

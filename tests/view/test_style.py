@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hpop.view.style import new_figure, whole_ticks
+from hpop.view.canvas import new_figure
+from hpop.view.style import whole_ticks
 
 
 @pytest.mark.parametrize("limits", [(0.0, 2.14e-5), (-3e-7, 2e-7), (0.0, 8e6), (0.01319, 0.013206), (1e6, 1e6 + 2)])
