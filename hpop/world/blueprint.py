@@ -30,6 +30,8 @@ LINE = 5
 """Pixels that the tallest letter of a word has, at least."""
 WORD = 3
 """Letters of a word, at least."""
+SPARE = 2.0
+"""How much larger than the largest letter found is proposed, where nothing else is of that size."""
 MOST_SPECKS = 20_000
 """Specks among which lettering is looked for; more are noise."""
 LABELS = 8
@@ -51,17 +53,24 @@ class Specks(NamedTuple):
     boxes: IntArray
 
 
-def without_specks(cells: BoolArray, resolution: float, smallest: float) -> tuple[BoolArray, str]:
-    """Cells without obstacles that cover less than ``smallest`` (m²), and a note on what was left out."""
+def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
+    """Cells without obstacles that cover less than ``smallest`` (m²), and a note on what is left out and what stays."""
+    cells, square = raster.cells, raster.resolution**2
     labels, count = _numbered(cells, _ROUND)
     area = _areas(labels, count)
-    small = area * resolution**2 < smallest
+    small = area * square < smallest
     small[0] = False
-    if not small.any():
-        return cells, f"no obstacle is smaller than {smallest:g} m²; none is left out"
-    largest, whole = (f"{n * resolution**2:.3g} m²" for n in (area[small].max(), area[small].sum()))
-    note = f"{np.count_nonzero(small):,} obstacles smaller than {smallest:g} m² are left out, {whole} in all"
-    return cells & ~small[labels], f"{note}, the largest {largest}"
+    left = np.count_nonzero(small)
+    note = f"{left:,} obstacles smaller than {smallest:g} m² are left out"
+    if left:
+        note += f", {area[small].sum() * square:.3g} m² in all, the largest {area[small].max() * square:.3g} m²"
+    others = np.flatnonzero(~small)[1:]
+    stay = []
+    for number in others[np.argsort(area[others], kind="stable")][:TOLD].tolist():
+        r0, c0, r1, c1 = _box(labels == number)
+        x, y = raster.to_world((c0 + c1) / 2, (r0 + r1) / 2)
+        stay.append(f"{area[number] * square:.3g} m² at ({x:.2f}, {y:.2f})")
+    return cells & ~small[labels], f"{note}; the smallest that stay are {', '.join(stay)}" if stay else note
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
@@ -148,6 +157,8 @@ def lettering(raster: Raster) -> Iterator[str]:
         return
     largest = int(some.area[letters].max())
     others = np.count_nonzero(area <= largest) - letters.size
+    if np.count_nonzero(area <= SPARE * largest) - letters.size == others:  # letters that touch count as one
+        largest = math.floor(SPARE * largest)
     places = []
     for word in words[:TOLD]:
         r0, c0 = some.boxes[word, :2].min(axis=0).tolist()

@@ -89,10 +89,9 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
     union = shapely.union_all(solid)
     counted = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
     size = f"{len(starts) - 1:,} lines and fills of {width:.4g} x {height:.4g} m"
-    notes = [
-        f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(counted)}; layers chooses some",
-        left,
-    ]
+    notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(counted)}", left]
+    if asked.layers is None:
+        notes.append("layers chooses which are read; doors that are drawn as lines are closed, so leave out theirs")
     extent = shapely.box(*union.bounds)
     if asked.inside is None:
         ground = Ground(tuple(Obstacle(part) for part in shapely.get_parts(union).tolist()), extent=extent)

@@ -90,7 +90,7 @@ def read(
     del dark
     notes = [*blueprint.greys(shade[::-1], raster.cells, float(threshold), raster)]
     if smallest_obstacle is not None:
-        cells, note = blueprint.without_specks(raster.cells, resolution, smallest_obstacle)
+        cells, note = blueprint.without_specks(raster, smallest_obstacle)
         raster, notes = replace(raster, cells=cells), [*notes, note]
     notes += blueprint.lettering(raster)
     if inside is not None:

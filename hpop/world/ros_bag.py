@@ -61,9 +61,10 @@ def read(
         raise MapError(f"{path}, topic {words['topic']}: {error}") from None
     unknown = (cells > FREE) & (cells < OCCUPIED) | (cells < 0)
     others = f"; other maps are on {', '.join(words['others'][:10])}" * bool(words["others"])
+    which = "the only" if words["messages"] == 1 else f"of {words['messages']:,} the last"
     note = (
-        f"{path}: the last of {words['messages']:,} on {words['topic']}{others}. {100 * unknown.mean():.3g} % of its "
-        f"cells are unknown and {'free' if unknown_is_free else 'obstacles'}."
+        f"{path}: {which} grid on {words['topic']}{others}. {100 * unknown.mean():.3g} % of its cells are unknown, and "
+        f"{'free' if unknown_is_free else 'obstacles'}."
     )
     options = {
         "topic": words["topic"],

@@ -67,8 +67,9 @@ def test_a_plan_in_millimetres_is_the_room_that_was_drawn(plan):
     solid = world.solid()
     assert shapely.symmetric_difference(solid, shapely.union_all([wall, inner, column, swing])).area < 0.02
     assert world.bounds == pytest.approx((-0.05, -0.05, 6.05, 4.05), abs=0.002)
-    units, what, left = world.notes
-    assert "drawn in millimetres" in units
+    units, what, left, doors = world.notes
+    assert "drawn in millimetres of 0.001 m by its header" in units
+    assert "doors that are drawn as lines are closed" in doors
     assert "5 lines and fills of 6 x 4 m; lines are walls 0.1 m thick" in what
     assert "WALLS (2)" in what
     assert "TEXT (1)" in left

@@ -140,10 +140,7 @@ def test_what_is_not_what_was_drawn_is_noted_with_its_place_and_the_way_out(tmp_
     assert lettered.any()
     assert "in 2 words at" in words
 
-    options = asked(grey, "threshold")
-    again = World.from_image(path, 1 / METRE, **options)  # letters are larger now: what is smooth counts
-    options |= asked(again.notes[-1], "smallest_obstacle")
-    mended = World.from_image(path, 1 / METRE, **options)
+    mended = World.from_image(path, 1 / METRE, **asked(grey, "threshold"), **asked(words, "smallest_obstacle"))
     assert (mended.raster.cells == solid).all()
     assert "left out" in mended.notes[-1]
 
@@ -176,7 +173,8 @@ def test_obstacles_smaller_than_asked_are_left_out_and_told(tmp_path):
     world = World.from_image(save(tmp_path, pixels), 0.5, smallest_obstacle=1.5)
     assert world.raster.cells.sum() == 9
     assert world.notes == (
-        f"{tmp_path / 'plan.png'}: 2 obstacles smaller than 1.5 m² are left out, 1.5 m² in all, the largest 1.25 m².",
+        f"{tmp_path / 'plan.png'}: 2 obstacles smaller than 1.5 m² are left out, 1.5 m² in all, the largest 1.25 m²; "
+        "the smallest that stay are 2.25 m² at (3.25, 6.75).",
     )
 
 

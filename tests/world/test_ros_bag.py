@@ -42,7 +42,7 @@ def test_the_map_is_that_which_map_saver_writes(tmp_path, storage):
         assert world.outside_is_obstacle == same.outside_is_obstacle
         again = World.from_description(json.loads(json.dumps(world.describe())))
         assert (again.raster.cells == world.raster.cells).all()
-    assert "the last of 2 on /map" in world.notes[0]
+    assert "of 2 the last grid on /map" in world.notes[0]
 
 
 def test_a_storage_file_alone_is_a_bag_and_a_scenario_names_its_topic(tmp_path):
