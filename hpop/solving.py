@@ -17,7 +17,7 @@ from hpop.front import Front
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
 from hpop.motion_table import MotionTable
-from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, staged, sweeps
+from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
 from hpop.planners.goals import check_goal
 from hpop.planners.needs import refuse_unsupported
 from hpop.registry import GROUPS
@@ -128,14 +128,9 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """What a planner finds, in stages if it has any; where an end cannot be used, the map's notes may say why."""
+    """What a planner finds, in stages; where an end cannot be used, the map's notes may say why."""
     try:
-        if staged(planner):
-            yield from planner.stages(problem, progress)
-        elif executor is not None and sweeps(planner):
-            yield planner.solve(problem, progress, executor=executor)
-        else:
-            yield planner.solve(problem, progress)
+        yield from stages_of(planner, problem, progress, executor)
     except QueryError as error:
         for note in problem.world.notes:
             error.add_note(f"{NOTE}{note}")

@@ -41,6 +41,7 @@ NOTHING_FOUND = 13
 # A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
 # nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
 SPIN = "20"
+COLLISIONS = "collisions are compiled first, once: some 20 seconds that no time limit covers"
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 
 
@@ -103,6 +104,9 @@ def plan(
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:
         echo(COMPILING.format(onset), err=True)
+    model, world = loaded.problem.model, loaded.problem.world
+    if "joints" in model.provides and getattr(model.collision(world), "is_uncompiled", False):
+        echo(COLLISIONS, err=True)
     with _executor(workers, dask) as executor, stopping_told():
         fronts = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]

@@ -116,7 +116,7 @@ class StagedPlanner(Planner, Protocol):
 
     ``stages`` gives the candidates of each stage in turn. Those before the last are UNFINISHED; the last are what
     ``solve`` finds, which may keep those before where it found not all. After Ctrl-C in a stage its candidates are
-    INTERRUPTED and no other stage follows.
+    INTERRUPTED and no other stage follows. Stages of a planner that sweeps take its executor as well.
     """
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]: ...
@@ -125,6 +125,19 @@ class StagedPlanner(Planner, Protocol):
 def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
     """Whether a planner has stages."""
     return callable(getattr(planner, "stages", None))
+
+
+def stages_of(
+    planner: Planner, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+) -> Iterator[Candidates]:
+    """What a planner finds, in stages if it has any, on an executor if it takes one."""
+    in_stages = staged(planner)
+    plan: Callable[..., Any] = planner.stages if in_stages else planner.solve  # type: ignore[attr-defined]
+    on_executor = {"executor": executor} if executor is not None and _takes_executor(plan) else {}
+    if in_stages:
+        yield from plan(problem, progress, **on_executor)
+    else:
+        yield plan(problem, progress, **on_executor)
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
@@ -164,7 +177,11 @@ def _driven(trajectory: Trajectory) -> tuple[Any, ...]:
 
 def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:
     """Whether a planner takes an executor."""
-    return "executor" in inspect.signature(planner.solve).parameters
+    return _takes_executor(planner.solve)
+
+
+def _takes_executor(plan: Callable[..., Any]) -> bool:
+    return "executor" in inspect.signature(plan).parameters
 
 
 def planner(name: str) -> Callable[[T], T]:

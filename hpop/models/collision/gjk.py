@@ -161,8 +161,10 @@ def distance(
     ----------
     pose : (3, 4) frame of b in that of a: rotation and translation
     direction : (3,) from b to a, to begin with, in the frame of a; left as that of the last step
-    simplex : (4, 3) scratch
+    simplex : (4, 3) or wider scratch; of six columns the last are left with the points of b, in its frame, that make
+        the nearest simplex, and its rows without a corner infinite there
     """
+    keeps = simplex.shape[1] == 6
     margin = bodies.ball[a] + bodies.ball[b]
     x, y, z = direction[0], direction[1], direction[2]
     if not x * x + y * y + z * z > 0.0:
@@ -193,12 +195,15 @@ def distance(
         if known:
             break
         simplex[size, 0], simplex[size, 1], simplex[size, 2] = wx, wy, wz
+        if keeps:
+            simplex[size, 3], simplex[size, 4], simplex[size, 5] = bx, by, bz
         x, y, z, corners = _on_simplex(simplex, size + 1)
         left, largest = 0, 0.0
         for i in range(size + 1):
             largest = max(largest, abs(simplex[i, 0]) + abs(simplex[i, 1]) + abs(simplex[i, 2]))
             if corners >> i & 1:
-                simplex[left, 0], simplex[left, 1], simplex[left, 2] = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+                for column in range(6 if keeps else 3):
+                    simplex[left, column] = simplex[i, column]
                 left += 1
         size = left
         length = math.sqrt(x * x + y * y + z * z)
@@ -212,4 +217,7 @@ def distance(
         upper = min(upper, max(0.0, length - margin))
         if upper < near or (upper < enough and lower >= suffices):
             break
+    if keeps:
+        for i in range(size, 4):
+            simplex[i, 3] = math.inf
     return lower, upper

@@ -76,6 +76,11 @@ class MobileCollision(Both):
     platform: tuple[Prism, ...]
     world: World
 
+    @property
+    def is_uncompiled(self) -> bool:
+        """Whether the first question takes longer, for kernels that are not compiled yet."""
+        return self.links.is_uncompiled
+
     def clearance(self, states: States) -> FloatArray:
         """Distance (N,), m, of the robot from what stands in the world: a lower bound, by a circle round the base."""
         x, y = np.asarray(states.x, float), np.asarray(states.y, float)

@@ -108,10 +108,13 @@ def measured(
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Bounds of the distance of a pair of bodies, from the direction (3,) that parted them last, or from 0."""
+    """Bounds of the distance of a pair of bodies, from the direction (3,) that parted them last, or from 0.
+
+    scratch is (7, 4), or (7, 6): then its last rows are left with the nearest simplex.
+    """
     a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
     first, second = poses[scene.frames[a]], poses[scene.frames[b]]
-    pose, simplex = scratch[:3], scratch[3:, :3]
+    pose, simplex = scratch[:3], scratch[3:]
     _relative(first, second, pose)
     if direction[0] == 0.0 and direction[1] == 0.0 and direction[2] == 0.0:
         x, y, z = centres[a, 0] - centres[b, 0], centres[a, 1] - centres[b, 1], centres[a, 2] - centres[b, 2]

@@ -84,6 +84,14 @@ class ArmCollision:
         """The same with what is out of reach, without own links: what clearance is of."""
         return paired(self._scene, [*self._outer_pairs()])
 
+    @property
+    def is_uncompiled(self) -> bool:
+        """Whether the first question takes some 20 s more, for kernels that are not compiled yet."""
+        from hpop.compiled import is_kept
+        from hpop.models.serial_arm.certificate import blocked_by
+
+        return not is_kept(blocked_by)
+
     def states_free(self, states: States) -> BoolArray:
         """Whether the arm is free in each state (N,)."""
         rows = self._rows(states)

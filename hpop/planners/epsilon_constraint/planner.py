@@ -103,6 +103,8 @@ class EpsilonConstraint:
         roles = Roles.of(objectives.optimised, self.minimise, problem)
         limits = roles.limits(self.epsilon or {}, problem)
         warm = warm_starts(self, problem, progress, executor)
+        if warm.interrupted is not None:
+            return warm.interrupted
         polylines, costs, dropped = warm.polylines(problem, roles.criteria)
         known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
         run = _GridRun(

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.front import Front
 from hpop.motions import HOLD
-from hpop.planners.base import Planner, make_planner, sweeps
+from hpop.planners.base import Candidates, Planner, joined, make_planner, stages_of, sweeps
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
@@ -45,13 +46,15 @@ class Starting(Protocol):
 class WarmStarts(NamedTuple):
     """What is known: moves and turns in place from start to goal.
 
-    status  how the planner ended that found them
-    notes   what the user should know of them
+    status       how the planner ended that found them
+    notes        what the user should know of them
+    interrupted  what an interrupted planner found, of which nothing goes on: it is kept instead
     """
 
     trajectories: Sequence[Trajectory]
     status: Status
     notes: tuple[str, ...]
+    interrupted: Candidates | None = None
 
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
@@ -80,43 +83,76 @@ def check_warm_start(starting: Starting) -> None:
 def warm_starts(
     starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
 ) -> WarmStarts:
-    """The trajectories that a planner starts from, curves replaced by polylines; see :func:`known_trajectories`."""
-    known = known_trajectories(starting, problem, progress, executor)
-    straight, curves = straightened(known.trajectories, problem)
-    return WarmStarts(straight, known.status, (*known.notes, *curves))
-
-
-def known_trajectories(
-    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
-) -> WarmStarts:
-    """The trajectories that a planner starts from, as they are.
+    """The trajectories that a planner starts from, curves replaced by polylines.
 
     Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
     the problem's model. Holds are left out: no planner moves them.
 
     Raises OptionError for trajectories of another model, and what the planner raises.
     """
-    spec, status, notes = starting.warm_start, Status.COMPLETE, list[str]()
-    if isinstance(spec, str | Mapping):
-        planner = warm_planner(starting, time_limit=starting.time_limit)
-        refuse_unsupported(planner, problem.model)
-        on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
-        found = planner.solve(problem, progress, **on_executor)
-        status = found.status
-        stopped = status is Status.INTERRUPTED  # nothing goes on from what was found until then
-        given: Sequence[Trajectory] = () if stopped or not found.trajectories else problem.front(found).trajectories
-        if not given:
-            notes += [f"no warm start: {status}", *found.notes]
-        elif not status.is_final:
-            notes.append(f"the warm starts are not all there are: {status}")
+    planner = _planner_of(starting, problem)
+    if planner is None:
+        known = _given(starting, problem)
     else:
-        given = spec.trajectories if isinstance(spec, Front) else spec
-        if any(trajectory.model != problem.model for trajectory in given):
-            raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
+        on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
+        known = _planned(planner.solve(problem, progress, **on_executor), problem)
+    straight, curves = straightened(known.trajectories, problem)
+    return known._replace(trajectories=straight, notes=(*known.notes, *curves))
+
+
+def known_trajectories(
+    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+) -> Generator[Candidates, None, WarmStarts]:
+    """The same as they are, curves too, returned after what each stage of their planner but the last finds."""
+    planner = _planner_of(starting, problem)
+    if planner is None:
+        return _given(starting, problem)
+    found: Candidates | None = None
+    for now in stages_of(planner, problem, progress, executor):
+        if now.status is Status.UNFINISHED:
+            yield now
+        found = now if now.status.is_final else joined(found, now)
+    assert found is not None  # a planner has at least one stage
+    return _planned(found, problem)
+
+
+def _planner_of(starting: Starting, problem: Problem) -> Planner | None:
+    """The planner of the warm starts, if they are not given."""
+    if not isinstance(starting.warm_start, str | Mapping):
+        return None
+    planner = warm_planner(starting, time_limit=starting.time_limit)
+    refuse_unsupported(planner, problem.model)
+    return planner
+
+
+def _given(starting: Starting, problem: Problem) -> WarmStarts:
+    spec = starting.warm_start
+    given = spec.trajectories if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
+    if any(trajectory.model != problem.model for trajectory in given):
+        raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
+    return _moving(given, Status.COMPLETE, ())
+
+
+def _planned(found: Candidates, problem: Problem) -> WarmStarts:
+    """What a planner found, to go on from unless it was interrupted."""
+    status = found.status
+    if status is Status.INTERRUPTED:
+        note = (
+            f"{status}: the {len(found.trajectories)} warm starts found until then are kept, nothing goes on from them"
+        )
+        return WarmStarts((), status, (), replace(found, notes=(note, *found.notes)))
+    given: Sequence[Trajectory] = problem.front(found).trajectories if found.trajectories else ()
+    if not given:
+        return WarmStarts((), status, (f"no warm start: {status}", *found.notes))
+    return _moving(given, status, () if status.is_final else (f"the warm starts are not all there are: {status}",))
+
+
+def _moving(given: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:
+    """Trajectories without their holds, which a note tells of."""
     if holds := sum(HOLD.kind in trajectory.kinds for trajectory in given):
-        notes.append(f"{holds} of the warm starts hold on their way: nobody stands still in what starts from them")
-        given = [trajectory.without_holds() for trajectory in given]
-    return WarmStarts(given, status, tuple(notes))
+        note = f"{holds} of the warm starts hold on their way: nobody stands still in what starts from them"
+        return WarmStarts([trajectory.without_holds() for trajectory in given], status, (*notes, note))
+    return WarmStarts(given, status, notes)
 
 
 def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Planner:

@@ -88,6 +88,8 @@ class Smoothing:
         place = None if self.minimise is None else minimised(self.minimise, criteria)
         job = SmoothingJob(problem, criteria, place, self.intervals)
         warm = warm_starts(self, problem, progress, executor)
+        if warm.interrupted is not None:
+            return warm.interrupted
         count = len(warm.trajectories)
 
         def report(done: Mapping[int, Outcome[Improved]]) -> None:

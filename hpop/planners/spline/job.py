@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
@@ -29,7 +30,18 @@ SHRINKS, GROWS = 0.35, 1.7  # where a step was too far, and where it was not
 STEPS = 30
 GAIN = 2e-3  # relative: of a step that is not worth another
 QUADRATURE = 0.01  # relative: costs on the nodes of a piece against those that are reported
+CUT_SHORT = "cut short"  # paths during which time was over
+NOTHING_LESS = "no step costs less than its path"
 SPREAD = 1e-2  # weight of the costs that are not minimised
+
+
+@dataclass(eq=False)
+class _Run:
+    """One path at work: the splines found, and the steps towards the next, all of them free."""
+
+    counts: Counter[str]
+    found: list[Improved] = field(default_factory=list)
+    steps: list[Knots] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +53,7 @@ class SplineJob:
     smooth    places of those that have gradients; the others come as they come
     minimise  place of the one that counts most; None: all alike, and from there on each by itself
     pieces    count of each spline, about
+    deadline  s, on the clock of :func:`time.time`, which processes share: no step begins later
     """
 
     problem: Problem
@@ -48,39 +61,80 @@ class SplineJob:
     smooth: tuple[int, ...]
     minimise: int | None
     pieces: int
+    deadline: float | None = None
     built: dict[str, Pieces] = field(default_factory=dict)
+    interrupted: list[tuple[Trajectory, Outcome[tuple[Improved, ...]]]] = field(default_factory=list)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "built": {}}
+        return {**self.__dict__, "built": {}, "interrupted": []}
 
     def solve(self, trajectory: Trajectory) -> Outcome[tuple[Improved, ...]]:
-        """The splines of one path; they depend on it alone."""
+        """The splines of one path; they depend on it alone, but where time ends.
+
+        Ctrl-C leaves those of the steps until then as ``interrupted``, and is raised.
+        """
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
+        run = _Run(counts)
         with ONE_PROGRAM:
             began = time.perf_counter()
-            if not self.built:
-                smooth = [self.criteria[j] for j in self.smooth]
-                self.built["pieces"] = Pieces(self.problem.world, self.problem.model, smooth).build()
-            seconds["build"] = time.perf_counter() - began
-            result = self._splined(trajectory, self.built["pieces"], counts)
+            try:
+                if not self.built:
+                    smooth = [self.criteria[j] for j in self.smooth]
+                    self.built["pieces"] = Pieces(self.problem.world, self.problem.model, smooth).build()
+                seconds["build"] = time.perf_counter() - began
+                result = self._splined(trajectory, self.built["pieces"], run)
+            except KeyboardInterrupt:
+                if run.found:
+                    self.interrupted.append((trajectory, Outcome.of(tuple(run.found), counts, seconds)))
+                raise
             seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
-    def _splined(self, path: Trajectory, pieces: Pieces, counts: Counter[str]) -> tuple[Improved, ...] | str:
+    def compile_kernels(self, trajectory: Trajectory) -> None:
+        """Compile what a step takes, or load it."""
+        self._collision.separations(trajectory.states.take([0]), APART)
+
+    def _splined(self, path: Trajectory, pieces: Pieces, run: _Run) -> tuple[Improved, ...] | str:
         if not path.duration:
             return "goes nowhere"
-        knots = Knots.along(path, pieces.law, self.pieces)
-        if not self._is_free(knots):
-            return "the spline through its knots cannot be proved to be free"
         (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
-        scale, found, reason = np.where(bounds > 1e-3, bounds, 1.0), list[Improved](), ""
+        reason = ""
+        for evenly in (False, True):  # from the path itself; else from a slower spline, which has more room to move
+            knots = Knots.along(path, pieces.law, self.pieces, evenly=evenly)
+            if not self._is_free(knots):
+                reason = "the spline through its knots cannot be proved to be free"
+            elif not (reason := self._from(knots, pieces, bounds, run)):
+                break
+        return tuple(run.found) or reason
+
+    def _from(self, knots: Knots, pieces: Pieces, bounds: FloatArray, run: _Run) -> str:
+        """Find a spline for each set of weights; why there is none, if there is none."""
+        scale, reason = np.where(bounds > 1e-3, bounds, 1.0), ""
         for weights in self._weights():
+            if self._is_late(run.counts):
+                return "" if run.found else reason or "no time was left"
             # Each goes on from the one before it: from all alike, mostly, which is near to any other.
-            knots = self._improved(knots, pieces, Aim(weights, bounds, scale), counts)
-            spline, worse = self._candidate(knots, pieces, bounds)
+            run.steps = [knots]
+            try:
+                for better in self._improved(knots, pieces, Aim(weights, bounds, scale), run.counts):
+                    run.steps.append(better)
+            finally:  # after Ctrl-C too: what is certified is kept
+                knots, worse = self._kept(run, pieces, bounds)
             reason = reason or worse
-            found += [] if worse else [spline]
-        return tuple(found) or reason
+        return "" if run.found else reason
+
+    def _kept(self, run: _Run, pieces: Pieces, bounds: FloatArray) -> tuple[Knots, str]:
+        """Keep the last of the steps, or the last that is no worse than the path; the last, and why it is not kept."""
+        last = run.steps[-1]
+        if len(run.steps) == 1 and not run.found:
+            return last, NOTHING_LESS
+        spline, reason = self._candidate(last, pieces, bounds)
+        within = [knots for knots in run.steps[1:-1] if (pieces.costs(knots) <= bounds).all()] if reason else []
+        if within:
+            spline, reason = self._candidate(within[-1], pieces, bounds)
+        if not reason:
+            run.found.append(spline)
+        return last, reason
 
     def _candidate(self, knots: Knots, pieces: Pieces, bounds: FloatArray) -> tuple[Improved, str]:
         """What a spline is planned to cost, and where it is worse than its path, in words."""
@@ -102,8 +156,8 @@ class SplineJob:
             return [alone[self.smooth.index(self.minimise)]]
         return [np.full(count, 1.0 / count), *(alone if count > 1 else [])]
 
-    def _improved(self, knots: Knots, pieces: Pieces, aim: Aim, counts: Counter[str]) -> Knots:
-        """The last of steps that each lower the merit and are free."""
+    def _improved(self, knots: Knots, pieces: Pieces, aim: Aim, counts: Counter[str]) -> Iterator[Knots]:
+        """Steps that each lower the merit and are free, until none gains much or time is over."""
         space = self.problem.model.space
         turning = np.array([name in space.turning for name in pieces.law.names])
         low, high = np.where(turning, -np.inf, space.low), np.where(turning, np.inf, space.high)
@@ -112,21 +166,32 @@ class SplineJob:
         for _ in range(STEPS):
             counts["steps"] += 1
             apart = self._collision.separations(self._states(knots, pieces.law), APART)
-            program = steps.of(knots, pieces.slopes(knots), apart, MARGIN, FRACTIONS)
+            program = steps.of(knots, aim, pieces.slopes(knots), apart, MARGIN, FRACTIONS)
             while True:
+                if self._is_late(counts):
+                    return
                 counts["programs"] += 1
-                further = self._moved(knots, program.within(distance, aim), pieces.law)
-                lower = np.inf if further is None else aim.merit(pieces.costs(further))
-                if further is not None and lower < merit and self._is_free(further):
-                    break
+                further = self._moved(knots, program.within(distance), pieces.law)
+                if further is not None:
+                    costs = pieces.costs(further)
+                    lower = aim.merit(costs)
+                    if lower < merit and self._is_free(further):
+                        break
                 distance *= SHRINKS
                 if distance < LAST:
-                    return knots
+                    return
             gain, knots, merit = merit - lower, further, lower
-            if gain < GAIN * merit and distance >= FIRST * SHRINKS:
-                return knots
+            yield knots
+            if gain < GAIN * merit and distance >= FIRST * SHRINKS and (costs <= aim.bounds).all():
+                return
             distance = min(MOST, distance * GROWS)
-        return knots
+
+    def _is_late(self, counts: Counter[str]) -> bool:
+        """Whether time is over; if so the path is counted."""
+        late = self.deadline is not None and time.time() > self.deadline
+        if late:
+            counts[CUT_SHORT] = 1
+        return late
 
     def _moved(self, knots: Knots, move: tuple[FloatArray, FloatArray] | None, law: SplineLaw) -> Knots | None:
         return None if move is None else knots.moved(*move, law)

@@ -22,7 +22,7 @@ from hpop.motions import Curve, Model, States, is_curve
 from hpop.trajectory import Trajectory
 
 LAW = "spline"
-LEAST_PIECES = 2  # of each motion from rest to rest that becomes a spline
+SHORT = 1e-6  # of a motion: a phase that lasts no longer has no piece of its own
 
 
 class SplineLaw(Curve, Protocol):
@@ -60,25 +60,26 @@ class Knots:
     duration: float
 
     @classmethod
-    def along(cls, trajectory: Trajectory, law: SplineLaw, count: int) -> Knots:
-        """Through what a trajectory passes, at its speeds there, at times spread over it, some in each motion.
+    def along(cls, trajectory: Trajectory, law: SplineLaw, count: int, *, evenly: bool = False) -> Knots:
+        """Through what a trajectory passes, at its speeds there, at times spread over the phases of its motions.
 
-        Motions straight in the joints stay so, and splines stay what they are; the duration is the least that the
-        limits allow.
+        Straight motions with even accelerations and splines stay what they are to the second, of others the way alone;
+        the duration is the least that the limits allow. ``evenly`` leaves the phases and takes halves of the motions.
         """
         lasts = trajectory.durations
         motions = np.flatnonzero(lasts > 0)
         goes_on = np.array([is_curve(trajectory.model.laws[trajectory.kinds[i]]) for i in motions])
-        least = np.where(goes_on, 1, LEAST_PIECES)
-        pieces = np.maximum(least, np.round(count * lasts[motions] / lasts.sum()).astype(np.int64))
-        shares = np.repeat(lasts[motions] / pieces, pieces) / lasts.sum()
+        phases = [np.full(2, 0.5 * lasts[i]) if evenly else _phases(trajectory, i) for i in motions.tolist()]
+        each = np.concatenate(phases)
+        pieces = np.maximum(1, np.round(count * each / lasts.sum()).astype(np.int64))
+        shares = np.repeat(each / pieces, pieces) / each.sum()
         times = np.concatenate([[0.0], np.cumsum(shares)]) * lasts.sum()
         times[-1] = trajectory.duration
         states, rates = trajectory.at(times), trajectory.rates(times)[0]
         values = np.stack([getattr(states, name) for name in law.names], axis=1)
         slopes = np.stack([np.broadcast_to(getattr(rates, name), times.shape) for name in law.names], axis=1)
         slopes = slopes * trajectory.duration
-        ends = np.concatenate([[0], np.cumsum(pieces)])
+        ends = np.concatenate([[0], np.cumsum(pieces)])[np.concatenate([[0], np.cumsum([len(one) for one in phases])])]
         slopes[ends[:-1][~goes_on]] = slopes[ends[1:][~goes_on]] = 0.0  # at rest
         return cls(values, slopes, shares, 0.0).quickest(law)
 
@@ -136,6 +137,14 @@ class Knots:
         return Trajectory(
             model, law.knots([*self.values.T], [*self.slopes.T / self.duration], clock), (LAW,) * self.shares.size
         )
+
+
+def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
+    """Seconds of the phases of a motion, those that last."""
+    start, end = (trajectory.states.take([place]) for place in (motion, motion + 1))
+    phases = trajectory.model.laws[trajectory.kinds[motion]].phases(start, end)
+    seconds = np.array([np.broadcast_to(phase.duration, 1)[0] for phase in phases])
+    return np.asarray(seconds[seconds > SHORT * seconds.sum()])
 
 
 def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -18,16 +19,17 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.programs.criteria import minimised
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome, Tally
-from hpop.planners.spline.job import SplineJob
+from hpop.planners.spending import Spending
+from hpop.planners.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.spline.pieces import Pieces
-from hpop.status import Budget, ProgressCallback, Status, Watch
+from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 NAME = "spline"
-COUNTED = ("steps", "programs")
+COUNTED = ("steps", "programs", CUT_SHORT)
 MOST_PIECES = 500
 
 
@@ -40,19 +42,20 @@ class Spline:
     minimise    name of the cost that is minimised; None makes a spline for all costs alike, each relative to the
                 path's, and from there on one for each cost by itself
     warm_start  what gives the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    time_limit  s      warm starts included; looked at between paths
+    time_limit  s      warm starts included, kernels compiled; looked at before each step
 
     Sequential linear programming: from the path itself, which may be a spline already, or else slowed down where cubics
     need it, knots and slopes are moved step by step, distances of bodies and costs replaced by their tangents; a step
     counts only if the costs, evaluated, are lower and the certificate of the collision model says that the spline is
-    free all along. So every step is a valid plan. What a limit or Ctrl-C leaves are the splines of the paths that are
-    done, and all paths.
+    free all along. So every step is a valid plan. A first answer are the paths, in the stages of their planner; what a
+    limit or Ctrl-C leaves at any moment are the splines certified until then, and all paths. (What workers have not
+    handed over is lost at Ctrl-C.)
 
     Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient on
     symbols; the others come as they come, with a note. Guarantees that every spline is free by certificate, keeps the
     limits of joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. A path
     that cannot be made a spline stays, and is counted; so does every path, as a spline may be worse in the other
-    criteria. Each spline is a local improvement, not proved to be an optimum. Cost: .1 to .5 s a spline of six joints.
+    criteria. Each spline is a local improvement, not proved to be an optimum. Cost: .1 to .5 s a spline.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})
@@ -69,6 +72,10 @@ class Spline:
         Budget(self.time_limit)
         check_warm_start(self)
 
+    def budget(self) -> Budget:
+        """Its limits."""
+        return Budget(self.time_limit)
+
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
@@ -77,7 +84,26 @@ class Spline:
         Raises UnsupportedCriterion where no criterion has a gradient, OptionError for a cost to minimise that is not
         among those that have one, and what the planner of the paths raises.
         """
-        watch = Watch(NAME, self.time_limit, progress)
+        found: Candidates | None = None
+        try:
+            for now in self.stages(problem, progress, executor):
+                found = now
+        except KeyboardInterrupt:
+            if found is None:
+                raise
+            found = replace(found, status=Status.INTERRUPTED)
+        assert found is not None  # there is at least one stage
+        return found
+
+    def stages(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Iterator[Candidates]:
+        """The paths as soon as there are some, in the stages of their planner; then splines more and more.
+
+        Ctrl-C or the time limit keeps the splines that are certified, of the path at work too, and all paths. Raises
+        as :meth:`solve` does.
+        """
+        spending = Spending(self.budget(), spent=problem.read_seconds)
         objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised
         with ONE_PROGRAM:
@@ -91,37 +117,88 @@ class Spline:
             )
         place = None if self.minimise is None else minimised(self.minimise, [criteria[j] for j in smooth])
         job = SplineJob(problem, criteria, smooth, place if place is None else smooth[place], self.pieces)
-        warm = known_trajectories(self, problem, progress, executor)
-        count = len(warm.trajectories)
-
-        def report(done: Mapping[int, Outcome[tuple[Improved, ...]]]) -> None:
-            watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
-
-        with Sweep(SplineJob.solve, job, executor) as sweep:
-            outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
-        left = [f"{ended}: {count - len(outcomes)} paths were not made splines"] * (len(outcomes) < count)
-        notes = (*objectives.notes, *rough, *warm.notes, *sweep.notes, *left)
-        found = _candidates(job, objectives, outcomes, warm, warm.ended(ended), notes)
-        stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
-        return replace(found, stats=stats)
+        warm = yield from known_trajectories(self, problem, progress, executor)
+        if warm.interrupted is not None:
+            yield warm.interrupted
+            return
+        notes = (*objectives.notes, *rough, *warm.notes)
+        yield from _SplineRun(job, objectives, warm, notes, spending, progress).stages(executor)
 
 
-def _candidates(
-    job: SplineJob,
-    objectives: Objectives,
-    outcomes: Mapping[int, Outcome[tuple[Improved, ...]]],
-    warm: WarmStarts,
-    status: Status,
-    notes: Sequence[str],
-) -> Candidates:
-    """Splines and paths, judged once more, with everything that went wrong."""
-    tally, criteria = Tally.of(outcomes.values()), job.criteria
-    splines = [(place, one) for place, outcome in outcomes.items() for one in outcome.found or ()]
-    paths = list(warm.trajectories)
-    costs = trajectory_costs(criteria, paths, job.problem.world).reshape(-1, len(criteria))
-    quanta = np.array([criterion.quantum for criterion in criteria])
-    kept = trusted(
-        Candidates(
+@dataclass(eq=False)
+class _SplineRun:
+    """One run of the planner: its paths, and what became of some of them."""
+
+    job: SplineJob
+    objectives: Objectives
+    warm: WarmStarts
+    notes: Sequence[str]
+    spending: Spending
+    progress: ProgressCallback | None
+    outcomes: dict[int, Outcome[tuple[Improved, ...]]] = field(default_factory=dict)
+
+    def stages(self, executor: Executor | None) -> Iterator[Candidates]:
+        """The paths, then splines of some of them, of half as many more each time; at last of all."""
+        paths, status, stage = list(self.warm.trajectories), Status.COMPLETE, 0
+        with Sweep(SplineJob.solve, replace(self.job, deadline=self._deadline()), executor) as sweep:
+            try:
+                done = sweep.run(paths, self._is_late)
+                while len(self.outcomes) < len(paths):
+                    if len(self.outcomes) == stage:
+                        with self.spending.paused():
+                            yield self._candidates(Status.UNFINISHED, ())
+                        stage += max(1, stage // 2)
+                    self._report()
+                    place, outcome = next(done, (None, None))
+                    if place is None or outcome is None:
+                        status = Status.TIME_LIMIT
+                        break
+                    self.outcomes[place] = outcome
+            except KeyboardInterrupt:
+                status = Status.INTERRUPTED
+            for path, outcome in sweep.shared.interrupted:
+                self.outcomes[next(i for i, one in enumerate(paths) if one is path)] = outcome
+        if status is Status.COMPLETE and any(CUT_SHORT in outcome.counts for outcome in self.outcomes.values()):
+            status = Status.TIME_LIMIT
+        yield self._judged(self.warm.ended(status), sweep.notes)
+
+    def _deadline(self) -> float | None:
+        """When time is over, on the clock of :func:`time.time`; what is compiled for the first step is not charged."""
+        limit = self.spending.budget.time_limit
+        if limit is None or not len(self.warm.trajectories):
+            return None
+        self.job.compile_kernels(self.warm.trajectories[0])
+        return time.time() + limit - self.spending.seconds()
+
+    def _is_late(self) -> bool:
+        limit = self.spending.budget.time_limit
+        return limit is not None and self.spending.seconds() > limit
+
+    def _report(self) -> None:
+        if self.progress is not None:
+            done, found = len(self.outcomes), sum(one.found is not None for one in self.outcomes.values())
+            left = len(self.warm.trajectories) - done
+            self.progress(Progress(NAME, done, left, found, seconds=self.spending.seconds()))
+
+    def _judged(self, status: Status, notes: Sequence[str]) -> Candidates:
+        """Splines and paths of the last stage, judged once more."""
+        left = len(self.warm.trajectories) - len(self.outcomes)
+        said = [f"{status}: {left} paths were not made splines"] * bool(left)
+        kept = trusted(self._candidates(status, (*notes, *said)), self.job.problem, NAME)
+        return replace(kept, stats={**kept.stats, "seconds": self.spending.seconds()})
+
+    def _candidates(self, status: Status, notes: Sequence[str]) -> Candidates:
+        """Splines and paths, with everything that went wrong."""
+        job, criteria = self.job, self.job.criteria
+        outcomes = dict(sorted(self.outcomes.items()))
+        tally = Tally.of(outcomes.values())
+        splines = [(place, one) for place, outcome in outcomes.items() for one in outcome.found or ()]
+        paths = list(self.warm.trajectories)
+        costs = trajectory_costs(criteria, paths, job.problem.world).reshape(-1, len(criteria))
+        quanta = np.array([criterion.quantum for criterion in criteria])
+        names = ", ".join(criteria[j].name for j in job.smooth)
+        left = len(paths) - len(outcomes)
+        return Candidates(
             objectives=criteria,
             trajectories=(*(one.trajectory for _, one in splines), *paths),
             planned=np.array([*(one.planned for _, one in splines), *costs]).reshape(-1, len(criteria)),
@@ -129,23 +206,19 @@ def _candidates(
                 -1, len(criteria)
             ),
             status=status,
-            certificate="",
+            certificate=(
+                f"spline: {len(splines)} splines, each proved free of collisions and no worse than its path in "
+                f"({names}), and the {len(paths)} paths{f', {left} of them not smoothed yet' if left else ''}; local "
+                f"improvements, not proved to be optimal{self.objectives.certificate}"
+            ),
             provenance=(
                 *({"planner": NAME, **one.provenance, "warm_start": place} for place, one in splines),
                 *({"planner": NAME, "pieces": 0, "warm_start": place} for place in range(len(paths))),
             ),
-            notes=(*notes, *(f"{line} (the path stays)" for line in tally.notes("paths"))),
-            filters=objectives.filters,
-            stats={name: tally.counts[name] for name in COUNTED} | {"splines": len(splines)} | tally.stats,
-        ),
-        job.problem,
-        NAME,
-    )
-    names = ", ".join(criteria[j].name for j in job.smooth)
-    return replace(
-        kept,
-        certificate=(
-            f"spline: {len(splines)} splines, each proved free of collisions and no worse than its path in ({names}), "
-            f"and the {len(paths)} paths; local improvements, not proved to be optimal{objectives.certificate}"
-        ),
-    )
+            notes=(*self.notes, *notes, *(f"{line} (the path stays)" for line in tally.notes("paths"))),
+            filters=self.objectives.filters,
+            stats={"planner": NAME, "warm_starts": len(paths)}
+            | {name: tally.counts[name] for name in COUNTED}
+            | {"splines": len(splines)}
+            | tally.stats,
+        )

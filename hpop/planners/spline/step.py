@@ -7,18 +7,23 @@ are kept by any step, since they are linear in knots and slopes or lie above the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions import Separations
 from hpop.planners.spline.knots import Knots, SplineLaw, hermite
 from hpop.planners.spline.pieces import Slopes
 
 PENALTY = 10.0  # of a cost beyond its bound, in shares of the bound: more than any sum of shares gains
 FASTER = 4.0  # by so many times the distance a slope may change, as a share of the greatest
+LIKELY = 0.05  # rows that so small a share of all that is believed might break are in a program from the beginning
+BROKEN = 1e-7  # m, or what else bounds a row: no more is overlooked
+SOLVER = {"output_flag": False, "solver": "simplex", "presolve": "off", "parallel": "off"}
 
 
 class Aim(NamedTuple):
@@ -65,7 +70,9 @@ class Steps:
         knots[1:-1] = np.arange((count - 1) * 2 * n).reshape(count - 1, 2 * n)
         return np.column_stack([knots[:-1], knots[1:], np.full(count, self.size - 1)])
 
-    def of(self, knots: Knots, slopes: Slopes, apart: Separations, margin: float, fractions: FloatArray) -> Step:
+    def of(
+        self, knots: Knots, aim: Aim, slopes: Slopes, apart: Separations, margin: float, fractions: FloatArray
+    ) -> Step:
         """The programs round one spline.
 
         Parameters
@@ -81,7 +88,7 @@ class Steps:
             moves = self.places >= 0
             np.add.at(gradients[j], self.places[moves], slopes.gradients[j][moves])
         matrix = sparse.vstack([row.matrix for row in rows]).tocsr()
-        return Step(self, knots, slopes.costs, gradients, matrix, np.concatenate([row.bounds for row in rows]))
+        return Step(self, knots, aim, slopes.costs, gradients, matrix, np.concatenate([row.bounds for row in rows]))
 
     def _limits(self, knots: Knots) -> list[Rows]:
         """Speeds, accelerations and joint limits: of control points, which hold each piece."""
@@ -138,46 +145,81 @@ class Steps:
         return sparse.csr_array((entries[row, column], (row, places[row, column])), shape=(len(entries), self.size))
 
 
-class Step(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Step:
     """The programs round one spline: the same but for how far is believed.
 
     costs      (k,)
     gradients  (k, V)  by the variables
     matrix     (R, V)  of the rows
     bounds     (R,)    of them, none negative: no step at all keeps them
+
+    Few rows bind. So a program begins with those that are nearest to it, and what its solution breaks is added until
+    it breaks nothing; the solver goes on from the basis that it has, also where less is believed.
     """
 
     steps: Steps
     knots: Knots
+    aim: Aim
     costs: FloatArray
     gradients: FloatArray
     matrix: Any
     bounds: FloatArray
 
-    def within(self, distance: float, aim: Aim) -> tuple[FloatArray, FloatArray] | None:
+    @cached_property
+    def _sizes(self) -> Any:
+        return abs(self.matrix)
+
+    @cached_property
+    def _solver(self) -> Any:
+        """The program with the rows of the costs alone."""
+        highspy: Any = import_module("highspy")  # on first use
+        solver = highspy.Highs()
+        for option, value in SOLVER.items():
+            solver.setOptionValue(option, value)
+        aim, count = self.aim, len(self.gradients)
+        for weight in (aim.weights / aim.scale) @ self.gradients:
+            solver.addCol(weight, 0.0, 0.0, 0, [], [])
+        for _ in range(count):
+            solver.addCol(PENALTY, 0.0, np.inf, 0, [], [])
+        _add(solver, np.hstack([self.gradients, -np.diag(aim.scale)]), aim.bounds - self.costs)
+        return solver
+
+    @cached_property
+    def _taken(self) -> BoolArray:
+        """Rows (R,) that the solver has."""
+        return np.zeros(self.bounds.size, dtype=bool)
+
+    def within(self, distance: float) -> tuple[FloatArray, FloatArray] | None:
         """By how much the knots and their slopes move, (N - 1, n) each, joints by a distance at most, rad or m.
 
         None where the solver fails.
         """
-        from scipy import optimize, sparse  # on first use
-
-        linprog: Any = optimize.linprog  # whose stubs know no sparse matrices
-
-        steps, knots, k = self.steps, self.knots, self.costs.size
+        steps, knots, solver, taken = self.steps, self.knots, self._solver, self._taken
         inner, n = knots.shares.size - 1, steps.joints
         sloped = FASTER * distance * steps.speeds * knots.duration
         reach = np.append(np.tile(np.concatenate([np.full(n, distance), sloped]), inner), distance * knots.duration)
-        some = abs(self.matrix) @ reach > self.bounds  # the others cannot bind
-        excess = sparse.csr_array((int(some.sum()), k))
-        costly = sparse.csr_array(np.hstack([self.gradients, -np.diag(aim.scale)]))
-        found = linprog(
-            np.concatenate([(aim.weights / aim.scale) @ self.gradients, np.full(k, PENALTY)]),
-            A_ub=sparse.vstack([sparse.hstack([self.matrix[some], excess]), costly]).tocsc(),
-            b_ub=np.concatenate([self.bounds[some], aim.bounds - self.costs]),
-            bounds=np.concatenate([np.stack([-reach, reach], axis=1), np.tile([0.0, np.inf], (k, 1))]),
-            method="highs-ds",
-        )
-        if found.x is None:
-            return None
-        moved = found.x[: inner * 2 * n].reshape(inner, 2 * n)
+        solver.changeColsBounds(reach.size, np.arange(reach.size, dtype=np.int32), -reach, reach)
+        more = ~taken & (self._sizes @ reach * LIKELY > self.bounds)
+        while True:
+            if more.any():
+                _add(solver, self.matrix[more], self.bounds[more])
+                taken |= more
+            solver.run()
+            if solver.modelStatusToString(solver.getModelStatus()) != "Optimal":
+                return None
+            found = np.array(solver.getSolution().col_value)[: reach.size]
+            more = ~taken & (self.matrix @ found > self.bounds + BROKEN)
+            if not more.any():
+                break
+        moved = found[:-1].reshape(inner, 2 * n)
         return moved[:, :n], moved[:, n:]
+
+
+def _add(solver: Any, matrix: Any, bounds: FloatArray) -> None:
+    """Add rows, matrix x <= bounds, to a program."""
+    from scipy import sparse  # on first use
+
+    rows = sparse.csr_array(matrix)
+    first, columns = rows.indptr[:-1].astype(np.int32), rows.indices.astype(np.int32)
+    solver.addRows(bounds.size, np.full(bounds.size, -np.inf), bounds, rows.nnz, first, columns, rows.data)

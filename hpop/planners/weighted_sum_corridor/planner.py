@@ -91,6 +91,8 @@ class WeightedSumCorridor:
         run = _CorridorRun(problem, objectives, self, _convex(objectives, problem))
         shared = run.shared()
         warm = warm_starts(self, problem, progress, executor)
+        if warm.interrupted is not None:
+            return warm.interrupted
         run.notes += warm.notes
         run.learn(warm)
         count = len(run.corridors)

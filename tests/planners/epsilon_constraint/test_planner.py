@@ -244,12 +244,17 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
     assert re.fullmatch(r"interrupted: [0-9]+ bounds were not tried", note)
 
 
-def test_ctrl_c_in_the_warm_starts_ends_the_plan(monkeypatch):
+def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
     first = Lattice(step=1.0).solve(PAPER)
     stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
     candidates = EpsilonConstraint(step=1.0).solve(PAPER)
-    assert (candidates.status, candidates.stats["tried"]) == (Status.INTERRUPTED, 0)
+    assert candidates.status is Status.INTERRUPTED
+    assert candidates.trajectories == first.trajectories
+    kept = (
+        f"interrupted: the {len(first.trajectories)} warm starts found until then are kept, nothing goes on from them"
+    )
+    assert kept in candidates.notes
 
 
 def test_warm_starts_that_are_not_all_are_said(monkeypatch):

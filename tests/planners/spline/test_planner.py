@@ -1,5 +1,7 @@
 """Splines of a small arm before a shelf: proved free by two codes, no worse than their paths, costs as planned."""
 
+import signal
+
 import numpy as np
 import pytest
 import shapely
@@ -127,10 +129,10 @@ def test_steps_keep_limits_and_gradients_are_those_of_the_costs(arm, world, path
     apart = collision.separations(States(**dict(zip(law.names, rows.T, strict=True))), 0.15)
     slopes = pieces.slopes(knots)
     steps = Steps(knots.shares, law, np.array(arm.space.low), np.array(arm.space.high))
-    program = steps.of(knots, slopes, apart, 0.004, FRACTIONS)
     aim = Aim(np.array([0.0, 1.0, 0.0]), slopes.costs, slopes.costs)
+    program = steps.of(knots, aim, slopes, apart, 0.004, FRACTIONS)
     for distance in (0.02, 0.2, 0.6):
-        move = program.within(distance, aim)
+        move = program.within(distance)
         assert np.abs(move[0]).max() <= distance + 1e-9
         assert knots.moved(*move, law).duration <= knots.duration * (1.0 + distance) + 1e-9
         assert knots.moved(*move, law).within(np.array(arm.space.low) - 1e-9, np.array(arm.space.high) + 1e-9)
@@ -181,7 +183,7 @@ def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
     found = make_planner({"spline": {"warm_start": [path], "pieces": 3}}).solve(problem)
     assert [trajectory.kinds for trajectory in found.trajectories] == [("reach",)]
     assert [note for note in found.notes if "the path stays" in note] == [
-        "1 paths without a candidate: no better than its path in duration (the path stays)"
+        "1 paths without a candidate: no step costs less than its path (the path stays)"
     ]
 
 
@@ -201,6 +203,79 @@ def test_a_worker_does_the_same(arm, world, paths):
     job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2)
     here, there = (one.solve(paths[0]).found for one in (job, pickle.loads(pickle.dumps(job))))
     np.testing.assert_array_equal(*([one.planned for one in splines] for splines in (here, there)))
+
+
+def test_knots_where_phases_end_leave_a_path_as_it_is(arm, world, paths):
+    law = arm.laws["spline"]
+    for count in (2, 12):
+        knots = Knots.along(paths[0], law, count)
+        assert knots.duration == pytest.approx(paths[0].duration, rel=1e-12)
+        spline, moments = knots.trajectory(arm, law), np.linspace(0.0, paths[0].duration, 50)
+        for name in arm.space.names:
+            np.testing.assert_allclose(
+                getattr(spline.at(moments), name), getattr(paths[0].at(moments), name), atol=1e-9
+            )
+
+
+def interrupted_at(number, monkeypatch):
+    """Ctrl-C as the nth step of sequential programming begins."""
+    of, calls = Steps.of, []
+
+    def interrupting(steps, *arguments):
+        calls.append(steps)
+        if len(calls) == number:
+            signal.raise_signal(signal.SIGINT)
+        return of(steps, *arguments)
+
+    monkeypatch.setattr(Steps, "of", interrupting)
+
+
+def test_ctrl_c_between_two_steps_keeps_what_they_certified(arm, world, paths, monkeypatch):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    planner = make_planner({"spline": {"warm_start": [paths[0], paths[0]], "pieces": 2, "minimise": "duration"}})
+    interrupted_at(4, monkeypatch)
+    found = planner.solve(problem)
+    spline, *stay = found.trajectories
+    assert found.status is Status.INTERRUPTED
+    assert stay == [paths[0], paths[0]]
+    assert spline.duration < paths[0].duration
+    assert all(arm.judge(world).motions_free(m).all() for _, m in spline.batches(world))
+    assert "and the 2 paths, 1 of them not smoothed" in found.certificate
+
+
+def test_the_paths_are_the_first_answer_and_splines_follow(arm, world, paths):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    planner = make_planner({"spline": {"warm_start": [paths[0]] * 2, "pieces": 2, "minimise": "duration"}})
+    first, second, last = planner.stages(problem)
+    assert [one.status for one in (first, second, last)] == [Status.UNFINISHED, Status.UNFINISHED, Status.COMPLETE]
+    assert first.trajectories == (paths[0], paths[0])
+    assert [len(one.trajectories) for one in (second, last)] == [3, 4]
+
+
+def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=0.0)
+    outcome = job.solve(paths[0])
+    assert (outcome.found, outcome.reason, outcome.counts["programs"]) == (None, "no time was left", 0)
+    found = make_planner({"spline": {"warm_start": [paths[0]], "time_limit": 1e-9}}).solve(problem)
+    assert found.status is Status.TIME_LIMIT
+    assert found.trajectories == (paths[0],)
+
+
+@pytest.mark.parametrize("stage", ["checking", "graph"])
+def test_ctrl_c_while_the_roadmap_is_planned_keeps_what_it_found(stage, arm, world):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
+    seen = []
+
+    def stop(progress):
+        seen.append(progress.stage)
+        if seen.count("graph") == 2 and progress.stage == stage:
+            signal.raise_signal(signal.SIGINT)
+
+    front = problem.solve("spline", warm_start={"roadmap": {"samples": 20}}, progress=stop)
+    assert Status.INTERRUPTED in front.status
+    assert len(front)
+    assert not any("spline" in one.kinds for one in front.trajectories)
 
 
 def test_robots_without_splines_and_costs_without_gradients_are_refused(arm, world, paths):
