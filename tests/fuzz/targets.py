@@ -384,6 +384,17 @@ def show(rng: Rng, folder: Path) -> str:
     return command(["show", str(folder)])
 
 
+def pick(rng: Rng, folder: Path) -> str:
+    """A choice from a bent front, by what may be no name and no number, and the table of what is picked."""
+    tree = bent_tree(json.loads(saved_front()), rng) if rng.random() < 0.7 else json.loads(saved_front())
+    (folder / "front.json").write_bytes(_json(tree).encode("utf-8", "surrogatepass"))
+    named = [str(hostile(rng))[:200].replace("\0", "") if rng.random() < 0.3 else "length" for _ in range(2)]
+    number = str(hostile(rng))[:200].replace("\0", "") if rng.random() < 0.3 else "9"
+    way = (["--least", named[0]], ["--wish", f"{named[0]}={number}"], ["--row", number], ["--knee"])[rng.integers(4)]
+    among = ["--at-most", f"{named[1]}={number}"] if rng.random() < 0.5 else []
+    return command(["pick", str(folder), *way, *among, "--csv", str(folder / "camera.csv")])
+
+
 # Checkpoints
 
 
@@ -502,7 +513,8 @@ def graph(rng: Rng, folder: Path) -> str:
 
 def arguments(rng: Rng, folder: Path) -> str:
     """Commands with hostile arguments."""
-    words = ["plan", "show", "check", "criteria", "planners", "--out", "out", "--workers", "--import", "--checkpoint"]
+    words = ["plan", "show", "pick", "check", "criteria", "planners", "--out", "out", "--workers", "--import"]
+    words += ["--checkpoint", "--also", "--wish"]
     words += ["room.yaml", "--dask", "-h", "turns", "math:pi", "."]
     (folder / "room.yaml").write_text("world: {}\n")
     chosen = [str(words[rng.integers(len(words))]) for _ in range(int(rng.integers(1, 6)))]
@@ -531,6 +543,6 @@ def warm(folder: Path) -> None:
 
 EVERY: list[Attempt] = [
     *(geojson, ros_map, movingai, moveit_scene, image, dxf, pdf, ros_bag, arm, scenario, plan, front, show, checkpoint),
-    *(python, problem, graph, arguments),
+    *(pick, python, problem, graph, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
