@@ -85,9 +85,13 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
     if not solid:
         raise MapError(f"{path} has lines without length only; {left or nothing}.")
     limits.check(READING)
-    check_joinable(solid, f"{path}")
-    union = shapely.union_all(solid)
     counted = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
+    try:
+        check_joinable(solid, f"{path}")
+    except MapError as error:
+        raise MapError(f"{error} layers chooses which are read, such as those of walls: {said(counted)}.") from None
+    limits.check(READING)
+    union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
     size = f"{len(starts) - 1:,} lines and fills of {width:.4g} x {height:.4g} m"
     notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(counted)}", left]
     if asked.layers is None:

@@ -181,6 +181,18 @@ def test_what_would_grow_without_end_is_refused(monkeypatch):
         lines(nested)
 
 
+def test_more_crossings_than_a_plan_has_are_refused_with_the_layers(tmp_path):
+    def tiles(drawing):
+        for i in range(190):
+            for ends in (((0, i), (190, i)), ((i, 0), (i, 190))):
+                drawing.modelspace().add_line(*ends, dxfattribs={"layer": "FLOOR"})
+
+    path = tmp_path / "plan.dxf"
+    path.write_bytes(dxf(tiles))
+    with pytest.raises(MapError, match=r"outlines that cross .* layers chooses .*: FLOOR \(380\)"):
+        World.from_file(path)
+
+
 @pytest.mark.parametrize("number", ["1e300", "inf", "nan"])
 def test_coordinates_that_are_none_are_refused(number):
     data = dxf(lambda d: d.modelspace().add_circle((77.25, 0), 1)).replace(b"77.25", number.encode())
