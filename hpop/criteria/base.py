@@ -205,8 +205,11 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     """Costs (M,) of motions, checked: one finite number >= 0 a motion.
 
     Raises CriterionError that names the criterion, the kind of motion and the first wrong value; where somebody's
-    ``cost`` itself raises an error, one that says where, from that error.
+    ``cost`` itself raises an error, one that says where, from that error. Of no motions a criterion is not asked.
     """
+    if not len(motions):
+        check_requirements(criterion, motions.model, motions.world)
+        return np.zeros(0)
     return _checked(criterion, motions, len(motions), motions.kind)
 
 

@@ -25,6 +25,10 @@ KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thre
 MODES = ("trinary", "scale", "raw")
 MAX_YAML = 1_000_000
 """Largest yaml file, bytes: an image given by mistake is told apart from a map."""
+GREY = 205
+"""The byte that map_saver writes for an unknown cell, whatever the thresholds in its yaml file."""
+TELLS_GREY = 0.196
+"""The free_thresh that leaves it unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,7 @@ class OccupancyMap:
     resolution      float         m
     origin          (x, y, yaw)   m, m, rad
     contents        bytes of the yaml file and of the image
+    free_greys      cells that are free although map_saver writes their grey for unknown ones
     """
 
     occupied: BoolArray
@@ -42,6 +47,7 @@ class OccupancyMap:
     resolution: float
     origin: tuple[float, float, float]
     contents: tuple[bytes, bytes]
+    free_greys: int = 0
 
 
 def read(
@@ -52,6 +58,8 @@ def read(
     height: Heights | None = None,
 ) -> World:
     """Read a map_server yaml and its image as a `World` of cells.
+
+    A ``free_thresh`` that makes free what map_saver wrote as unknown is told in ``world.notes``.
 
     Parameters
     ----------
@@ -86,8 +94,20 @@ def read(
     }
     cells = grid.occupied if unknown_is_free else ~grid.free
     raster = Raster(cells, grid.resolution, grid.origin, *heights)
-    return World(Ground(raster=raster, outside_is_obstacle=not unknown_is_free), zone).read_from(
+    notes = () if unknown_is_free else _on_greys(grid, path)
+    return World(Ground(raster=raster, outside_is_obstacle=not unknown_is_free), zone, notes=notes).read_from(
         file_source("ros_map", path, options, *contents)
+    )
+
+
+def _on_greys(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
+    """A note on cells that were saved as unknown and are read as free, as of maps that Nav2 saved until 2025."""
+    if not grid.free_greys:
+        return ()
+    share = 100 * grid.free_greys / grid.free.size
+    return (
+        f"{path}: {share:.3g} % of its cells have the grey {GREY} that map_saver writes for unknown ones, and its "
+        f"free_thresh makes them free, as map_server has it. If they were never seen, write free_thresh: {TELLS_GREY}.",
     )
 
 
@@ -119,6 +139,7 @@ def load(path: str | Path) -> OccupancyMap:
     height, width = picture.height, picture.width
     check_span(height, width, resolution, path)
     occupied, free = np.empty((2, height, width), dtype=bool)
+    free_greys = 0
     for rows, colours, alpha in picture.blocks():
         occupied[rows], free[rows] = classify(
             colours,
@@ -128,7 +149,10 @@ def load(path: str | Path) -> OccupancyMap:
             occupied_thresh,
             free_thresh,
         )
-    return OccupancyMap(occupied[::-1], free[::-1], resolution, origin, (content, image))
+        if mode != "raw" and not negate:
+            greys = (np.round(255 * colours) == GREY).all(axis=-1)
+            free_greys += int((greys & free[rows]).sum())
+    return OccupancyMap(occupied[::-1], free[::-1], resolution, origin, (content, image), free_greys)
 
 
 def classify(

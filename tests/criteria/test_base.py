@@ -146,6 +146,12 @@ def test_costs_are_checked_and_the_criterion_named(cost, message):
         motion_costs(declared(), moves())
 
 
+@pytest.mark.parametrize("name", ["passing_distance", "optic_flow", "peak_optic_flow", "obstruction", "turns"])
+def test_no_motions_have_no_costs_whatever_a_criterion_makes_of_its_columns(name):
+    """A batch is empty where a start needs no joining to a lattice, or a goal no turn."""
+    assert motion_costs(make_criterion(name), moves(0)).shape == (0,)
+
+
 @pytest.mark.parametrize("aggregate", ["sum", "trajectory"])
 def test_an_error_in_cost_is_told_with_its_line_and_kept(aggregate):
     failing = type("Failing", (), {"cost": lambda self, m: m.nothing})

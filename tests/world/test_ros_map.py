@@ -90,6 +90,23 @@ def test_unknown_cells_are_obstacles_unless_asked_otherwise(tmp_path):
     assert (World.from_ros_map(path).outside_is_obstacle, free.outside_is_obstacle) == (True, False)
 
 
+def test_grey_that_a_threshold_makes_free_is_told_with_the_threshold_that_does_not(tmp_path):
+    """Nav2 wrote free_thresh 0.25 beside 205 for unknown (navigation2, pull request 5278): 1 - 205 / 255 = 0.196."""
+    image = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 205, 205, 204])
+    world = World.from_ros_map(write(tmp_path, image, free_thresh=0.25))
+    assert world.clearance(np.array([1.75]), np.array([2.75])) > 0  # free, as in map_server
+    (note,) = world.notes
+    assert "50 % of its cells have the grey 205" in note
+    corrected = float(note.partition("write free_thresh: ")[2].removesuffix("."))
+    assert World.from_ros_map(write(tmp_path, image, free_thresh=corrected)).notes == ()
+    assert load(tmp_path / "map.yaml").free.sum() == 1
+
+
+@pytest.mark.parametrize("said", [{"negate": 1}, {"mode": "raw"}])
+def test_grey_that_no_map_saver_writes_is_not_told(tmp_path, said):
+    assert World.from_ros_map(write(tmp_path, free_thresh=0.6, **said)).notes == ()
+
+
 def test_the_origin_turns_the_map_about_its_lower_left_corner(tmp_path):
     image = b"P5\n3 2\n255\n" + bytes([254, 254, 254, 254, 254, 0])  # lower right cell
     world = World.from_ros_map(write(tmp_path, image, origin="[1.0, 2.0, 1.5707963267948966]"))
