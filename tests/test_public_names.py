@@ -74,6 +74,12 @@ hpop.testing.check_model
 hpop.testing.check_planner
 hpop.trajectory.Trajectory
 hpop.verify
+hpop.view.draw_front
+hpop.view.draw_map
+hpop.view.draw_side
+hpop.view.draw_states
+hpop.view.draw_trace
+hpop.view.draw_where
 hpop.view.save_pictures
 hpop.world.Box
 hpop.world.Cylinder
