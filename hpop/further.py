@@ -34,7 +34,7 @@ def evaluated(
 ) -> Front:
     """A front with further criteria as reported columns; see :meth:`hpop.Problem.evaluate`."""
     _check_answers(problem, front)
-    known = claimable(problem) | {criterion.name: criterion for criterion in criteria_of(front)}
+    known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
     columns = front.names + front.reported_names
     wanted = made(problem, also, [criterion for name, criterion in known.items() if name in columns])
     if not wanted:

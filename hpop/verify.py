@@ -69,8 +69,8 @@ def _inside(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
-    """Criteria whose costs this front may hold: of its problem, and what was evaluated beside."""
-    return claimable(problem) | {criterion.name: criterion for criterion in criteria_of(front)}
+    """Criteria whose costs this front may hold: what was evaluated beside, and above all those of its problem."""
+    return {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:

@@ -136,6 +136,21 @@ def test_a_front_of_another_problem_is_refused(problem: hpop.Problem, front: hpo
         problem.evaluate([front])
 
 
+def test_a_further_criterion_does_not_take_the_place_of_one_that_was_asked_for(
+    problem: hpop.Problem, front: hpop.Front
+) -> None:
+    """Else a file could call an easier obstruction by the name of the one that its problem states."""
+    other = replace(problem, criteria=({"obstruction": {"radius": 1.0}}, "turns", "length"))
+    lesser = [other.evaluate(trajectory)["obstruction"] for trajectory in front.trajectories]
+    forged = replace(
+        front,
+        reported=np.array(lesser)[:, None],
+        problem={**(front.problem or {}), "also": [{"obstruction": {"radius": 1.0}}]},
+    )
+    assert len(verify(problem, forged)) == len(front)
+    assert "obstruction is saved as" in verify(problem, forged)[0]
+
+
 def test_a_file_whose_further_criteria_make_no_sense_is_refused(problem: hpop.Problem, more: hpop.Front) -> None:
     for wrong in ({"sickness": {}}, "sickness", [5], [{"turns": {"a": 1}}]):
         forged = replace(more, problem={**(more.problem or {}), "also": wrong})

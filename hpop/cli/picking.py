@@ -86,7 +86,7 @@ def print_picked(front: Front, choice: Picked, console: Console | None = None, *
     console.print(table)
     planner = point.provenance.get("planner")
     _say(console, f"planned by {planner}; {lasts}" if planner else lasts)
-    _say(console, f"certificate of the front: {front.certificate}")
+    _say(console, f"certificate of the front, which `hpop show` checks: {front.certificate}")
 
 
 def _say(console: Console, line: str) -> None:

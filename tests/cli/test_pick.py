@@ -92,7 +92,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
     assert f"exposure {kept.best('exposure').costs['exposure']:.3f}" in said
     assert "obstruction (reported)" in said
     assert "planned by lattice" in said
-    assert "certificate of the front: lattice: exact" in said
+    assert "certificate of the front, which `hpop show` checks: lattice: exact" in said
 
 
 @pytest.mark.parametrize(
