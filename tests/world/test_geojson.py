@@ -11,6 +11,7 @@ from geographiclib.geodesic import Geodesic
 
 from hpop.cli import main
 from hpop.errors import MapError
+from hpop.scenario import load_scenario
 from hpop.world import World, geojson_content
 
 MUSEUM = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}  # metres from EPSG:3857, see SOURCE.txt
@@ -261,6 +262,21 @@ def test_zones_in_degrees_of_a_plan_in_metres_are_refused(tmp_path):
     zones = write(tmp_path, feature(square(7.6, 51.9, 7.6004, 51.9003), name="quiet", limit=0.5))
     with pytest.raises(MapError, match=r"feature 0 'quiet' .* as degrees do, but the plan is in metres"):
         geojson_content.read(zones=zones)
+
+
+def test_what_stands_beside_a_plan_in_degrees_is_placed_as_it_is(tmp_path):
+    (house,) = [in_degrees((7.6, 51.9), square(0, 0, 30, 20))]
+    ((x, y),) = in_degrees((7.6, 51.9), [(12, 5)])
+    write(tmp_path, feature(house)).rename(tmp_path / "house.geojson")
+    write(tmp_path, feature(x, y, kind="Point", name="Sue")).rename(tmp_path / "labels.geojson")
+    plan = {"path": "house.geojson", "polygons": "outline", "landmarks": "labels.geojson"}
+    asked = {"world": {"geojson": plan}, "start": [5, 5, 0], "goal": [8, 5, 0], "criteria": ["length"]}
+    (tmp_path / "scenario.yaml").write_text(json.dumps(asked))
+    (sue,) = load_scenario(tmp_path / "scenario.yaml").problem.world.content.landmarks
+    assert (sue.name, sue.x, sue.y) == ("Sue", pytest.approx(12, abs=0.001), pytest.approx(5, abs=0.001))
+    write(tmp_path, feature(12.0, 95.0, kind="Point", name="Sue")).rename(tmp_path / "labels.geojson")
+    with pytest.raises(MapError, match=r"feature 0 'Sue': \(12, 95\) is no longitude and latitude"):
+        load_scenario(tmp_path / "scenario.yaml")
 
 
 # Lines, outlines, names
