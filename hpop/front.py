@@ -13,7 +13,7 @@ import numpy as np
 from hpop import frontier
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
-from hpop.frontier import FrontFileError, storage
+from hpop.frontier import FrontError, FrontFileError, storage
 from hpop.frontier.storage import checked_path
 from hpop.html import facts_html, picture_html, table_html
 from hpop.models import files
@@ -55,6 +55,13 @@ class Front(frontier.Front[Trajectory]):
         def select(self, weights: Mapping[str, float]) -> Point: ...
         def nearest(self, wishes: Mapping[str, float]) -> Point: ...
         def reference_point(self, aspirations: Mapping[str, float]) -> Point: ...
+
+    @classmethod
+    def _numbers(cls, n: int) -> Sequence[Trajectory]:
+        raise FrontError(
+            "hpop.Front holds trajectories: give one a row, or take hpop.frontier.Front.of(costs) for a front of "
+            "anything else"
+        )
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:

@@ -25,6 +25,10 @@ hpop.errors.ModelError
 hpop.errors.OptionError
 hpop.frontier.Front
 hpop.frontier.FrontError
+hpop.frontier.default_reference
+hpop.frontier.filter
+hpop.frontier.hypervolume
+hpop.frontier.knee
 hpop.goals.CameraAt
 hpop.goals.Goal
 hpop.goals.LookAt

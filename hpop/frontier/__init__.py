@@ -1,14 +1,23 @@
 """Pareto fronts of anything: keep what is not dominated, choose from it, measure it, save it.
 
-The package knows cost arrays and opaque items, nothing of robots. Everything is minimised.
+The package knows cost arrays and opaque items, nothing of robots. Everything is minimised. Functions take arrays
+(n, k); :class:`Front` keeps the costs with what they are of.
+
+>>> import hpop.frontier
+>>> Y = [[1.0, 9.0], [3.0, 3.0], [9.0, 1.0], [9.0, 9.0]]
+>>> hpop.frontier.filter(Y).tolist(), hpop.frontier.knee(Y), round(hpop.frontier.hypervolume(Y), 6)
+([[1.0, 9.0], [3.0, 3.0], [9.0, 1.0]], 1, 49.44)
+>>> hpop.frontier.Front.of(Y, ["a", "b", "c", "d"]).knee()
+<Point 1: f1 3, f2 3; 'b'>
 """
 
 from __future__ import annotations
 
-from hpop.frontier.dominance import dominates, is_nondominated, quantised
+from hpop.frontier.dominance import default_quanta, dominates, filter, is_nondominated, quantised
 from hpop.frontier.errors import FrontError, FrontFileError, UnknownColumnError
 from hpop.frontier.front import Front
-from hpop.frontier.indicators import additive_epsilon, hypervolume
+from hpop.frontier.indicators import additive_epsilon, default_reference, hypervolume
+from hpop.frontier.knees import knee
 from hpop.frontier.point import Point
 
 __all__ = [
@@ -18,8 +27,12 @@ __all__ = [
     "Point",
     "UnknownColumnError",
     "additive_epsilon",
+    "default_quanta",
+    "default_reference",
     "dominates",
+    "filter",
     "hypervolume",
     "is_nondominated",
+    "knee",
     "quantised",
 ]

@@ -19,6 +19,7 @@ BoolArray = NDArray[np.bool_]
 
 # Above this many quanta neighbouring float64 numbers are more than one quantum apart.
 MAX_QUANTA = 2.0**53
+DIGITS = 9  # of a column's largest value, in which costs are told apart unless its quantum is said
 
 
 def dominates(a: ArrayLike, b: ArrayLike) -> bool:
@@ -78,6 +79,39 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     return np.asarray(moocore.is_nondominated(ranks), dtype=np.bool_)
 
 
+def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
+    """The rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
+
+    ``Y[is_nondominated(Y)]``: see :func:`is_nondominated`, also for what is refused.
+
+    Examples
+    --------
+    >>> filter([[1, 3], [2, 2], [2, 3], [2, 2]]).tolist()
+    [[1, 3], [2, 2]]
+    """
+    matrix = cost_matrix(Y)
+    kept: NDArray[np.float64] | NDArray[np.int64] = matrix[is_nondominated(matrix)]
+    return kept
+
+
+def default_quanta(Y: ArrayLike) -> FloatArray:
+    """Quanta (k,) for costs of which nothing is known but their values.
+
+    1 for a column of whole numbers, else a billionth of its largest absolute value, as a power of ten: fine enough to
+    tell measured values apart, coarse enough that sums in another order are equal.
+
+    Examples
+    --------
+    >>> default_quanta([[3.25, 7], [420.0, 1], [0.1, 2]]).tolist()
+    [1e-07, 1.0]
+    """
+    matrix = finite_costs(Y)
+    largest = np.abs(matrix).max(axis=0, initial=0.0)
+    whole = (matrix == np.rint(matrix)).all(axis=0) & (largest <= MAX_QUANTA)
+    tens = [int(np.floor(np.log10(one))) if one else 0 for one in largest]
+    return np.array([1.0 if same else float(f"1e{ten - DIGITS}") for same, ten in zip(whole, tens, strict=True)])
+
+
 def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
     """Round costs to whole numbers of their quanta: ``Z[i, j] = round(Y[i, j] / quanta[j])``.
 
@@ -107,15 +141,12 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
     array([[300000,      2],
            [300000,      4]])
     """
-    matrix = cost_matrix(Y).astype(np.float64)
+    matrix = finite_costs(Y)
     steps = np.asarray(quanta, dtype=np.float64)
     if steps.shape != matrix.shape[1:]:
         raise ValueError(f"expected one quantum for each of the {matrix.shape[1]} columns, got shape {steps.shape}")
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError(f"quanta must be positive and finite, got {steps.tolist()}")
-    if not np.isfinite(matrix).all():
-        row, column = np.argwhere(~np.isfinite(matrix))[0]
-        raise ValueError(f"costs must be finite, got {matrix[row, column]} in row {row}, column {column}")
     with np.errstate(over="ignore"):  # an infinite quotient is refused below
         quotients = matrix / steps  # (n, k)
     if (beyond := np.abs(quotients) > MAX_QUANTA).any():
@@ -126,6 +157,17 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
             f"finer than float64 resolves; use a quantum above {abs(cost) / MAX_QUANTA:.3g}"
         )
     return np.rint(quotients).astype(np.int64)
+
+
+def finite_costs(Y: ArrayLike) -> FloatArray:
+    """Return ``Y`` as a matrix of finite float64 numbers, or say what is wrong with it."""
+    matrix = cost_matrix(Y).astype(np.float64)
+    if not np.isfinite(matrix).all():
+        row, column = np.argwhere(~np.isfinite(matrix))[0]
+        raise ValueError(
+            f"costs must be finite, got {matrix[row, column]} in row {row}, column {column}; leave such rows out"
+        )
+    return matrix
 
 
 def cost_matrix(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:

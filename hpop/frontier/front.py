@@ -14,8 +14,17 @@ from numpy.typing import ArrayLike
 
 from hpop.frontier import conditions, selection, storage, tables, union
 from hpop.frontier.choices import Choices
-from hpop.frontier.dominance import BoolArray, FloatArray, IntArray, is_nondominated, quantised
+from hpop.frontier.dominance import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    cost_matrix,
+    default_quanta,
+    is_nondominated,
+    quantised,
+)
 from hpop.frontier.errors import FrontFileError
+from hpop.frontier.given import minimised, names_of
 from hpop.frontier.point import Point
 from hpop.frontier.strict_json import plain
 from hpop.text import shown
@@ -116,13 +125,14 @@ class Front(Choices[T], Generic[T]):
     def of(
         cls,
         costs: ArrayLike,
-        items: Sequence[T],
+        items: Sequence[T] | None = None,
         *,
-        names: Sequence[str],
-        units: Sequence[str],
-        quanta: ArrayLike,
-        status: str,
-        certificate: str,
+        names: Sequence[str] | None = None,
+        units: Sequence[str] | None = None,
+        quanta: ArrayLike | None = None,
+        status: str = "complete",
+        certificate: str | None = None,
+        maximise: Sequence[str] | Sequence[bool] = (),
         groups: Sequence[str] | None = None,
         reported: ArrayLike | None = None,
         reported_names: Sequence[str] = (),
@@ -141,15 +151,34 @@ class Front(Choices[T], Generic[T]):
         ----------
         costs : (n, k) array
             Finite costs of the candidates.
-        items : sequence of n
-            The candidates.
-        names, units, quanta, status, certificate, groups, reported, reported_names, reported_units, \
-provenance, problem, runs
+        items : sequence of n, optional
+            The candidates, or labels of them; else the numbers of their rows.
+        names : sequence of k, optional
+            Else the columns of a table of pandas, or "f1", "f2", ...
+        units : sequence of k, optional
+            Else "1".
+        quanta : (k,) array, optional
+            Else 1 for a column of whole numbers, a billionth of the largest value, as a power of ten, for others.
+        certificate : str, optional
+            Else that these are the non-dominated ones of n candidates.
+        maximise : names, or k bools, optional
+            Columns of which more is better. A front minimises: it keeps minus their values, under "-name".
+        status, groups, reported, reported_names, reported_units, provenance, problem, runs
             As the fields of the front, with a row or an entry a candidate where there is one a point.
             Groups default to "", reported values to none, provenance to {}.
+
+        >>> Front.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
+        <Front: 2 points of cost [1], -yield [1]; complete; the non-dominated ones of 3 candidates>
         """
+        if items is None:
+            items = cls._numbers(len(cost_matrix(costs)))
+        names = names_of(costs, names)
         n, k = len(items), len(names)
-        matrix = _floats(costs, (n, k))
+        matrix, names = minimised(_floats(costs, (n, k)), names, maximise)
+        units = ("1",) * k if units is None else units
+        quanta = default_quanta(matrix) if quanta is None else quanta
+        if certificate is None:
+            certificate = f"the non-dominated ones of {n:,} candidates"
         table = _floats([] if reported is None else reported, (n, len(reported_names)))
         given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
         origins, texts = _origins(given)
@@ -180,6 +209,11 @@ provenance, problem, runs
             problem=None if problem is None else dict(problem),
             runs=tuple(dict(run) for run in runs),
         )
+
+    @classmethod
+    def _numbers(cls, n: int) -> Sequence[T]:
+        """What candidates are that nobody names: the numbers of their rows."""
+        return cast(Sequence[T], range(n))
 
     def __len__(self) -> int:
         return len(self.items)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.frontier.dominance import FloatArray, cost_matrix
+from hpop.frontier.dominance import FloatArray, filter, finite_costs
+
+BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies
 
 
-def hypervolume(Y: ArrayLike, reference: ArrayLike) -> float:
+def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     """Volume of the cost space between the front and a reference point: larger is better.
 
     The measure of ``{z <= reference : some row of Y is <= z}`` (Zitzler and Thiele 1998), computed exactly.
@@ -22,20 +24,45 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike) -> float:
     ----------
     Y : (n, k) array
         Finite costs; dominated rows are harmless.
-    reference : (k,) array
-        A cost vector worse than all that should count.
+    reference : (k,) array, optional
+        A cost vector worse than all that should count. Without it :func:`default_reference` of ``Y`` itself: enough to
+        watch one set, not to compare two, which need the same reference.
 
     Examples
     --------
     >>> hypervolume([[1, 2], [2, 1]], reference=[3, 3])
     3.0
+    >>> default_reference([[1, 2], [2, 1]]), round(hypervolume([[1, 2], [2, 1]]), 9)
+    (array([2.1, 2.1]), 0.21)
     """
-    matrix = _finite(Y)
-    corner = _finite(np.atleast_2d(np.asarray(reference)))
+    if reference is None:
+        reference = default_reference(Y)
+    matrix = finite_costs(Y)
+    corner = finite_costs(np.atleast_2d(np.asarray(reference)))
     _same_columns(matrix, corner)
     import moocore
 
     return float(moocore.hypervolume(matrix, ref=corner[0]))
+
+
+def default_reference(Y: ArrayLike) -> FloatArray:
+    """A reference point (k,) for hypervolumes: a tenth of the range beyond the nadir of the non-dominated rows.
+
+    So the ends of the front count as well. A column in which these rows are all the same gets 1 in the place of its
+    range's tenth, so that it is a factor of 1. Of no rows at all it is zero.
+
+    Examples
+    --------
+    >>> default_reference([[0.0, 7.0], [10.0, 7.0], [99.0, 99.0]])  # the second and third are dominated
+    array([1., 8.])
+    >>> default_reference([[0.0, 20.0], [10.0, 10.0], [99.0, 99.0]])
+    array([11., 21.])
+    """
+    front = filter(finite_costs(Y)).astype(np.float64)
+    if not len(front):
+        return np.zeros(front.shape[1])
+    nadir, span = front.max(axis=0), np.ptp(front, axis=0)
+    return np.asarray(nadir + np.where(span > 0, BEYOND * span, 1.0), dtype=np.float64)
 
 
 def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
@@ -56,7 +83,7 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
     >>> additive_epsilon([[1, 4], [3, 2]], [[1, 3], [3, 1]])
     1.0
     """
-    matrix, target = _finite(Y), _finite(reference)
+    matrix, target = finite_costs(Y), finite_costs(reference)
     _same_columns(matrix, target)
     if len(target) == 0:
         raise ValueError("the reference front is empty; additive_epsilon needs something to cover")
@@ -65,14 +92,6 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
     import moocore
 
     return float(moocore.epsilon_additive(matrix, ref=target))
-
-
-def _finite(Y: ArrayLike) -> FloatArray:
-    """Return ``Y`` as a finite float matrix."""
-    matrix = cost_matrix(Y).astype(np.float64)
-    if not np.isfinite(matrix).all():
-        raise ValueError("indicators need finite costs, got an infinite one; leave such rows out")
-    return matrix
 
 
 def _same_columns(matrix: FloatArray, other: FloatArray) -> None:

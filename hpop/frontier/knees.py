@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hpop.frontier.choosing import least, scaled
-from hpop.frontier.dominance import BoolArray, FloatArray
+from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
+from hpop.frontier.errors import FrontError
 
 # Depths are of order one; differences below this are noise of the linear programs.
 NOISE = 1e-9
 ZERO = 1e-12  # in a tableau whose entries are of order one
 
 
-def knee(Y: FloatArray) -> int:
+def knee(Y: ArrayLike) -> int:
     """Row that lies deepest below the extreme points' convex hull, towards the ideal.
 
     Costs are normalised. The extreme points ``E`` are the best row of each criterion, and for each axis the row nearest
@@ -34,13 +36,25 @@ def knee(Y: FloatArray) -> int:
     Parameters
     ----------
     Y : (n, k) array
-        Mutually non-dominated costs, at least one row.
+        Finite costs, at least one row. Rows that others dominate, and copies of a row, are left aside.
+
+    Raises FrontError where there are no rows.
 
     Examples
     --------
-    >>> knee(np.array([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0]]))
+    >>> knee([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0], [9.0, 10.0]])
     1
     """
+    matrix = finite_costs(Y)
+    if not len(matrix):
+        raise FrontError("no rows to choose a knee from")
+    rows = np.flatnonzero(is_nondominated(matrix))
+    rows = rows[np.lexsort(matrix[rows].T[::-1])]  # so that ties do not depend on the order of the rows
+    return int(rows[_knee(matrix[rows])])
+
+
+def _knee(Y: FloatArray) -> int:
+    """The knee of mutually non-dominated costs."""
     z = scaled(Y)
     z = z[:, z.max(axis=0) > 0]  # (n, m): the columns that vary
     if z.shape[1] == 0:

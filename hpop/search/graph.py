@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, cast
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.errors import GraphError
+from hpop.errors import GraphError, did_you_mean
 from hpop.options import whole
+from hpop.search.networks import Edges, network
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Graph:
     arc         (m,)      int32  the index of the arc in what the caller gave
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
+    edges                 the caller's edges and costs as they were given, of a graph from networkx, or None
 
     Arrays of these types that are read-only already are taken as they are, others are copied.
 
@@ -53,6 +55,7 @@ class Graph:
     arc: NDArray[np.int32]
     aggregates: tuple[str, ...]
     labels: tuple[Hashable, ...] | None = None
+    edges: Edges | None = None
 
     def __post_init__(self) -> None:
         indptr = _integers(self.indptr, "indptr", np.int64)
@@ -168,38 +171,58 @@ class Graph:
     def from_networkx(
         cls,
         g: nx.Graph[Any],
-        attributes: Sequence[str],
+        costs: Sequence[str],
         *,
+        quanta: Mapping[str, float] | Sequence[float] | None = None,
         aggregates: Sequence[str] | None = None,
     ) -> Self:
-        """Build the graph from a networkx (multi)graph whose edges carry the named integer attributes.
+        """Build the graph from any networkx graph whose edges carry the costs as attributes, finite and not negative.
 
-        An undirected edge becomes two arcs, both with the index of the edge in `g.edges`.
+        An undirected edge becomes two arcs, both with the index of the edge in `g.edges`; each of several parallel
+        edges of a multigraph is an arc of its own. The names of the nodes are the `labels` by which searches take
+        source and target, and paths are told.
+
+        Costs are counted in whole quanta, rounded up edge by edge (a millionth of a quantum is rounding noise).
+        `quanta` gives them by name, or one a cost, in the unit of the attribute; else a cost that is a whole number on
+        all edges has 1, and another one a billionth of the largest, as a power of ten
+        (:func:`hpop.frontier.default_quanta`). What a path really costs, added up from the attributes as they were
+        given, is in :attr:`.ParetoPaths.values`.
+
+        Raises GraphError for another graph, an edge without the attribute, and a cost that is negative or no number.
 
         >>> import networkx as nx
         >>> g = nx.Graph()
-        >>> g.add_edge("hall", "room", length=3, turns=1)
-        >>> graph = Graph.from_networkx(g, ["length", "turns"])
-        >>> graph.node("room"), graph.arc.tolist()
-        (1, [0, 0])
+        >>> g.add_edge("hall", "room", length=3.25, turns=1)
+        >>> graph = Graph.from_networkx(g, ["length", "turns"], quanta={"length": 0.5})
+        >>> graph.costs.tolist(), graph.node("room"), graph.arc.tolist()
+        ([[7, 1], [7, 1]], 1, [0, 0])
         """
-        labels = tuple(g.nodes)
-        index = {label: i for i, label in enumerate(labels)}
-        edges = list(g.edges(data=True))
-        for tail, head, data in edges:
-            for name in attributes:
-                if name not in data:
-                    raise GraphError(f"edge {tail!r} - {head!r} has no attribute {name!r}")
-        tails = np.array([index[tail] for tail, _, _ in edges], np.int64)
-        heads = np.array([index[head] for _, head, _ in edges], np.int64)
-        table = [[data[name] for name in attributes] for _, _, data in edges]
-        costs = _integers(table if table else np.zeros((0, len(attributes)), np.int64), "costs", np.int64)
-        count = np.arange(len(edges))
-        if not g.is_directed():
-            tails, heads = np.concatenate([tails, heads]), np.concatenate([heads, tails])
-            costs, count = np.concatenate([costs, costs]), np.concatenate([count, count])
-        plain = cls.from_arcs(len(labels), tails, heads, costs, aggregates=aggregates)
-        return cls(plain.indptr, plain.heads, plain.costs, cast(Any, count[plain.arc]), plain.aggregates, labels)
+        read = network(g, costs, quanta)
+        plain = cls.from_arcs(len(read.labels), read.tails, read.heads, read.costs, aggregates=aggregates)
+        return replace(plain, arc=cast(Any, read.edge[plain.arc]), labels=read.labels, edges=read.edges)
+
+    def to_networkx(self) -> nx.MultiDiGraph[Any]:
+        """The graph for networkx: an edge an arc, its key the arc's index in what the caller gave, costs as attributes.
+
+        Of a graph that came from networkx nodes, attributes and their values are those that were given; of another
+        one nodes are numbers and costs are called "cost 0", "cost 1", ...
+
+        >>> Graph.from_arcs(2, [0], [1], [[7, 2]]).to_networkx().edges(keys=True, data=True)
+        OutMultiEdgeDataView([(0, 1, 0, {'cost 0': 7, 'cost 1': 2})])
+        """
+        import networkx as nx
+
+        labels = self.labels or range(self.nodes)
+        names = [f"cost {j}" for j in range(self.criteria)] if self.edges is None else self.edges.names
+        table = self.costs if self.edges is None else self.edges.values[self.arc]
+        tails = np.repeat(np.arange(self.nodes), np.diff(self.indptr))
+        made: nx.MultiDiGraph[Any] = nx.MultiDiGraph()
+        made.add_nodes_from(labels)
+        for tail, head, arc, costs in zip(
+            tails.tolist(), self.heads.tolist(), self.arc.tolist(), table.tolist(), strict=True
+        ):
+            made.add_edge(labels[tail], labels[head], arc, **dict(zip(names, costs, strict=True)))
+        return made
 
     def among(self, nodes: IntArray) -> Self:
         """Return the part of the graph on some nodes, numbered anew in their order; `arc` has the arcs' places here.
@@ -231,18 +254,42 @@ class Graph:
         return replace(self, indptr=indptr, heads=heads, costs=costs, arc=kept)
 
     def node(self, label: Hashable) -> int:
-        """Return the node that the caller calls `label`."""
+        """Return the number of the node that the caller calls `label`."""
         if self.labels is None:
             raise GraphError("this graph has no labels; build it with Graph.from_networkx, or use the numbers")
+        number = self.number(label)
+        if number is None:
+            raise GraphError(strange_node(self.labels, label))
+        return number
+
+    def number(self, label: object) -> int | None:
+        """The number of the node that is called `label`; None where there is none, as of a graph without labels."""
         try:
-            return self.labels.index(label)
-        except ValueError:
-            raise GraphError(f"no node is called {label!r}") from None
+            return self._numbers.get(label)
+        except TypeError:  # a list, or another value that names nothing
+            return None
+
+    @cached_property
+    def _numbers(self) -> dict[Hashable, int]:
+        return {label: i for i, label in enumerate(self.labels or ())}
 
     def __repr__(self) -> str:
-        return (
-            f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({', '.join(self.aggregates)})>"
-        )
+        return f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({', '.join(self._costs())})>"
+
+    def _costs(self) -> tuple[str, ...]:
+        """Each cost in a word or three, for the repr."""
+        if self.edges is None:
+            return self.aggregates
+        quanta = (f"{quantum:g}" for quantum in self.edges.quanta)
+        named = zip(self.aggregates, self.edges.names, quanta, strict=True)
+        return tuple(f"{aggregate} of {name} in {quantum}" for aggregate, name, quantum in named)
+
+
+def strange_node(labels: Sequence[Hashable], label: object) -> str:
+    """What is said of something that is none of the names of a graph's nodes."""
+    known = ", ".join(map(shown, labels[:4])) + ", ..." * (len(labels) > 4)
+    near = did_you_mean(label, [one for one in labels if isinstance(one, str)])
+    return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {known}.{near}"
 
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:

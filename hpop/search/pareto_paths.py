@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import IntArray, distinct
-from hpop.errors import OptionError
-from hpop.options import whole
+from hpop.errors import OptionError, did_you_mean
+from hpop.options import MOST_COUNTED, amounts, whole
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
+from hpop.search.networks import WHOLE
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.text import shown
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from hpop.search.asked_arcs import Free
     from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock, Search
@@ -30,16 +33,19 @@ MOST_COMPARED = 500_000  # costs of open labels: what is missing is proven of th
 
 
 def pareto_paths(
-    graph: Graph,
-    source: int,
-    target: int | Sequence[int] | IntArray,
+    graph: Graph | nx.Graph[Any],
+    source: Hashable,
+    target: Hashable | Iterable[Hashable],
     *,
+    costs: Sequence[str] | None = None,
+    quanta: Mapping[str, float] | Sequence[float] | None = None,
+    aggregates: Sequence[str] | None = None,
     budget: Budget = UNLIMITED,
     progress: ProgressCallback | None = None,
     method: str = "auto",
     eps: float = 0.0,
-    tolerance: Sequence[int] = (),
-    at_most: Sequence[int | None] = (),
+    tolerance: Sequence[int] | Mapping[str, float] = (),
+    at_most: Sequence[int | None] | Mapping[str, float] = (),
     checkpoint: CheckpointSpec | None = None,
     free: Free | None = None,
 ) -> ParetoPaths:
@@ -48,7 +54,10 @@ def pareto_paths(
     Vectors are compared componentwise, smaller is better; of paths with equal vectors one is kept. With
     several targets, a path may end at any of them and all compete in one front. A path of no arcs costs 0.
 
-    Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
+    Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum; source and targets by their labels where it has
+    some, else by their numbers. Or a graph of networkx, directed or not, with parallel edges or without: `costs` then
+    names the attributes to minimise, `quanta` and `aggregates` are those of :meth:`.Graph.from_networkx`, and costs
+    with fractions are rounded up to quanta, edge by edge; see :attr:`.ParetoPaths.values`.
 
     Guarantees: exact in integers. With `eps` or `tolerance` (counts, one a cost) every non-dominated vector p is
     covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a limit of
@@ -74,22 +83,31 @@ def pareto_paths(
     >>> paths = pareto_paths(graph, 0, 2)
     >>> paths.costs.tolist(), paths.nodes(0).tolist(), paths.arcs(1).tolist()
     ([[2, 10], [9, 1]], [0, 1, 2], [2])
+
+    >>> import networkx as nx
+    >>> g = nx.Graph()
+    >>> g.add_edge("hall", "stairs", length=4.5, risk=0.2)
+    >>> g.add_edge("stairs", "room", length=3.5, risk=0.0)
+    >>> g.add_edge("hall", "room", length=12.25, risk=0.1)
+    >>> paths = pareto_paths(g, "hall", "room", costs=["length", "risk"])
+    >>> paths.values.tolist(), paths.path(0)
+    ([[8.0, 0.2], [12.25, 0.1]], ['hall', 'stairs', 'room'])
     """
     if not isinstance(method, str) or method not in METHODS:
         raise OptionError(f"method must be one of {', '.join(METHODS)}; got {shown(method)}")
-    source = checked_node(graph, source, "source")
-    targets = checked_targets(graph, target)
+    graph = _graph(graph, costs, quanta, aggregates)
+    start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.checkpoint import Keeper
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
     precision = _precision(graph, eps, tolerance)
     bounds = _bounds(graph, at_most)
     asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
-    keeper = Keeper.of(checkpoint, graph, source, targets, method, *asked, *["lazily"][: free is not None])
+    keeper = Keeper.of(checkpoint, graph, start, targets, method, *asked, *["lazily"][: free is not None])
 
     def search(part: Graph, left: Budget) -> ParetoPaths:
         clock = Clock(left, progress)
-        run = _ParetoRun(part, source, targets, method, precision, bounds, keeper)
+        run = _ParetoRun(part, start, targets, method, precision, bounds, keeper)
         try:
             status = run.go(clock)
         except KeyboardInterrupt:
@@ -239,23 +257,55 @@ class _ParetoRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap)
+        asked = _in_words(self.graph, self.precision, self.at_most)
+        return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap, asked=asked)
 
 
-def _bounds(graph: Graph, at_most: Sequence[int | None]) -> tuple[int, ...]:
+def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
+    """The graph to search, read from networkx if it comes from there."""
+    if isinstance(graph, Graph):
+        if costs is not None or quanta is not None or aggregates is not None:
+            raise OptionError("costs, quanta and aggregates are for graphs of networkx; this Graph has its own")
+        return graph
+    return Graph.from_networkx(graph, () if costs is None else costs, quanta=quanta, aggregates=aggregates)
+
+
+def _bounds(graph: Graph, at_most: Any) -> tuple[int, ...]:
     """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
-    given = _one_a_cost(graph, at_most, "at_most", "a whole number or None")
+    given = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
     name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
     bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1), ANYTHING) for b in given)
     return bounds if any(b < ANYTHING for b in bounds) else ()
 
 
-def _precision(graph: Graph, eps: float, tolerance: Sequence[int]) -> Precision:
-    return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number"))
+def _precision(graph: Graph, eps: float, tolerance: Any) -> Precision:
+    return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number", 0))
 
 
-def _one_a_cost(graph: Graph, values: Any, name: str, kind: str) -> tuple[Any, ...]:
-    """What is given for each cost, or for none of them."""
+def _in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
+    """What was asked beside all vectors, as part of a certificate."""
+    names = graph.edges.names if graph.edges is not None else [f"cost {j}" for j in range(graph.criteria)]
+    quanta = graph.edges.quanta.tolist() if graph.edges is not None else [1] * graph.criteria
+    steps, bounds = precision.of(range(graph.criteria)).tolist(), at_most or [ANYTHING] * graph.criteria
+    near = [f"{n} {s * q:.9g}" for n, s, q in zip(names, steps, quanta, strict=True) if s]
+    within = [f"{n} {b * q:.9g}" for n, b, q in zip(names, bounds, quanta, strict=True) if b < ANYTHING]
+    return f" of at most {', '.join(within)}" * bool(within) + f" within a tolerance of {', '.join(near)}" * bool(near)
+
+
+def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, nothing: int | None) -> tuple[Any, ...]:
+    """What is given for each cost, or for none of them, as counts; by name in units, ``nothing`` where not named."""
+    if isinstance(values, Mapping):
+        if graph.edges is None:
+            raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs: this graph's have no names")
+        amounts(name, values, MOST_COUNTED)
+        counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, nothing)
+        for cost, amount in values.items():
+            if cost not in counts:
+                known = ", ".join(counts)
+                raise OptionError(f"{name} has {shown(cost)}; the costs are {known}.{did_you_mean(cost, counts)}")
+            quantum = graph.edges.quanta[graph.edges.names.index(cost)]
+            counts[cost] = min(math.floor(amount / quantum + WHOLE), 2**62)
+        return tuple(counts.values())
     listed = isinstance(values, Sequence) and not isinstance(values, str)
     if not (listed or (isinstance(values, np.ndarray) and values.ndim)) or len(values) not in (0, graph.criteria):
         raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.errors import QueryError
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import GraphError, QueryError
+from hpop.frontier import Front
 from hpop.options import whole
-from hpop.search.graph import Graph
+from hpop.search.graph import Graph, strange_node
 from hpop.status import Budget, Status
 from hpop.text import shown
-
-if TYPE_CHECKING:
-    pass
-
 
 UNLIMITED = Budget()
 
@@ -62,7 +60,10 @@ class ParetoPaths:
     stats   what the search did
     gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
     blocked (b,)  places of the arcs that are known to be blocked, of those of which that was asked
+    asked   what is claimed beside completeness, in words: tolerance and bounds, if there were any
     """
+
+    KIND: ClassVar[str] = "all non-dominated vectors of paths"
 
     costs: IntArray
     status: Status
@@ -72,6 +73,7 @@ class ParetoPaths:
     _paths: tuple[IntArray, ...]
     gap: float = field(default=0.0, kw_only=True)
     blocked: IntArray = field(default_factory=lambda: np.zeros(0, np.int64), kw_only=True)
+    asked: str = field(default="", kw_only=True)
 
     def __len__(self) -> int:
         return len(self.costs)
@@ -92,6 +94,64 @@ class ParetoPaths:
         """Nodes of path i, source and target included."""
         heads = self._graph.heads[self._paths[i]].astype(np.int64)
         return np.concatenate([np.array([self._source], np.int64), heads])
+
+    def path(self, i: int) -> list[Hashable]:
+        """Nodes of path i as the caller calls them, source and target included; their numbers if they have no names."""
+        labels = self._graph.labels
+        return [node if labels is None else labels[node] for node in self.nodes(i).tolist()]
+
+    def edges(self, i: int) -> list[tuple[Hashable, ...]]:
+        """Edges of path i, (tail, head) as it goes, in a multigraph with the key: each is one of `g.edges`."""
+        nodes, edges = self.path(i), self._graph.edges
+        keys = [() if edges is None else edges.ends[arc][2:] for arc in self.arcs(i).tolist()]
+        return [(tail, head, *key) for tail, head, key in zip(nodes[:-1], nodes[1:], keys, strict=True)]
+
+    @property
+    def values(self) -> FloatArray | IntArray:
+        """What the paths cost (n, k) in the caller's units, added up from the attributes of the edges as they are.
+
+        A cost here is at most `costs` times its quantum, and less by less than a quantum an edge. Where costs are
+        whole numbers, and count themselves, these are `costs`.
+        """
+        edges = self._graph.edges
+        if edges is None:
+            return self.costs
+        rows = [edges.values[self.arcs(i)] for i in range(len(self))]
+        worst = np.array(self._graph.aggregates) == "max"
+        measured = [np.where(worst, row.max(axis=0, initial=0), row.sum(axis=0)) for row in rows]
+        table: Any = np.array(measured, edges.values.dtype)
+        return cast(FloatArray | IntArray, table.reshape(self.costs.shape))
+
+    def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> Front[list[Hashable]]:
+        """The front of these paths: `values` as costs, each with its path as a list of nodes, to choose from and save.
+
+        Paths whose values, added up as they are, turn out dominated by another's are left out: roundings along a path
+        may add up to more than a quantum.
+
+        names  k  of the costs; else the attributes of a graph from networkx, or "f1", "f2", ...
+        units  k  of the costs; else "1"
+        """
+        edges = self._graph.edges
+        if names is None and edges is not None:
+            names = edges.names
+        return Front.of(
+            self.values,
+            [self.path(i) for i in range(len(self))],
+            names=names,
+            units=units,
+            quanta=np.ones(self.costs.shape[1]) if edges is None else edges.quanta,
+            status=str(self.status),
+            certificate=self._claim(),
+        )
+
+    def _claim(self) -> str:
+        """What is claimed of the paths, as a certificate."""
+        edges = self._graph.edges
+        kind = self.KIND if self.status.is_final else f"not complete: some of {self.KIND}"
+        steps = "" if edges is None else ", ".join(f"{n} {q:g}" for n, q in zip(edges.names, edges.quanta, strict=True))
+        rounded = f", costs rounded up edge by edge to quanta ({steps})" if steps else ""
+        within = f"; what is missing is covered within the factor {1 + self.gap:.6g}" if self.gap else ""
+        return f"{kind}{self.asked}{rounded}{within}"
 
     @property
     def lengths(self) -> IntArray:
@@ -117,18 +177,34 @@ class ParetoPaths:
         return self._graph.arc[self._paths[i]].astype(np.int64)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {len(self):,} of {self.costs.shape[1]} costs; {self.status}>"
+        edges = self._graph.edges
+        costs = f"{self.costs.shape[1]} costs" if edges is None else ", ".join(edges.names)
+        return f"<{type(self).__name__}: {len(self):,} of {costs}; {self.status}>"
+
+
+def checked_graph(graph: Any) -> Graph:
+    """A graph of :mod:`hpop.search`; GraphError for anything else."""
+    if not isinstance(graph, Graph):
+        raise GraphError(
+            f"expected a Graph of hpop.search, got {shown(graph)}; Graph.from_networkx and Graph.from_arcs make one"
+        )
+    return graph
 
 
 def checked_node(graph: Graph, node: Any, name: str) -> int:
-    """The number of a node of the graph; raises QueryError for anything else."""
-    hint = "graph.node(label) gives the number of a node"
-    return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
+    """The number of a node, which is given by its label where the graph has labels; QueryError for anything else."""
+    if graph.labels is None:
+        hint = "only a graph from networkx has names"
+        return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
+    number = graph.number(node)
+    if number is None:
+        raise QueryError(f"{name}: {strange_node(graph.labels, node)}")
+    return number
 
 
 def checked_targets(graph: Graph, target: Any) -> IntArray:
     """The numbers of one or several nodes, in order; raises QueryError for anything else."""
-    if isinstance(target, int | np.integer | str):
+    if graph.number(target) is not None or isinstance(target, int | np.integer | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
     try:
         several = {checked_node(graph, t, "target") for t in target}

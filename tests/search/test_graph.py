@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import networkx as nx
 import numpy as np
 import pytest
 
@@ -88,39 +87,3 @@ def test_rows_given_as_csr_stay_as_they_are():
     graph = Graph.from_csr([0, 2, 2], [1, 0], [[3, 4], [5, 6]])
     assert graph.arc.tolist() == [0, 1]
     assert graph.heads.tolist() == [1, 0]
-
-
-@pytest.mark.parametrize("kind", [nx.Graph, nx.DiGraph, nx.MultiGraph, nx.MultiDiGraph])
-def test_networkx_graphs_keep_names_and_edges(kind):
-    g = kind()
-    g.add_edge("a", "b", length=2, turns=1)
-    g.add_edge("b", "c", length=3, turns=0)
-    g.add_edge("a", "c", length=9, turns=0)
-    if g.is_multigraph():
-        g.add_edge("a", "c", length=1, turns=7)
-    graph = Graph.from_networkx(g, ["length", "turns"])
-    assert graph.labels == ("a", "b", "c")
-    paths = pareto_paths(graph, graph.node("a"), graph.node("c"))
-    expected = [[1, 7], [5, 1], [9, 0]] if g.is_multigraph() else [[5, 1], [9, 0]]
-    assert paths.costs.tolist() == expected
-    edges = list(g.edges(data=True))
-    for i in range(len(paths)):
-        assert sum(edges[e][2]["length"] for e in paths.arcs(i)) == paths.costs[i, 0]
-    back = pareto_paths(graph, graph.node("c"), graph.node("a")).costs.tolist()
-    assert back == ([] if g.is_directed() else expected)
-
-
-def test_networkx_names_and_attributes_that_are_missing():
-    g = nx.Graph([("a", "b", {"length": 1})])
-    with pytest.raises(GraphError, match="no attribute 'turns'"):
-        Graph.from_networkx(g, ["length", "turns"])
-    with pytest.raises(GraphError, match="no node is called 'z'"):
-        Graph.from_networkx(g, ["length"]).node("z")
-    with pytest.raises(GraphError, match="no labels"):
-        Graph.from_arcs(1, [], [], np.zeros((0, 1), int)).node("a")
-
-
-def test_an_empty_networkx_graph_has_nodes_only():
-    g = nx.DiGraph()
-    g.add_nodes_from("ab")
-    assert Graph.from_networkx(g, ["length"]).arcs == 0

@@ -324,7 +324,7 @@ def test_staircase_refuses_costs_that_are_not_small():
         (0, 3, "target must be a node from 0 to 2, got 3"),
         (0, [1, 7], "target must be a node"),
         (0, [], "at least one node"),
-        ("hall", 0, "source must be a node from 0 to 2, got 'hall'; graph.node"),
+        ("hall", 0, "source must be a node from 0 to 2, got 'hall'; only a graph from networkx has names"),
         (0, "hall", "target must be a node"),
         (0, 1.5, "target must be a node or several"),
         (True, 0, "source must be a node"),

@@ -5,10 +5,10 @@ The cap is on the duration, or on other sums that make it finite (:mod:`.mean.li
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hpop.options import whole
 from hpop.search.graph import Graph
 from hpop.search.mean.limits import MAX_PRODUCT, MeanLimits
 from hpop.search.pareto_paths import pareto_paths
-from hpop.search.queries import UNLIMITED, ParetoPaths, checked_node, checked_targets
+from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
@@ -47,6 +47,13 @@ class MeanPaths(ParetoPaths):
     cap: int
     notes: tuple[str, ...]
 
+    def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> NoReturn:
+        """Refused: a front of added costs would leave out walks whose mean is the best."""
+        raise OptionError(
+            "a mean is no sum of costs: hpop.frontier.Front.of takes the columns that are wanted, such as those of "
+            "paths.means and paths.values, with paths.path(i) as items"
+        )
+
     @property
     def means(self) -> FloatArray:
         """S / T (n,) in quanta of the one over quanta of the other; 0 for a walk that takes no time."""
@@ -61,8 +68,8 @@ class MeanPaths(ParetoPaths):
 
 def capped_mean_paths(
     graph: Graph,
-    source: int,
-    target: int | Sequence[int] | IntArray,
+    source: Hashable,
+    target: Hashable | Iterable[Hashable],
     *,
     integral: int,
     duration: int,
@@ -102,24 +109,23 @@ def capped_mean_paths(
     >>> paths.mean(0), paths.arcs(0).tolist()
     (Fraction(1, 6), [2, 2, 1])
     """
-    source = checked_node(graph, source, "source")
-    targets = checked_targets(graph, target)
+    start, targets = checked_node(checked_graph(graph), source, "source"), checked_targets(graph, target)
     columns = _columns(graph, integral, duration)
     limits = MeanLimits.of(graph, columns, cap, at_most)
     from hpop.search.machinery.checkpoint import Keeper
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
-    keeper = Keeper.of(checkpoint, graph, source, targets, METHOD, *columns, limits.most)
+    keeper = Keeper.of(checkpoint, graph, start, targets, METHOD, *columns, limits.most)
     clock = Clock(budget, progress)
     bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
-    first = pareto_paths(_without(graph, integral), source, targets, budget=budget, progress=progress, at_most=bounds)
+    first = pareto_paths(_without(graph, integral), start, targets, budget=budget, progress=progress, at_most=bounds)
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
     run = _MeanRun(graph, first, columns, limits, keeper)
     try:
-        status = run.go(source, targets, clock)
+        status = run.go(start, targets, clock)
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    return run.result(source, clock, status)
+    return run.result(start, clock, status)
 
 
 class _MeanRun:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hpop.errors import GraphError, OptionError
 from hpop.options import real, whole
 from hpop.search.asked_arcs import AskedArcs, Free
 from hpop.search.graph import Graph
-from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
+from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
 from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
 from hpop.search.supported.weight_cone import Vector, WeightCone
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -46,6 +46,8 @@ class SupportedPaths(ParetoPaths):
     notes              what went wrong with an executor
     """
 
+    KIND: ClassVar[str] = "supported vectors of paths"
+
     weights: tuple[FloatArray, ...]
     ideal: IntArray
     nadir: IntArray
@@ -55,8 +57,8 @@ class SupportedPaths(ParetoPaths):
 
 def supported_paths(
     graph: Graph,
-    source: int,
-    target: int | Sequence[int] | IntArray,
+    source: Hashable,
+    target: Hashable | Iterable[Hashable],
     *,
     divisions: int | None = None,
     weights: Sequence[Sequence[float]] | None = None,
@@ -94,6 +96,7 @@ def supported_paths(
     >>> found.costs.tolist(), found.solved  # (3, 2) lies above the line from (1, 3) to (4, 0)
     ([[0, 4], [4, 0]], 3)
     """
+    checked_graph(graph)
     if "max" in graph.aggregates:
         raise GraphError(
             f"weighted sums need costs that add up, cost {graph.aggregates.index('max')} is a 'max'; use pareto_paths"
@@ -104,11 +107,10 @@ def supported_paths(
     if divisions is not None:
         check_divisions(divisions, graph.criteria)
         given = list(simplex_lattice(divisions, graph.criteria))
-    source = checked_node(graph, source, "source")
-    targets = checked_targets(graph, target)
+    start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
-    run = SupportedRun(graph, source, Clock(budget, progress), None if free is None else AskedArcs(graph, free))
+    run = SupportedRun(graph, start, Clock(budget, progress), None if free is None else AskedArcs(graph, free))
     try:
         status = run.go(targets, given, executor)
     except KeyboardInterrupt:
