@@ -113,15 +113,15 @@ OWN = "import its module first (on the command line --import FILE_OR_MODULE) or 
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Build the error that lists the known names and suggests the nearest, and how one of the user's own gets known.
+    """Build the error that suggests the nearest of the known names, lists them, and says how one's own gets known.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
-    unknown criterion 'turn'; known: length, turns. Did you mean 'turns'?
+    unknown criterion 'turn'. Did you mean 'turns'? Known: length, turns.
     For one of your own, import its module first (on the command line --import FILE_OR_MODULE) or install its package.
     """
     names = sorted(known)
     return UnknownName(
-        f"unknown {kind} {shown(name)}; known: {', '.join(names) or 'none'}.{did_you_mean(name, names)} "
+        f"unknown {kind} {shown(name)}.{did_you_mean(name, names)} Known: {', '.join(names) or 'none'}. "
         f"For one of your own, {OWN}"
     )
 

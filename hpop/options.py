@@ -13,7 +13,7 @@ from math import nan, radians
 from numbers import Integral, Real
 from typing import Annotated, Any, TypeVar
 
-from hpop.errors import HpopError, OptionError
+from hpop.errors import HpopError, OptionError, did_you_mean
 from hpop.text import shown
 
 T = TypeVar("T")
@@ -140,6 +140,9 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
     for choice in known:
         if isinstance(value, str | Integral) and not isinstance(value, bool) and value == choice:
             return choice
+    near = did_you_mean(value, [choice for choice in known if isinstance(choice, str)])
+    if near:
+        raise error(f"{name} is {shown(value)}.{near} It must be one of {', '.join(map(str, known))}")
     raise error(f"{name} must be one of {', '.join(map(str, known))}, got {shown(value)}")
 
 

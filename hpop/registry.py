@@ -155,8 +155,8 @@ def check_parameters(registry: Registry[type], name: str, cls: Any, given: Colle
     strange = sorted(str(parameter) for parameter in given if parameter not in known)
     if strange:
         raise registry.error(
-            f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}; "
-            f"it has {', '.join(known) or 'none'}." + "".join(did_you_mean(one, known) for one in strange)
+            f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."
+            f"{''.join(did_you_mean(one, known) for one in strange)} It has {', '.join(known) or 'none'}"
         )
     if absent := [one for one in needed(cls) if one not in given]:
         raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")

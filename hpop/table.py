@@ -44,8 +44,8 @@ class Table:
             return self.columns[name]
         except (KeyError, TypeError):
             raise UnknownName(
-                f"the table has no column {shown(name)}; it has {', '.join(self.columns)}."
-                f"{did_you_mean(name, self.columns)}"
+                f"the table has no column {shown(name)}.{did_you_mean(name, self.columns)} "
+                f"It has {', '.join(self.columns)}"
             ) from None
 
     def __repr__(self) -> str:

@@ -192,7 +192,7 @@ def test_a_world_is_read_by_the_name_of_its_reader(tmp_path):
 
 
 def test_an_unknown_reader_lists_the_known_ones():
-    with pytest.raises(UnknownName, match=r"unknown reader 'movingay'; known: .*Did you mean 'movingai'\?"):
+    with pytest.raises(UnknownName, match=r"unknown reader 'movingay'. Did you mean 'movingai'\? Known: "):
         read_world("movingay", "room.map")
 
 

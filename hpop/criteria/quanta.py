@@ -35,8 +35,8 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
     for name, quantum in quanta.items():
         if name not in by_name:
             raise CriterionError(
-                f"quanta has {shown(name)}, which is no cost here; these are {', '.join(by_name)}."
-                f"{did_you_mean(name, by_name)}"
+                f"quanta has {shown(name)}, which is no cost here.{did_you_mean(name, by_name)} "
+                f"These are {', '.join(by_name)}"
             )
         unit = by_name[name].unit
         real(f"the quantum of {name}", quantum, FINEST, MOST, f"a number, in {unit!r}", error=CriterionError)

@@ -50,7 +50,7 @@ def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) 
         )
     near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
-    raise UnknownColumnError(f"the front has no {shown(name)}; known: {', '.join(names)}.{hint}")
+    raise UnknownColumnError(f"the front has no {shown(name)}.{hint} Known: {', '.join(names)}")
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:

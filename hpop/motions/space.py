@@ -122,7 +122,7 @@ class StateSpace:
             known = f"the name of one: {', '.join(self.named)}" if self.named else "a name, but this model names none"
             why = self.unnamed.get(name) or self.unnamed.get("")
             hint = f": {why}." if why else f".{did_you_mean(name, self.named)}"
-            raise QueryError(f"the {what} is {self}, or {known}. Got {shown(name)}{hint}")
+            raise QueryError(f"the {what} {shown(name)} names no state{hint} It is {self}, or {known}")
         return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:

@@ -73,7 +73,7 @@ def read_world(reader: str, path: str | Path, **options: Any) -> World:
         known.bind(path, **options)
     except TypeError as error:
         hints = (did_you_mean(name, known.parameters) for name in options if name not in known.parameters)
-        raise MapError(f"reader {reader!r} takes {known}; {error}.{''.join(hints)}") from None
+        raise MapError(f"reader {reader!r}: {error}.{''.join(hints)} It takes {known}") from None
     try:
         world = read(path, **options)
     except (HpopError, LimitPassed):

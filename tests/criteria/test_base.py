@@ -99,8 +99,8 @@ def test_a_parameter_may_not_be_called_like_a_declaration(field):
     ("spec", "error", "message"),
     [
         ("turn", UnknownName, "Did you mean 'turns'"),
-        ({"exposure": {"size": 1}}, CriterionError, "no parameter 'size'; it has radius"),
-        ({"turns": {"size": 1}}, CriterionError, "no parameter 'size'; it has none"),
+        ({"exposure": {"size": 1}}, CriterionError, "no parameter 'size'. It has radius"),
+        ({"turns": {"size": 1}}, CriterionError, "no parameter 'size'. It has none"),
         ({"turns": {}, "length": {}}, CriterionError, "one name with its parameters"),
         ({}, CriterionError, "one name with its parameters"),
         (Turns, CriterionError, r"an instance such as Turns\(\)"),

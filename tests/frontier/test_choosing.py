@@ -195,7 +195,7 @@ def test_an_unknown_name_lists_the_known_and_suggests_one():
         lambda: front.reference_point({"lenght": 1.0}),
     )
     for call in calls:
-        with pytest.raises(UnknownColumnError, match=r"known: turns, length\. Did you mean 'length'\?"):
+        with pytest.raises(UnknownColumnError, match=r"Did you mean 'length'\? Known: turns, length"):
             call()
 
 

@@ -106,7 +106,7 @@ def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: Fro
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"turnz": "<=5"}, "the front has no 'turnz'; known: turns, length, open space. Did you mean 'turns'?"),
+        ({"turnz": "<=5"}, "the front has no 'turnz'. Did you mean 'turns'? Known: turns, length, open space"),
         ({"open spaces": "<=5"}, "Did you mean 'open space'?"),
         ({"turns": "=<5"}, "begins with one of <=, >=, <, >, ==, !=, as in '<=5', got '=<' in '=<5'"),
         ({"turns": "5"}, "begins with one of <=, >=, <, >, ==, !=, as in '<=5', got '5'"),

@@ -94,10 +94,10 @@ def test_a_goal_of_ones_own_is_a_short_class_with_a_name() -> None:
 @pytest.mark.parametrize(
     ("given", "kind", "said"),
     [
-        ({"lok_at": {}}, UnknownName, "unknown goal 'lok_at'; known: camera_at, look_at, tool_at. Did you mean 'look"),
+        ({"lok_at": {}}, UnknownName, r"unknown goal 'lok_at'\. Did you mean 'look_at'\? Known: camera_at, "),
         ({"look_at": {"target": (1, 2, 3)}}, QueryError, "goal 'look_at' needs distance as well; it has target, "),
         ({"look_at": [1, 2, 3]}, QueryError, "the parameters of goal 'look_at' are given by name, got"),
-        ({"look_at": {"goal": (1, 2, 3)}}, QueryError, "has no parameter 'goal'; it has target, distance, roll"),
+        ({"look_at": {"goal": (1, 2, 3)}}, QueryError, "has no parameter 'goal'. It has target, distance, roll"),
         ([CAN, 3.0], QueryError, "the goal is .*x m, y m"),
         ([CAN, (1, 2)], QueryError, "the goal 1 is .x m, y m, yaw rad, pan rad, tilt rad., got .1, 2."),
         ({"tool_at": {"position": (4, 3, 0)}}, QueryError, r"the goal tool_at \(4, 3, 0\) requires tool, which"),
@@ -176,7 +176,7 @@ def test_a_scenario_lists_goals_of_which_any_will_do(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "kind", "said"),
     [
-        ("look_at", "lok_at", UnknownName, "line 7, goal.lok_at: unknown goal 'lok_at'; known: camera_at, look_at"),
+        ("look_at", "lok_at", UnknownName, "line 7, goal.lok_at: unknown goal 'lok_at'. Did you mean 'look_at'? Known: camera_at"),
         ("distance", "distanse", ScenarioError, "line 7, goal.look_at.distanse: no such key; did you mean 'distance'?"),
         ("[0.5, 1.5]", "[1.5, 0.5]", QueryError, "line 7, goal.look_at: distance is (least, greatest) distance in m"),
         ("[0.5, 1.5]", "near", ScenarioError, "line 7, goal.look_at.distance: expected a list, got 'near'"),

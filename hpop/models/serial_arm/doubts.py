@@ -26,10 +26,10 @@ def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
         yield _unknown("gives, in states by name, values of the joints", strange, robot.joints)
     for state, group in sorted(semantics.grouped):
         if group not in semantics.groups:
-            known = f"; it has {_listed(sorted(semantics.groups)) or 'none'}"
+            near = did_you_mean(group, semantics.groups)
             yield (
                 f"the state {shown(state)} of the SRDF is one of the group {shown(group)}, which the SRDF does not "
-                f"define{known}.{did_you_mean(group, semantics.groups)}"
+                f"define.{near} It has {_listed(sorted(semantics.groups)) or 'none'}"
             )
 
 

@@ -98,8 +98,8 @@ class Robot:
         """The joints from the root to a link, in this order."""
         if tip not in self.links:
             raise self.file.error(
-                f"it has no link {shown(tip)} for the tip; its links are {', '.join(map(shown, self.links))}."
-                + did_you_mean(tip, self.links)
+                f"it has no link {shown(tip)} for the tip.{did_you_mean(tip, self.links)} "
+                f"Its links are {', '.join(map(shown, self.links))}"
             )
         above = {joint.child: joint for joint in self.joints.values()}
         found = []

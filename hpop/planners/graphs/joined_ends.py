@@ -23,6 +23,7 @@ from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
+from hpop.planners.usable import elsewhere
 from hpop.search import Graph
 
 if TYPE_CHECKING:
@@ -189,11 +190,13 @@ class JoinedEnds(TrajectoryGraph):
         """Why an end cannot be used."""
         end = self.ends[what]
         whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
-        reason = self.collision.why_blocked(whole) or (
+        blocked = self.collision.why_blocked(whole)
+        reason = blocked or (
             f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
             f"{'from' if what == START else 'to'} it; take a smaller step"
         )
-        return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}."
+        hint = elsewhere(self.model, self.world, end) if blocked else ""
+        return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"
 
     def places(self, ids: IntArray) -> IntArray:
         """Places (N,) of the inner graph; an end has one of its own, below 0."""

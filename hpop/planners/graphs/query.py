@@ -58,8 +58,8 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
     for name, value in tolerance.items():
         if name not in names:
             raise OptionError(
-                f"tolerance names {name!r}, but the costs that are searched for are {', '.join(names)}."
-                + did_you_mean(name, names)
+                f"tolerance names {name!r}, which is no cost that is searched for.{did_you_mean(name, names)} "
+                f"These are {', '.join(names)}"
             )
         real(f"tolerance of {name}", value, 0, MOST)
     slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]

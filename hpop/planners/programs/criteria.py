@@ -58,7 +58,8 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
     smooth = [criterion.name for criterion in criteria if criterion.smooth]
     if name not in smooth:
         raise OptionError(
-            f"minimise is one of the smooth costs ({', '.join(smooth)}), got {shown(name)}.{did_you_mean(name, smooth)}"
+            f"minimise names {shown(name)}, which is no smooth cost.{did_you_mean(name, smooth)} "
+            f"These are {', '.join(smooth) or 'none'}"
         )
     return names.index(name)
 

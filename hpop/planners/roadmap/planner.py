@@ -25,6 +25,7 @@ from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configura
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.usable import elsewhere
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -256,8 +257,10 @@ def checked_ends(problem: Problem) -> PositionedEnds:
         x, y, yaw = end
         if yaw is None and collision.yaw_matters:  # some heading may do
             return ""
-        reason = collision.why_blocked(States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0])))
-        return reason and f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}."
+        state = States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0]))
+        reason = collision.why_blocked(state)
+        hint = reason and elsewhere(problem.model, problem.world, state)
+        return reason and f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.{hint}"
 
     start, goals = start_of(problem), goals_of(problem)
     refusals = [refusal(f"goal {i}" if len(goals) > 1 else "goal", goal) for i, goal in enumerate(goals)]

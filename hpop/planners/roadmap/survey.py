@@ -17,6 +17,7 @@ from hpop.motions import States, StateSpace
 from hpop.planners.roadmap.guides import Connections, Guide, guides
 from hpop.planners.roadmap.links import START
 from hpop.planners.spending import Spending
+from hpop.planners.usable import elsewhere
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -106,7 +107,8 @@ def _start(problem: Problem) -> States:
     """The start (1,); QueryError where it is blocked."""
     start = problem.model.space.state(problem.start)
     if reason := problem.model.collision(problem.world).why_blocked(start):
-        raise QueryError(f"the start {_written(problem.start)} is not usable: {reason}.")
+        hint = elsewhere(problem.model, problem.world, start)
+        raise QueryError(f"the start {_written(problem.start)} is not usable: {reason}.{hint}")
     return start
 
 
@@ -138,7 +140,8 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
         what = f"goal {i}" if len(target.members) > 1 else "goal"
         tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
         reason = collision.why_blocked(drawn.take(slice(0, 1)))
-        refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.")
+        hint = elsewhere(model, problem.world, model.space.state(member, free=model.space.angles))
+        refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.{hint}")
     if not usable:
         raise QueryError(" ".join(refusals))
     return all_of(model.space, usable), len(target.members)

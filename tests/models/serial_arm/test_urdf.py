@@ -80,7 +80,7 @@ def test_links_in_a_circle_are_called_so(tmp_path):
 
 
 def test_a_urdf_without_the_tip_is_refused_with_its_links(tmp_path):
-    with pytest.raises(ModelError, match=r"no link 'eyes' for the tip; its links are 'rail', .*Did you mean 'eye'\?"):
+    with pytest.raises(ModelError, match=r"no link 'eyes' for the tip\. Did you mean 'eye'\? Its links are 'rail', "):
         made(tmp_path, tip="eyes")
     with pytest.raises(ModelError, match="no joint between 'rail' and the tip 'rail' moves"):
         made(tmp_path, tip="rail")
@@ -102,7 +102,7 @@ def test_accelerations_are_positive_numbers_one_for_all_or_one_for_each_joint(tm
 def test_what_is_missing_is_named(tmp_path):
     with pytest.raises(ModelError, match="model 'serial_arm' needs tip, acceleration as well; it has urdf, tip, acc"):
         SerialArm.from_urdf(HERE / "arm6.urdf")
-    with pytest.raises(ModelError, match=r"has no parameter 'accelerations'; .* Did you mean 'acceleration'\?"):
+    with pytest.raises(ModelError, match=r"has no parameter 'accelerations'\. Did you mean 'acceleration'\?"):
         SerialArm.from_urdf(HERE / "arm6.urdf", tip="tool", accelerations=6.0)
     with pytest.raises(ModelError, match=r"the URDF '.*lost.urdf' cannot be opened.*check the path"):
         SerialArm.from_urdf(tmp_path / "lost.urdf", tip="eye", acceleration=1.0)

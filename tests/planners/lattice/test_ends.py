@@ -81,15 +81,15 @@ def test_a_goal_that_differs_from_the_start_by_rounding_is_the_start():
         (
             (3.1, 2.0, 0.0),
             (5.0, 2.0, 0.0),
-            r"the start \(3.100, 2.000\) is not usable: it is inside an obstacle\. Move it\.$",
+            r"the start \(3.100, 2.000\) is not usable: it is inside an obstacle\. Move it\. The nearest place where",
         ),
-        ((-1.0, 2.0, 0.0), (5.0, 2.0, 0.0), r"the start .* outside the map, .* m\. Move it\.$"),
+        ((-1.0, 2.0, 0.0), (5.0, 2.0, 0.0), r"the start .* outside the map, .* m\. Move it\. The nearest"),
         (
             (0.1, 2.0, 0.0),
             (5.0, 2.0, 0.0),
             r"the start .* 0.100 m away and the robot reaches 0.250 m\. Move it, or take a",
         ),
-        ((1.0, 2.0, 0.0), (3.1, 2.0, 0.0), r"the goal .* inside an obstacle\. Move it\.$"),
+        ((1.0, 2.0, 0.0), (3.1, 2.0, 0.0), r"the goal .* inside an obstacle\. Move it\. The nearest"),
         ((1.0, 2.0, 0.0), (2.8, 2.0, 0.0), "the goal .* is 0.100 m away and the robot reaches 0.250 m"),
         ((1.0, 2.0, 0.0), (5.0, 9.0, 0.0), "the goal .* outside the map"),
     ],
