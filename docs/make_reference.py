@@ -1,6 +1,9 @@
-"""Write ``criteria_reference.md``: every criterion that comes with hpop, from the registry and the docstrings.
+"""Write what follows from the code, so that it is kept in one place.
 
-Run it after a criterion has changed: ``make reference``, or ``python docs/make_reference.py``.
+``criteria_reference.md`` has every criterion that comes with hpop, from the registry and the docstrings,
+``glossary.md`` the words of ``hpop explain``; ``scenario.schema.json`` is what ``hpop schema`` prints.
+
+Run it after one of these has changed: ``make reference``, or ``python docs/make_reference.py``.
 """
 
 from __future__ import annotations
@@ -11,9 +14,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+from hpop.cli import glossary
 from hpop.registry import GROUPS, criteria
+from hpop.scenario import json_schema
 
-TARGET = Path(__file__).with_name("criteria_reference.md")
+DOCS = Path(__file__).parent
 HEAD = """# Reference of the criteria
 
 Written by `make reference` from the criteria themselves; do not edit. [Criteria](criteria.md) says how to write one.
@@ -25,8 +30,13 @@ the *quantum*, in the unit.
 AGGREGATES = {"sum": "sum", "time-mean": "time-mean", "max": "max (worst moment)", "trajectory": "trajectory (memory)"}
 
 
+def schema() -> str:
+    """The JSON schema of scenarios, without what installed plugins bring."""
+    return json_schema.written(json_schema.scenario_schema(at_home=True))
+
+
 def reference() -> str:
-    """The whole page."""
+    """The whole page on criteria."""
     known = [cls for cls in criteria.values() if cls.__module__.startswith("hpop.")]  # no plugin's
     parts = [HEAD]
     for letter, group in GROUPS.items():
@@ -99,5 +109,8 @@ def text(docstring: str) -> str:
     return "\n\n".join(paragraphs)
 
 
+PAGES = {"criteria_reference.md": reference, "glossary.md": glossary.page, "scenario.schema.json": schema}
+
 if __name__ == "__main__":
-    TARGET.write_text(reference(), encoding="utf-8")
+    for name, write in PAGES.items():
+        (DOCS / name).write_text(write(), encoding="utf-8")

@@ -50,10 +50,19 @@ class Degrees:
         return radians(float(match.group(1))) if match else given
 
     @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """The form of such text, as editors know it."""
+        return {"type": "string", "pattern": f"^{cls.TEXT.pattern}$"}
+
+    @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
         return core_schema.no_info_before_validator_function(cls.in_radians, handler(source))
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        return {"anyOf": [handler(schema), cls.json_schema()]}
 
 
 Angle = Annotated[float, Degrees]
@@ -71,6 +80,10 @@ class BesideScenario:
             return os.path.join(folder, given) if isinstance(given, str) and given else given
 
         return core_schema.with_info_before_validator_function(placed, handler(source))
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        return {**handler(schema), "type": "string"}
 
 
 GivenPath = Annotated[str, BesideScenario]

@@ -185,5 +185,5 @@ def _check_joinable(planners: Iterable[Planner]) -> None:
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
     """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
-    empty = [f"{group} ({name})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
-    return [f"no criterion of group {', '.join(empty)} is asked for"] if empty else []
+    empty = [f"{name} ({group})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
+    return [f"groups without a criterion: {', '.join(empty)}"] if empty else []

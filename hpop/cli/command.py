@@ -24,6 +24,10 @@ imports_option = click.option(
     help="Python of your own, FILE.py or a module, for criteria, planners, models, goals, readers in it. Repeatable.",
 )
 
+verbose_option = click.option(
+    "--verbose", is_flag=True, help="Print also what was counted: labels, edges, seconds, memory."
+)
+
 
 def user_errors(command: F) -> F:
     """A user's mistake ends in one message and its exit code, never in a traceback."""

@@ -20,7 +20,7 @@ import click
 
 from hpop import __version__
 from hpop.cli import results
-from hpop.cli.command import INTERRUPTED, imports_option, user_errors
+from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
 from hpop.cli.saved import pick, show
@@ -71,10 +71,17 @@ def main() -> None:
     metavar="FILE",
     help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
 )
+@verbose_option
 @imports_option
 @user_errors
 def plan(
-    scenario: Path, out: Path, workers: int | None, dask: str | None, checkpoint: str | None, imports: tuple[str, ...]
+    scenario: Path,
+    out: Path,
+    workers: int | None,
+    dask: str | None,
+    checkpoint: str | None,
+    verbose: bool,
+    imports: tuple[str, ...],
 ) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     from hpop import garbage
@@ -111,7 +118,7 @@ def plan(
         fronts = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
-        report.print_front(loaded.problem, front, saved=out / SAVED)
+        report.print_front(loaded.problem, front, saved=out / SAVED, verbose=verbose)
         report.print_contributions([planner.name for planner in loaded.planners], fronts)
         if checkpoint is not None:
             _tidy(checkpoint, front)
@@ -200,6 +207,37 @@ def planners(imports: tuple[str, ...]) -> None:
 
     user_code.register(imports)
     registered.print_planners()
+
+
+@main.command()
+@click.argument("word", required=False)
+@imports_option
+@user_errors
+def explain(word: str | None, imports: tuple[str, ...]) -> None:
+    """Say what a WORD means that hpop prints, or what the criterion, planner, robot or goal of that name is.
+
+    Without a WORD those that are explained are listed.
+    """
+    from hpop.cli import user_code
+    from hpop.cli.explain import explained, known
+
+    user_code.register(imports)
+    echo(known() if word is None else explained(word))
+
+
+@main.command()
+@imports_option
+@user_errors
+def schema(imports: tuple[str, ...]) -> None:
+    """Print the JSON schema of scenarios, by which editors complete and check them.
+
+    Write it to a file, and name that in the first line of a scenario: # yaml-language-server: $schema=FILE
+    """
+    from hpop.cli import user_code
+    from hpop.scenario import json_schema
+
+    user_code.register(imports)
+    echo(json_schema.written(json_schema.scenario_schema()).rstrip())
 
 
 @contextmanager

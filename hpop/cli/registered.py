@@ -27,10 +27,16 @@ def print_criteria(console: Console | None = None) -> None:
         if members:
             console.print(f"\n{letter}: {group}", style="bold", highlight=False)
         for cls in members:
-            requires = f"requires {', '.join(cls.requires)}" if cls.requires else ""
-            unit = "" if cls.unit == "1" else cls.unit
-            declared = ", ".join(word for word in (unit, cls.aggregate, requires, _fields(cls)) if word)
-            _print_entry(console, cls.name, declared, _first_line(cls))
+            _print_entry(console, cls.name, declared(cls), _first_line(cls))
+
+
+def declared(item: Any) -> str:
+    """What a registered type says of itself, on one line: of a criterion its unit, and what it requires; its fields."""
+    parts = [_fields(item)] if dataclasses.is_dataclass(item) else []
+    if hasattr(item, "aggregate"):
+        requires = f"requires {', '.join(item.requires)}" if item.requires else ""
+        parts = ["" if item.unit == "1" else item.unit, item.aggregate, requires, *parts]
+    return ", ".join(filter(None, parts))
 
 
 def print_models(console: Console | None = None) -> None:

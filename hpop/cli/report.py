@@ -31,6 +31,7 @@ from hpop.text import printable
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # more than usual, in which costs are told apart
+WORDS = "what these words mean: `hpop explain certificate`, knee, exposure and so on (docs/glossary.md)"
 BOX = 1.1  # side of the box of scaled costs of which a hypervolume is a part
 MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
 
@@ -68,13 +69,19 @@ def marks(front: Front) -> dict[int, list[str]]:
 
 
 def print_front(
-    problem: Problem, front: Front, console: Console | None = None, *, saved: Path = Path("front.json")
+    problem: Problem,
+    front: Front,
+    console: Console | None = None,
+    *,
+    saved: Path = Path("front.json"),
+    verbose: bool = False,
 ) -> None:
     """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
 
     Parameters
     ----------
     saved : where the whole front is
+    verbose : whether also what was counted while it was searched for
     """
     console = console or Console()
 
@@ -97,7 +104,7 @@ def print_front(
         say("The marked trajectories as planned and as executed (real speed ramps)")
         _print_wide(console, _executed_table(problem, front))
         console.print()
-    for run in front.runs:
+    for run in front.runs if verbose else ():
         numbers = [
             _counted(k, v) for k, v in run.items() if isinstance(v, int | float) and abs(v) <= sys.float_info.max
         ]
@@ -108,6 +115,7 @@ def print_front(
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
     say(f"{how_many(front)}; status: {front.status}")
     say(f"certificate: {front.certificate}")
+    say(WORDS)
 
 
 @dataclasses.dataclass(frozen=True)

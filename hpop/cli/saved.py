@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.cli import results
-from hpop.cli.command import imports_option, user_errors
+from hpop.cli.command import imports_option, user_errors, verbose_option
 from hpop.cli.results import SAVED
 from hpop.cli.terminal import echo
 from hpop.errors import OutputError, UnknownName
@@ -54,9 +54,10 @@ def _names(context: click.Context, option: click.Parameter, given: Sequence[str]
     callback=_names,
     help="Further criteria to evaluate on these trajectories (`hpop criteria` lists them). Repeatable.",
 )
+@verbose_option
 @imports_option
 @user_errors
-def show(folder: Path, also: list[str], imports: tuple[str, ...]) -> None:
+def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...]) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop import further
     from hpop.cli import report, user_code
@@ -74,7 +75,7 @@ def show(folder: Path, also: list[str], imports: tuple[str, ...]) -> None:
     echo(f"as saved in {path}, not yet checked:")
     with report.progress_bar() as progress:
         more = further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
-    report.print_front(problem, more, saved=path)
+    report.print_front(problem, more, saved=path, verbose=verbose)
     echo("checking costs, ends and collisions")
     with report.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))

@@ -44,6 +44,6 @@ def _check_body(model: Model, body: str) -> None:
     known = sorted(model.provides - NO_BODIES)
     if body not in known:
         raise OptionError(
-            f"this robot has no body {shown(body)}.{did_you_mean(body, known)} body is one of {', '.join(known)}, or None "
-            "for its states"
+            f"this robot has no body {shown(body)}.{did_you_mean(body, known)} "
+            f"body is one of {', '.join(known)}, or None for its states"
         )

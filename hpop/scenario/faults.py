@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import json
 import math
@@ -12,19 +11,18 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import shapely
-from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic import BaseModel, ValidationError
 
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.goals import is_named, required_by
 from hpop.motions import Model, StateSpace
 from hpop.options import Degrees
-from hpop.registry import Registry, goals, hints_of, model_parameters, models, readers
-from hpop.scenario.schema import STRICT, WorldSection
+from hpop.registry import Registry, goals, model_parameters, models, readers
+from hpop.scenario.schema import WorldSection, parameters_of
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.status import LIMITS, NO_LIMIT
 from hpop.text import shown
 
-PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())
 EXPECTED = {
     "string_type": "text",
     "float_type": "a number",
@@ -134,7 +132,7 @@ class Faults:
             cls, given = registry[name], parameters or {}
             parts = model_parameters(cls) & given.keys()
             made = {key: self.built(models, given[key], (*inside, key)) for key in parts}
-            checked = self.validated(_parameters(cls), given, inside)
+            checked = self.validated(parameters_of(cls), given, inside)
             if checked is not None and None not in made.values():
                 return cls(**{key: getattr(checked, key) for key in checked.model_fields_set} | made)
         return None
@@ -225,17 +223,6 @@ class Faults:
                 with self.collected(place):
                     things[-1] = make(checked, place)
         return things
-
-
-def _parameters(cls: Any) -> type[BaseModel]:
-    """The schema of a dataclass's fields; those that are models are given as choices."""
-    hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
-    schema: dict[str, Any] = {}
-    for field in dataclasses.fields(cls):
-        if field.init:
-            optional = not (field.default is field.default_factory is dataclasses.MISSING)
-            schema[field.name] = (hints.get(field.name, Any), None if optional else ...)
-    return create_model(cls.__name__, __config__=PARAMETERS, **schema)
 
 
 def _may_be(value: Any, angle: bool) -> bool:

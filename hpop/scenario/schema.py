@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WithJsonSchema,
+    WrapValidator,
+    create_model,
+)
 from pydantic_core import PydanticCustomError
 
+from hpop.options import Degrees
+from hpop.registry import hints_of, model_parameters
 from hpop.world.geojson_content import FLOW_WIDTH
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())
 DEFAULT_MODEL = "differential_drive"
 DEFAULT_PLANNER = "lattice"
 Paths = str | list[str]
@@ -29,14 +43,19 @@ def _form(what: str) -> WrapValidator:
     return WrapValidator(check)
 
 
+# What text says is read where the value is used, which tells more than that it is no angle.
+Angle = Annotated[float | str, WithJsonSchema({"anyOf": [{"type": "number"}, Degrees.json_schema()]})]
 # A validator is given JSON's lists, which strictly are no tuples; what is in them stays strict.
 Pair = Annotated[tuple[float, float], Strict(False)]
 Triple = Annotated[tuple[float, float, float], Strict(False)]
-Angles = Annotated[tuple[float | str, float | str, float | str], Strict(False)]
+Angles = Annotated[tuple[Angle, Angle, Angle], Strict(False)]
 Quaternion = Annotated[tuple[float, float, float, float], Strict(False)]
 Origin = Annotated[tuple[float, float, float], Strict(False), _form("an origin [x, y, yaw] in m, m and rad")]
 Point = Annotated[Pair, _form("a point [x, y] in m")]
 Heights = Annotated[Pair, _form("heights [z_min, z_max] in m")]
+
+
+Points = list[Annotated[Triple, _form("a point [x, y, z] in m")]]
 
 
 class _Strict(BaseModel):
@@ -52,7 +71,7 @@ class MapFile(_Strict):
 
     files: ClassVar[frozenset[str]] = frozenset({"path"})
     beside: ClassVar[frozenset[str]] = frozenset()
-    path: str
+    path: str  # file, relative to the scenario
 
 
 class RosMap(MapFile):
@@ -67,7 +86,7 @@ class RosMap(MapFile):
 class MovingAI(MapFile):
     """A MovingAI grid map; ``resolution`` is the side of a cell, m."""
 
-    resolution: float = Field(default=1.0, gt=0)
+    resolution: float = Field(default=1.0, gt=0)  # m, side of a cell
 
 
 class GeoJSON(MapFile):
@@ -83,10 +102,10 @@ class GeoJSON(MapFile):
     polygons: Literal["obstacles", "free", "outline"] = "obstacles"
     units: Literal["m", "deg"] | None = None
     wall_width: float | None = Field(default=None, gt=0)
-    landmarks: Paths = []
-    flows: Paths = []
-    zones: Paths = []
-    flow_width: float = Field(default=FLOW_WIDTH, gt=0)
+    landmarks: Paths = []  # GeoJSON files whose points are landmarks
+    flows: Paths = []  # GeoJSON files whose lines are flows of visitors: one-way zones
+    zones: Paths = []  # GeoJSON files whose polygons are zones
+    flow_width: float = Field(default=FLOW_WIDTH, gt=0)  # m, across a flow
 
 
 class Image(MapFile):
@@ -132,16 +151,16 @@ class PDF(Drawing):
 class Prism(_Strict):
     """An obstacle: corners in m, and the heights between which it stands; without, the whole height."""
 
-    corners: list[Point] = Field(min_length=3)
-    height: Heights | None = None
+    corners: list[Point] = Field(min_length=3)  # m, [x, y] each
+    height: Heights | None = None  # m, [z_min, z_max]; the whole height without
 
 
 class Polygons(_Strict):
     """Obstacles written out; the robot stays in ``extent`` and off ``keep_out``."""
 
-    obstacles: list[Prism] = []
-    extent: list[Point] | None = Field(default=None, min_length=3)
-    keep_out: list[list[Point]] = []
+    obstacles: list[Prism] = []  # upright, each with its corners
+    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of where the robot stays
+    keep_out: list[list[Point]] = []  # m, corners of areas that it may not enter
 
 
 class MoveItScene(MapFile):
@@ -151,28 +170,28 @@ class MoveItScene(MapFile):
 class CylinderSize(_Strict):
     """A cylinder, m; its axis is z."""
 
-    radius: float = Field(gt=0)
-    length: float = Field(gt=0)
+    radius: float = Field(gt=0)  # m
+    length: float = Field(gt=0)  # m, along z
 
 
 class SolidEntry(_Strict):
     """A solid in space, m, of exactly one shape; turned by angles in rad, or as text such as "90 deg"."""
 
-    box: Annotated[Triple, _form("a size [x, y, z] in m")] | None = None
-    cylinder: CylinderSize | None = None
-    sphere: float | None = Field(default=None, gt=0)
-    hull: list[Annotated[Triple, _form("a point [x, y, z] in m")]] | None = Field(default=None, min_length=4)
-    position: Annotated[Triple, _form("a position [x, y, z] in m")] = (0.0, 0.0, 0.0)
-    rpy: Annotated[Angles, _form("[roll, pitch, yaw] in rad or as '90 deg'")] | None = None
-    quaternion: Annotated[Quaternion, _form("a quaternion [x, y, z, w]")] | None = None
-    name: str = ""
+    box: Annotated[Triple, _form("a size [x, y, z] in m")] | None = None  # m, its size [x, y, z]
+    cylinder: CylinderSize | None = None  # upright, unless it is turned
+    sphere: float | None = Field(default=None, gt=0)  # m, its radius
+    hull: Points | None = Field(default=None, min_length=4)  # m, points [x, y, z] round which it lies
+    position: Annotated[Triple, _form("a position [x, y, z] in m")] = (0.0, 0.0, 0.0)  # m, of its middle
+    rpy: Annotated[Angles, _form("[roll, pitch, yaw] in rad or as '90 deg'")] | None = None  # rad, or as '90 deg'
+    quaternion: Annotated[Quaternion, _form("a quaternion [x, y, z, w]")] | None = None  # [x, y, z, w], in place of rpy
+    name: str = ""  # in messages and pictures
 
 
 class Solids(_Strict):
     """Solids in space written out; robots in the plane stay in ``extent``."""
 
-    obstacles: list[Entry] = []
-    extent: list[Point] | None = Field(default=None, min_length=3)
+    obstacles: list[Entry] = []  # boxes, cylinders, spheres and hulls
+    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of where robots in the plane stay
 
 
 class WorldSection(_Strict):
@@ -194,7 +213,7 @@ class ReaderFile(BaseModel):
     """What an installed package's reader reads, and its options."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, defer_build=True)
-    path: str
+    path: str  # file, relative to the scenario
 
 
 class PersonEntry(_Strict):
@@ -202,10 +221,10 @@ class PersonEntry(_Strict):
 
     x: float
     y: float
-    yaw: float | str = 0.0
+    yaw: Angle = 0.0
     velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)
     radius: float = Field(default=0.25, gt=0)
-    name: str = ""
+    name: str = ""  # in messages and pictures
 
 
 class LandmarkEntry(_Strict):
@@ -214,9 +233,9 @@ class LandmarkEntry(_Strict):
     x: float
     y: float
     z: float = 1.5
-    facing: float | str | None = None
+    facing: Angle | None = None
     weight: float = Field(default=1.0, gt=0)
-    name: str = ""
+    name: str = ""  # in messages and pictures
 
 
 class ZoneEntry(_Strict):
@@ -226,7 +245,7 @@ class ZoneEntry(_Strict):
     area: list[Point] = Field(min_length=3)
     limit: float | None = Field(default=None, gt=0)
     path: list[Point] | None = Field(default=None, min_length=2)
-    name: str = ""
+    name: str = ""  # in messages and pictures
 
 
 class ScenarioFile(_Strict):
@@ -243,3 +262,14 @@ class ScenarioFile(_Strict):
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
     landmarks: list[Entry] = []
     zones: list[Entry] = []
+
+
+def parameters_of(cls: Any) -> type[BaseModel]:
+    """The form of a dataclass's fields; those that are models are given as choices."""
+    hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
+    schema: dict[str, Any] = {}
+    for field in dataclasses.fields(cls):
+        if field.init:
+            optional = not (field.default is field.default_factory is dataclasses.MISSING)
+            schema[field.name] = (hints.get(field.name, Any), None if optional else ...)
+    return create_model(cls.__name__, __config__=PARAMETERS, **schema)

@@ -18,7 +18,7 @@ from hpop.options import LEAST, MOST, set_reals
 class _Mismatch:
     """A user who looks ahead through the camera; below ``slow`` m/s a motion counts in proportion to its speed."""
 
-    slow: float = 0.1
+    slow: float = 0.1  # m/s, below which a motion counts in proportion to its speed
 
     def __post_init__(self) -> None:
         set_reals(self, "slow", least=LEAST, most=MOST, kind="a speed in m/s", error=CriterionError)

@@ -23,8 +23,8 @@ from hpop.world.rays_in_space import surfaces_of
 class _Flow:
     """Flow round the camera: along horizontal bearings, or in all directions in view where its height changes."""
 
-    nearest: float = 0.3
-    bearings: int = 16
+    nearest: float = 0.3  # m, nearer surfaces count as this near
+    bearings: int = 16  # horizontal directions that are looked at
 
     def __post_init__(self) -> None:
         set_reals(self, "nearest", least=0.01, most=19.99, kind="a distance in m", error=CriterionError)

@@ -31,7 +31,7 @@ class PassingDistance:
     ``peak_optic_flow``.
     """
 
-    enough: float = 1.0
+    enough: float = 1.0  # m from people, beyond which it costs nothing
     band: float = 0.5
 
     def __post_init__(self) -> None:

@@ -32,11 +32,11 @@ class HallZones:
     :func:`hpop.criteria.others.metrics.zone_fractions` has the sharp zones.
     """
 
-    intimate: float = 1.0
-    personal: float = 0.5
-    social: float = 0.1
-    softness: float = 0.3
-    robot_radius: float | None = None
+    intimate: float = 1.0  # weight up to .45 m from a person
+    personal: float = 0.5  # weight from there to 1.2 m
+    social: float = 0.1  # weight from there to 3.6 m
+    softness: float = 0.3  # m about a border, over which the weight changes
+    robot_radius: float | None = None  # m, None for the model's
 
     def __post_init__(self) -> None:
         zones = ("intimate", "personal", "social")

@@ -27,8 +27,8 @@ class OSpace:
     they face. The width σ = ``sigma`` m is this library's choice: half a stride.
     """
 
-    stride: float = 1.5
-    sigma: float = 0.75
+    stride: float = 1.5  # m ahead of each who talks is the middle
+    sigma: float = 0.75  # m, width about the middle
 
     def __post_init__(self) -> None:
         set_reals(self, "stride", least=0, most=MOST, kind="a length in m", error=CriterionError)

@@ -39,7 +39,7 @@ class PersonalSpace:
     ``people="sum"`` adds up the people; "max" takes the one who is disturbed most, as costmaps do.
     """
 
-    people: Combination = "sum"
+    people: Combination = "sum"  # all people, or "max", the one who is disturbed most
 
     def __post_init__(self) -> None:
         one_of("people", self.people, get_args(Combination), error=CriterionError)

@@ -30,8 +30,8 @@ class TimeToCollision:
     speed.
     """
 
-    horizon: float = 3.0
-    robot_radius: float | None = None
+    horizon: float = 3.0  # s, later collisions cost nothing
+    robot_radius: float | None = None  # m, None for the model's
 
     def __post_init__(self) -> None:
         set_reals(self, "horizon", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)

@@ -33,7 +33,7 @@ class VisibilityToPeople:
     seen.
     """
 
-    range: float = HALL["social"]
+    range: float = HALL["social"]  # m, beyond which nobody minds
 
     def __post_init__(self) -> None:
         set_reals(self, "range", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)

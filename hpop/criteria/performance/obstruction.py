@@ -20,7 +20,7 @@ RAYS = 300  # over the ball of a camera whose height changes: an edge or a corne
 class _Obstructed:
     """A camera whose surroundings within ``radius`` metres are partly filled by obstacles."""
 
-    radius: float = 2.0
+    radius: float = 2.0  # m, of the ball round the camera
 
     def __post_init__(self) -> None:
         set_reals(self, "radius", least=SMALLEST, most=999, kind="a length in m", error=CriterionError)

@@ -18,7 +18,7 @@ from hpop.world.visibility import openness
 class _Enclosed:
     """A camera that looks round, up to ``radius`` metres."""
 
-    radius: float = 5.0
+    radius: float = 5.0  # m, how far it looks
 
     def __post_init__(self) -> None:
         set_reals(self, "radius", least=LEAST, most=999, kind="a length in m", error=CriterionError)

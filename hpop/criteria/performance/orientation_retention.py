@@ -21,7 +21,7 @@ TIE = 1e-9  # turns within this share of a multiple's half count as halfway
 class _RoundTurns:
     """A viewer who remembers each turn as the nearest ``multiple``, rad (halfway: the smaller one)."""
 
-    multiple: float = np.pi / 2
+    multiple: float = np.pi / 2  # rad, turns by multiples of it are kept count of
 
     def __post_init__(self) -> None:
         kind = "an angle in rad, such as pi/4 or pi/2,"

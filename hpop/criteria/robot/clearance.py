@@ -28,7 +28,7 @@ class Clearance:
     stands in the world. That has no symbols. A model needs either this or a base.
     """
 
-    enough: float = 1.0
+    enough: float = 1.0  # m, a clearance beyond which nothing is gained
 
     def __post_init__(self) -> None:
         set_reals(self, "enough", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)

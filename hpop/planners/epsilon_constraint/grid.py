@@ -77,7 +77,8 @@ class Roles:
                 for name in unknown
             )
             raise OptionError(
-                f"epsilon bounds {', '.join(unknown)}, which is no objective.{''.join(hints)} These are {', '.join(names)}"
+                f"epsilon bounds {', '.join(unknown)}, which is no objective.{''.join(hints)} "
+                f"These are {', '.join(names)}"
             )
         limits = np.array([epsilon.get(name, np.inf) for name in names], float)
         least = np.array([_least(c, problem) if c.name in epsilon else 0.0 for c in self.criteria])

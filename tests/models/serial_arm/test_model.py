@@ -140,7 +140,9 @@ def test_a_named_state_is_start_and_goal(arm):
     problem = hpop.Problem(WORLD, arm, "home", ["ready", "upright"], ["duration"])
     assert problem.start == arm.space.named["home"]
     assert problem.goals == (arm.space.named["ready"], arm.space.named["upright"])
-    with pytest.raises(QueryError, match=r"'read' names no state. Did you mean 'ready'\? It is .*the name of one: home, ready, upright"):
+    with pytest.raises(
+        QueryError, match=r"'read' names no state. Did you mean 'ready'\? It is .*the name of one: home, ready, upright"
+    ):
         hpop.Problem(WORLD, arm, "read", "ready", ["duration"])
 
 

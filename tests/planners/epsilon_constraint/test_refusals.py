@@ -66,7 +66,10 @@ def test_wrong_options_are_refused(options, match):
         ({"minimise": "turns"}, "smooth"),
         ({"epsilon": {"depth": 1.0}}, "depth"),
         ({"minimise": "lenght"}, r"'lenght', which is no smooth cost\. Did you mean 'length'\?"),
-        ({"epsilon": {"lenght": 9.0, 3: 1.0}}, r"epsilon bounds 3, lenght, which is no objective\. Did you mean 'length'\?"),
+        (
+            {"epsilon": {"lenght": 9.0, 3: 1.0}},
+            r"epsilon bounds 3, lenght, which is no objective\. Did you mean 'length'\?",
+        ),
     ],
 )
 def test_costs_that_are_not_there_are_refused(options, match):

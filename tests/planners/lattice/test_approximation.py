@@ -93,7 +93,10 @@ def test_an_interrupted_search_proves_its_gap_too():
         ({"eps": -0.01}, "eps must be a number, such as"),
         ({"eps": "much"}, "eps must be a number, such as"),
         ({"tolerance": 0.1}, "tolerance gives amounts by the name of a cost"),
-        ({"tolerance": {"lenght": 0.1}}, "tolerance names 'lenght', which is no cost that is searched for. Did you mean 'length'"),
+        (
+            {"tolerance": {"lenght": 0.1}},
+            "tolerance names 'lenght', which is no cost that is searched for. Did you mean 'length'",
+        ),
         ({"tolerance": {"length": -1}}, "tolerance of length must be a number from 0"),
         ({"eps": 0.1, "max_detour": 1.2}, "max_detour takes no eps"),
     ],

@@ -1,0 +1,275 @@
+"""The JSON schema of scenario files, by which editors complete and check them while they are written.
+
+What is registered is in it, each with its options and what their docstrings say. It is of draft 7, which editors know.
+What a schema cannot say, such as whether a start is free, `hpop look` and `hpop plan` do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from typing import Any, cast
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import PydanticOmit, core_schema
+
+from hpop.options import Degrees
+from hpop.registry import Registry, criteria, goals, model_parameters, models, needed, planners, readers
+from hpop.scenario.field_docs import parameter_docs
+from hpop.scenario.schema import (
+    DEFAULT_MODEL,
+    DEFAULT_PLANNER,
+    CylinderSize,
+    LandmarkEntry,
+    MapFile,
+    PersonEntry,
+    Prism,
+    ScenarioFile,
+    SolidEntry,
+    WorldSection,
+    ZoneEntry,
+    parameters_of,
+)
+from hpop.world.content import Landmark, Person, Zone
+
+Schema = dict[str, Any]
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+LINE = "# yaml-language-server: $schema={}"
+"""The first line of a scenario, by which editors find its schema."""
+SHAPES = ("box", "cylinder", "sphere", "hull")
+ENTRIES: dict[str, tuple[type[BaseModel], type]] = {
+    "people": (PersonEntry, Person),
+    "landmarks": (LandmarkEntry, Landmark),
+    "zones": (ZoneEntry, Zone),
+}
+"""Lists of a scenario, the form of their entries, and the types whose docstrings say what is in them."""
+ANGLE: Schema = {"anyOf": [{"type": "number"}, Degrees.json_schema()]}
+FREE: Schema = {"anyOf": [*ANGLE["anyOf"], {"const": "any"}]}
+KEYS = {
+    "world": "the map: exactly one reader with its file and options, or polygons or solids written out",
+    "model": "the robot: a name, or one name with its parameters (`hpop models`)",
+    "start": "a state of the robot: of a base [x m, y m, yaw rad], the yaw also as '90 deg'; or by name, {x: 1, ...}",
+    "goal": "a state, whose angles may be 'any'; or what the camera shall see (`hpop goals`); or a list: any of them",
+    "criteria": "what is minimised, all at once: names, or names with parameters (`hpop criteria`)",
+    "quanta": "steps in which costs are compared, in their units, by name",
+    "planner": "how to plan: a name, one name with its options, or a list of several (`hpop planners`)",
+    "people": "people who stand or walk: m, m/s",
+    "groups": "people who talk with each other: names, or places in the list, counted from 0",
+    "landmarks": "what is worth seeing: m",
+    "zones": "areas with a rule: m",
+}
+
+
+def scenario_schema(*, at_home: bool = False) -> Schema:
+    """The schema of a scenario file.
+
+    Parameters
+    ----------
+    at_home : leave out what does not come with hpop: plugins, and what the user's own code has registered
+    """
+
+    def choice(registry: Registry[type]) -> Schema:
+        kept = {name: cls for name, cls in registry.items() if not at_home or cls.__module__.startswith("hpop.")}
+        return _choice(registry.kind, kept)
+
+    definitions = {
+        "criterion": choice(criteria),
+        "planner": choice(planners),
+        "model": choice(models),
+        "goal": _named({name: cls for name, cls in goals.items() if not at_home or cls.__module__.startswith("hpop.")}),
+        "world": _world(at_home=at_home),
+        **{
+            key: _described(_form(form), parameter_docs(form) | parameter_docs(said))
+            for key, (form, said) in ENTRIES.items()
+        },
+    }
+    keys = cast(Schema, _form(ScenarioFile)["properties"])
+    keys |= {key: {"type": "array", "items": _of(key)} for key in ENTRIES}
+    goal = [_state(FREE), _of("goal")]
+    keys |= {
+        "world": _of("world"),
+        "model": _of("model") | {"default": DEFAULT_MODEL},
+        "start": _state(ANGLE),
+        "goal": {"anyOf": [*goal, {"type": "array", "minItems": 1, "items": {"anyOf": goal}}]},
+        "criteria": {"type": "array", "minItems": 1, "items": _of("criterion")},
+        "planner": {"anyOf": [_of("planner"), {"type": "array", "minItems": 1, "items": _of("planner")}]}
+        | {"default": DEFAULT_PLANNER},
+    }  # fmt: skip
+    return {
+        "$schema": DRAFT,
+        "title": "Scenario of hpop",
+        "type": "object",
+        "required": ["world", "start", "goal", "criteria"],
+        "additionalProperties": False,
+        "properties": {key: {**keys[key], "description": said} for key, said in KEYS.items()},
+        "definitions": definitions,
+    }
+
+
+def written(schema: Schema) -> str:
+    """A schema as the text of a file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+class _Generator(GenerateJsonSchema):
+    """Schemas of what a file can hold: types that only Python has are left out of choices, or say nothing."""
+
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
+        raise PydanticOmit
+
+    def definitions_schema(self, schema: core_schema.DefinitionsSchema) -> Schema:
+        self._omitted = {one["ref"] for one in schema["definitions"] if one["type"] == "dataclass"}  # type: ignore[typeddict-item]
+        kept = [one for one in schema["definitions"] if one["type"] != "dataclass"]
+        return super().definitions_schema({**schema, "definitions": kept})
+
+    def definition_ref_schema(self, schema: core_schema.DefinitionReferenceSchema) -> Schema:
+        if schema["schema_ref"] in self._omitted:
+            raise PydanticOmit
+        return super().definition_ref_schema(schema)
+
+    def handle_invalid_for_json_schema(self, schema: Any, error_info: str) -> Schema:
+        return {}
+
+
+def _form(model: type[BaseModel]) -> Schema:
+    """The schema of a form, in draft 7, nothing in it by reference."""
+    made = model.model_json_schema(schema_generator=_Generator)
+    return cast(Schema, _plain(made, made.pop("$defs", {})))
+
+
+def _plain(schema: Any, definitions: Schema) -> Any:
+    """A schema without titles and references; tuples as draft 7 writes them."""
+    if isinstance(schema, list):
+        return [_plain(one, definitions) for one in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
+    found = {
+        key: {name: _plain(one, definitions) for name, one in value.items()}
+        if key == "properties"
+        else _plain(value, definitions)
+        for key, value in schema.items()
+        if not (key == "title" and isinstance(value, str)) and key != "default"
+    }
+    if "prefixItems" in found:
+        found["items"] = found.pop("prefixItems")
+    return found
+
+
+def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = None) -> Schema:
+    """A schema whose properties say what they are, and what they are if they are left out."""
+    for name, one in schema.get("properties", {}).items():
+        if docs.get(name):
+            one["description"] = docs[name]
+        if defaults and name in defaults:
+            one["default"] = defaults[name]
+    return schema
+
+
+def _parameters(cls: Any) -> Schema:
+    """The schema of a registered type's parameters."""
+    schema = _form(parameters_of(cls))
+    for name in model_parameters(cls):
+        schema["properties"][name] = _of("model")
+    return _described(schema, parameter_docs(cls), _defaults(cls))
+
+
+def _defaults(cls: Any) -> Schema:
+    """What the parameters are if nobody gives them, as far as JSON can say it."""
+    found = {}
+    for field in dataclasses.fields(cls):
+        if field.init and field.default is not dataclasses.MISSING and field.default is not None:
+            with_json = _jsonable(field.default)
+            if with_json is not None:
+                found[field.name] = with_json
+    return found
+
+
+def _jsonable(value: Any) -> Any:
+    try:
+        return json.loads(json.dumps(value, allow_nan=False))
+    except (TypeError, ValueError):
+        return None
+
+
+def _named(types: dict[str, Any]) -> Schema:
+    """One name with its parameters."""
+    properties = {}
+    for name, cls in types.items():
+        parameters = _parameters(cls)
+        bare = [] if needed(cls) else [{"type": "null"}]
+        properties[name] = {"anyOf": [parameters, *bare], "description": summary(cls)}
+    return {
+        "type": "object",
+        "minProperties": 1,
+        "maxProperties": 1,
+        "additionalProperties": False,
+        "properties": properties,
+    }
+
+
+def _choice(kind: str, types: dict[str, Any]) -> Schema:
+    """One of some types: its name, or its name with parameters."""
+    names = [{"const": name, "description": summary(cls)} for name, cls in types.items() if not needed(cls)]
+    return {"anyOf": [*names, _named(types)], "description": f"a {kind}"}
+
+
+def summary(item: Callable[..., Any]) -> str:
+    """What a registered type is, in its docstring's first paragraph; of a criterion also its unit and group."""
+    first = " ".join((item.__doc__ or "").strip().split("\n\n")[0].split()).replace("``", "")
+    if not hasattr(item, "aggregate"):
+        return first
+    unit = "" if item.unit == "1" else f"{item.unit}, "
+    return f"{first} ({unit}{item.aggregate}, group {item.group})"  # type: ignore[attr-defined]
+
+
+def _world(*, at_home: bool) -> Schema:
+    """Exactly one way to give the world."""
+    ways: Schema = {}
+    for name, field in WorldSection.model_fields.items():
+        form = next(one for one in field.annotation.__args__ if one is not type(None))  # type: ignore[union-attr]
+        ways[name] = _form(form) | {"description": " ".join((form.__doc__ or "").replace("``", "").split())}
+        if issubclass(form, MapFile):
+            _described(ways[name], parameter_docs(form) | parameter_docs(readers[name]))
+        else:
+            _described(ways[name], parameter_docs(form))
+    _described(ways["polygons"]["properties"]["obstacles"]["items"], parameter_docs(Prism))
+    ways["solids"]["properties"]["obstacles"]["items"] = _solid()
+    if not at_home:
+        for name in readers.keys() - ways.keys():
+            path = {"type": "string", "description": "file, relative to the scenario"}
+            ways[name] = {"type": "object", "required": ["path"], "properties": {"path": path}}
+    return {
+        "type": "object",
+        "minProperties": 1,
+        "maxProperties": 1,
+        "additionalProperties": False,
+        "properties": ways,
+    }
+
+
+def _solid() -> Schema:
+    """A solid of exactly one shape, turned in one way."""
+    solid = _described(_form(SolidEntry), parameter_docs(SolidEntry))
+    _described(solid["properties"]["cylinder"]["anyOf"][0], parameter_docs(CylinderSize))
+    turned = {"not": {"required": ["rpy", "quaternion"]}}
+    return solid | {"oneOf": [{"required": [shape]} for shape in SHAPES], **turned}
+
+
+def _state(angle: Schema) -> Schema:
+    """A state in the order of its columns, by their names, or one that has a name."""
+    return {
+        "anyOf": [
+            {"type": "array", "minItems": 1, "items": angle},
+            {"type": "object", "minProperties": 1, "additionalProperties": angle},
+            {"type": "string"},
+        ]
+    }
+
+
+def _of(name: str) -> Schema:
+    return {"$ref": f"#/definitions/{name}"}

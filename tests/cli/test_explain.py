@@ -1,0 +1,87 @@
+"""`hpop explain`: what each printed word means, and what is registered under a name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from hpop.cli.explain import REGISTRIES, explained
+from hpop.cli.glossary import entries, page
+from hpop.cli.report import WORDS
+from hpop.status import Status
+
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
+
+@pytest.mark.parametrize(
+    "word", ["gap", "certificate", "hypervolume", "supported", "exposure", "knee", "eps", "quantum"]
+)
+def test_the_words_that_puzzled_are_explained(run: Callable[..., Result], word: str) -> None:
+    result = run("explain", word)
+    assert result.exit_code == 0
+    assert len(result.stdout) > 100
+
+
+def test_each_status_has_its_meaning() -> None:
+    for status in Status:
+        assert explained(status.value).startswith("status: "), status
+
+
+def test_what_is_registered_is_explained_by_its_docstring(run: Callable[..., Result]) -> None:
+    for registry in REGISTRIES:
+        for name, item in registry.items():
+            first = re.split(r"[`.:\\]", item.__doc__.strip())[0]
+            assert f"{name}, a {registry.kind}" in explained(name)
+            assert first in explained(name)
+    both = run("explain", "exposure").stdout  # a word of the glossary, and a criterion
+    assert both.startswith("exposure: The obstruction added up over time")
+    assert "exposure, a criterion: s, sum, requires camera, radius=2.0" in both
+
+
+def test_a_word_is_found_however_it_is_written() -> None:
+    assert explained("Pareto-Front") == explained("front") == explained(" pareto  front ")
+    assert explained("Personal Space") == explained("personal_space")
+
+
+def test_no_word_has_two_meanings() -> None:
+    words = [word for entry in entries() for word in (entry.word, *entry.also)]
+    assert len(words) == len(set(words))
+    assert all(f"**{entry.word}**" in page() for entry in entries())
+
+
+def test_an_unknown_word_names_the_nearest_before_all(run: Callable[..., Result], refused: Callable[..., None]) -> None:
+    result = run("explain", "hypervolum")
+    refused(result, 7, "unknown word 'hypervolum'. Did you mean 'hypervolume'? Explained are front, certificate, ")
+    assert "Explained are front, certificate, " in run("explain").stdout
+
+
+def test_a_plan_ends_with_where_its_words_are_explained(plan: Callable[..., Result], room: Path) -> None:
+    said = " ".join(plan(room).stdout.split())
+    assert WORDS in said
+    named = re.findall(r"\w+", WORDS.partition("explain")[2].partition(" and ")[0])
+    assert all(explained(word) for word in named)
+    assert "labels" not in said
+
+
+def test_counters_are_for_those_who_ask(run: Callable[..., Result], plan: Callable[..., Result], room: Path) -> None:
+    counted = r"lattice: .*labels generated"
+    plan(room)
+    assert not re.search(counted, run("show", room / "out").stdout)
+    assert re.search(counted, " ".join(run("show", room / "out", "--verbose").stdout.split()))
+    again = run("plan", room / "room.yaml", "--out", room / "out", "--verbose")
+    assert re.search(counted, " ".join(again.stdout.split()))
+
+
+def test_the_note_on_empty_groups_is_one_line_and_said_once(
+    run: Callable[..., Result], write: Callable[..., None], room: Path
+) -> None:
+    several = "planner:\n  - lattice: {step: 0.5}\n  - weighted-sum: {step: 0.5}"
+    write(room, ("planner:\n  lattice: {step: 0.5}", several))
+    lines = run("plan", room / "room.yaml", "--out", room / "out").stdout.splitlines()  # 80 characters each
+    assert [line for line in lines if "criterion:" in line] == [
+        "note: groups without a criterion: performance (P), robot (R), others (O)"
+    ]
