@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
 from typing import Any, cast
 
 from pydantic import BaseModel
@@ -121,7 +120,7 @@ class _Generator(GenerateJsonSchema):
         raise PydanticOmit
 
     def definitions_schema(self, schema: core_schema.DefinitionsSchema) -> Schema:
-        self._omitted = {one["ref"] for one in schema["definitions"] if one["type"] == "dataclass"}  # type: ignore[typeddict-item]
+        self._omitted = {one["ref"] for one in schema["definitions"] if one["type"] == "dataclass"}
         kept = [one for one in schema["definitions"] if one["type"] != "dataclass"]
         return super().definitions_schema({**schema, "definitions": kept})
 
@@ -218,13 +217,13 @@ def _choice(kind: str, types: dict[str, Any]) -> Schema:
     return {"anyOf": [*names, _named(types)], "description": f"a {kind}"}
 
 
-def summary(item: Callable[..., Any]) -> str:
+def summary(item: Any) -> str:
     """What a registered type is, in its docstring's first paragraph; of a criterion also its unit and group."""
     first = " ".join((item.__doc__ or "").strip().split("\n\n")[0].split()).replace("``", "")
     if not hasattr(item, "aggregate"):
         return first
     unit = "" if item.unit == "1" else f"{item.unit}, "
-    return f"{first} ({unit}{item.aggregate}, group {item.group})"  # type: ignore[attr-defined]
+    return f"{first} ({unit}{item.aggregate}, group {item.group})"
 
 
 def _world(*, at_home: bool) -> Schema:

@@ -132,8 +132,8 @@ class Drawing(MapFile):
 
     scale: float | None = Field(default=None, gt=0)
     layers: Paths | None = None
-    wall_width: float = Field(default=0.05, gt=0)
-    inside: Point | None = None
+    wall_width: float = Field(default=0.05, gt=0)  # m, how thick a line is
+    inside: Point | None = None  # m, [x, y]: what cannot be reached from there is solid
     origin: Annotated[Pair, _form("an origin [x, y] in the drawing's units")] = (0.0, 0.0)
 
 
