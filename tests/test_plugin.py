@@ -206,7 +206,10 @@ def faulty(path, *, what="nothing"):
     [
         ({}, "reader 'faulty' must return a World, got NoneType"),
         ({"what": "error"}, "reader 'faulty' cannot read 'a.txt': KeyError: 'walls'"),
-        ({"wat": 1}, r"reader 'faulty': got an unexpected keyword argument 'wat'.* It takes \(path, \*, what='nothing'\)"),
+        (
+            {"wat": 1},
+            r"reader 'faulty': got an unexpected keyword argument 'wat'.* It takes \(path, \*, what='nothing'\)",
+        ),
         ({"wat": 1}, r"argument 'wat'\. Did you mean 'what'\?"),
     ],
 )

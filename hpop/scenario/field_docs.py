@@ -18,7 +18,8 @@ def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
     Three ways to write them are known: aligned lines in the docstring (``radius  m  of a round footprint``), comments
     behind the fields (``radius: float = 2.0  # m``), and NumPy's sections (``scale : float`` and indented lines).
 
-    >>> def read(path, scale): "Read.\\n\\n    path : path of the file\\n    scale : float\\n        Metres a unit."
+    >>> def read(path, scale):
+    ...     "path : path of the file\n    scale : float\n        Metres a unit."
     >>> parameter_docs(read)
     {'path': 'path of the file', 'scale': 'Metres a unit.'}
     """

@@ -130,7 +130,7 @@ def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(hpop: Hpop, m
 
 def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
     lines = (EXAMPLES / "own_criterion.yaml").read_text().splitlines()
-    (command,) = (line.removeprefix("#").split() for line in lines if "--import" in line)
+    (command,) = (line.removeprefix("#").split() for line in lines if "hpop plan" in line)
     said = [str(tmp_path) if word.startswith("out/") else word for word in command[1:]]
     assert hpop(*said, cwd=EXAMPLES.parent).returncode == 0
     assert Front.load(tmp_path / "front.json").names == ("glare", "turns", "length")

@@ -34,7 +34,7 @@ def test_a_state_with_a_misspelt_joint_is_noted_and_refused_by_what_it_lacks(srd
     (note,) = arm.notes
     assert "values of the joints 'wrist_to_hend', which the URDF does not have" in note
     assert "Did you mean 'wrist_to_hand'?" in note
-    with pytest.raises(QueryError, match=r"Got 'home': the SRDF's state of this name lacks wrist_to_hand\."):
+    with pytest.raises(QueryError, match=r"'home' names no state: the SRDF's state of this name lacks wrist_to_hand\."):
         arm.space.state("home", what="start")
 
 
@@ -88,7 +88,7 @@ def test_a_scenario_says_it_where_the_name_stands(tmp_path, start, goal, place):
         f"model: {{serial_arm: {{urdf: {HERE / 'arm6.urdf'}, tip: tool, acceleration: 6.0}}}}\n"
         f"start: {start}\ngoal: {goal}\ncriteria: [duration]\nplanner: roadmap\n"
     )
-    with pytest.raises(QueryError, match=rf"arm.yaml, line \d, {place}: .*Got 'home': .*as srdf"):
+    with pytest.raises(QueryError, match=rf"arm.yaml, line \d, {place}: .*'home' names no state: .*as srdf"):
         load_scenario(tmp_path / "arm.yaml")
 
 
