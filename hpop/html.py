@@ -30,7 +30,8 @@ def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: 
 
 def facts_html(facts: Sequence[tuple[str, str]]) -> str:
     """A table of two columns: what, and what it is."""
-    rows = (f"<tr><th style='text-align:left'>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in facts)
+    left = "style='text-align:left'"  # notebooks put cells to the right, as numbers
+    rows = (f"<tr><th {left}>{_text(name)}</th><td {left}>{_text(value)}</td></tr>" for name, value in facts)
     return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
@@ -40,7 +41,8 @@ def picture_html(value: Any) -> str:
     if draw is None:
         return "<p><small><code>import hpop.view</code> adds a picture.</small></p>"
     png = draw(value)
-    return f'<img src="data:image/png;base64,{base64.b64encode(png).decode()}">' if png else ""
+    alt = f"Picture of a {type(value).__name__}"
+    return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(png).decode()}">' if png else ""
 
 
 def _text(text: str) -> str:

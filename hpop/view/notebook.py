@@ -16,7 +16,6 @@ from hpop.view.content import draw_content
 from hpop.view.ends import draw_ends, end_poses
 from hpop.view.front_plot import draw_front
 from hpop.view.ground import View, draw_scale_bar, outline
-from hpop.view.silhouettes import LOOK
 from hpop.view.style import SMALL, plain, whole_ticks
 from hpop.world import World
 
@@ -24,6 +23,7 @@ SIDE = 4.5  # inches, of the longer side of a map
 WORDS = 0.8  # inches round it
 DPI = 72
 ROOM = 0.02  # round a world, as a share of its longer side
+SOLID = {"facecolor": "#b3aa9a", "edgecolor": "#6f675a", "linewidth": 0.6}
 
 
 @plain
@@ -53,7 +53,7 @@ def small_map(world: World, problem: Problem | None = None) -> Figure:
 def _draw_ground(axes: Axes, world: World) -> None:
     solid = [*(obstacle.polygon for obstacle in world.obstacles), world.ground.raster_solid(), world.keep_out]
     outlines = [outline(geometry) for geometry in solid if not geometry.is_empty]
-    axes.add_collection(PathCollection(outlines, zorder=1.0, gid="obstacles", **LOOK), autolim=False)
+    axes.add_collection(PathCollection(outlines, zorder=1.0, gid="obstacles", **SOLID), autolim=False)
     axes.add_collection(PathCollection([outline(world.extent)], facecolor="none", edgecolor="#555555"), autolim=False)
 
 

@@ -19,7 +19,7 @@ from tests.test_reprs import EXAMPLES
 
 
 def picture_in(html: str) -> Image.Image:
-    (data,) = re.findall(r'<img src="data:image/png;base64,([^"]+)">', html)
+    (data,) = re.findall(r'<img alt="Picture of a [A-Z][a-z]+" src="data:image/png;base64,([^"]+)">', html)
     return Image.open(io.BytesIO(base64.b64decode(data)))
 
 
