@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, fields
 from importlib import import_module
 from importlib.metadata import entry_points
+from inspect import signature
 from typing import Any, Generic, TypeVar, get_type_hints
 
 from hpop.errors import (
@@ -152,7 +153,8 @@ def made(registry: Registry[type], spec: Any) -> Any:
 def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
     """Raise the registry's error for parameters, by name, that a type of it does not have, or that lack of its own."""
     known = [field.name for field in fields(cls) if field.init]
-    strange = sorted(str(parameter) for parameter in given if parameter not in known)
+    taken = {*known, *signature(cls).parameters}  # with what only sets others: a source of random numbers, a seed
+    strange = sorted(str(parameter) for parameter in given if parameter not in taken)
     if strange:
         raise registry.error(
             f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."

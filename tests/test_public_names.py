@@ -66,6 +66,7 @@ hpop.planners.search.Graph
 hpop.planners.search.pareto_paths
 hpop.planners.trust.judge
 hpop.problem.Problem
+hpop.randomness
 hpop.registry.readers
 hpop.scenario.load_scenario
 hpop.search.Graph

@@ -21,6 +21,7 @@ from hpop.goals.inverse_kinematics import InverseKinematics, sampled_space
 from hpop.math import not_radians
 from hpop.motions import Model, Pose, States, Twist
 from hpop.options import FARTHEST, MOST, real
+from hpop.randomness import RNG
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -78,12 +79,12 @@ class Region(ABC):
         """The body."""
         return frozenset({self.body})
 
-    def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """Distinct states (n,), at most ``count``, fewer where descents from ever new random states find no others.
 
         Raises QueryError, which says how far the nearest is off, where none is found.
         """
-        model = problem.model
+        model, rng = problem.model, np.random.default_rng(rng)
         sought = InverseKinematics(model, sampled_space(model, problem.world), self)
         found, nearest = np.zeros((0, len(sought.space.names))), (np.inf, np.inf)
         while len(found) < count:

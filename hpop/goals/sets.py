@@ -14,6 +14,7 @@ from hpop.errors import HpopWarning, QueryError
 from hpop.goals.base import REACHED, places_of, required_by
 from hpop.motions import Model, States
 from hpop.motions.space import Values
+from hpop.randomness import RNG
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -38,7 +39,7 @@ class GoalSet:
             return f"any of {len(self.members)}"
         return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
 
-    def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """Members without anything free once, then the others in turn, each with angles drawn at random."""
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))
@@ -94,8 +95,9 @@ class AnyOf:
         """Those of all members."""
         return tuple(place for member in self.members for place in places_of(member))
 
-    def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """As many of each member, as far as there are; QueryError where none can be reached, a warning where some."""
+        rng = np.random.default_rng(rng)  # one for all members
         shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]
         parts, refusals = list[States](), list[str]()
         for member, share in zip(self.members, shares, strict=True):

@@ -18,6 +18,7 @@ from hpop.errors import ModelError, QueryError, did_you_mean
 from hpop.math import not_radians, wrap
 from hpop.motions.states import States
 from hpop.options import MOST, real
+from hpop.randomness import RNG
 from hpop.text import shown
 
 Values = tuple[float | None, ...]
@@ -175,8 +176,9 @@ class StateSpace:
         differences = self.differences(a, b)
         return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
 
-    def sample(self, rng: np.random.Generator, n: int) -> States:
+    def sample(self, rng: RNG, n: int) -> States:
         """States (n,), uniform between low and high; of a space with a rest half of them, by chance, at rest."""
+        rng = np.random.default_rng(rng)
         drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))
         if self.rest:
             rests = rng.random(n) < 0.5

@@ -12,6 +12,7 @@ from typing import Any
 from hpop import registry
 from hpop.criteria.base import Criterion
 from hpop.motions import Model
+from hpop.randomness import RNG
 from hpop.testing.checks import Check
 from hpop.testing.criteria import check_criterion, criterion_checks
 from hpop.testing.models import check_model, model_checks
@@ -39,8 +40,8 @@ def kind_of(plugin: Any) -> registry.Registry[type]:
     return registry.models if isinstance(plugin, Model) else registry.planners
 
 
-def conformance(plugin: Any, *, seed: int = 0) -> Iterator[Check]:
+def conformance(plugin: Any, *, rng: RNG = 0) -> Iterator[Check]:
     """Check what a criterion, a model or a planner promises, one check after the other."""
     if isinstance(plugin, Criterion):
-        return criterion_checks(plugin, seed=seed)
-    return model_checks(plugin, seed=seed) if isinstance(plugin, Model) else planner_checks(plugin, seed=seed)
+        return criterion_checks(plugin, rng=rng)
+    return model_checks(plugin, rng=rng) if isinstance(plugin, Model) else planner_checks(plugin, rng=rng)

@@ -17,6 +17,7 @@ from hpop.models.differential_drive.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
+from hpop.randomness import RNG, seed_of
 from hpop.registry import make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
 from hpop.testing.models import drawn_motions
@@ -45,24 +46,25 @@ GRADIENT_TOLERANCE = 1e-3
 FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
 
 
-def check_criterion(criterion: Criterion, *, seed: int = 0) -> None:
+def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
     """Raise CriterionError that lists every check a criterion fails, on worlds drawn with a seed."""
     if isinstance(criterion, type) or not isinstance(criterion, Criterion):
         made = f"{criterion.__name__}()" if isinstance(criterion, type) else "Turns()"
         raise CriterionError(f"expected an instance of a criterion, such as {made}, got {shown(criterion)}")
-    raise_faults(f"criterion {criterion.name!r}", criterion_checks(criterion, seed=seed), CriterionError)
+    raise_faults(f"criterion {criterion.name!r}", criterion_checks(criterion, rng=rng), CriterionError)
 
 
-def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
+def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that.
 
     What requires joints is asked of a base with a pan-tilt head, which drives no curves and is on no lattice here.
     """
-    rng = np.random.default_rng(seed)
+    seed = seed_of(rng)
+    random = np.random.default_rng(seed)
     base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05)}}
     jointed = "joints" in criterion.requires
     model = make_model({"pan_tilt": {"base": base}} if jointed else base)
-    world = random_world(rng)
+    world = random_world(random)
     tours = [_nodding(model)] if jointed else [_detour(model, 1.0), _slalom(model)]
     if criterion.aggregate == "trajectory":
         trajectories = tours if jointed else [_detour(model, 0.3), *tours]
@@ -72,7 +74,7 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
 
     else:
         kinds, drawn = (OF_HEAD, _drawn) if jointed else (KINDS, random_motions)
-        batches = [drawn(rng, world, model, kind, size) for kind in kinds for size in SIZES]
+        batches = [drawn(random, world, model, kind, size) for kind in kinds for size in SIZES]
         standing = np.random.default_rng((seed, 1))  # of its own: a seed draws the other motions as ever
         batches += [drawn(standing, world, model, HOLD.kind, size) for size in SIZES]
 
@@ -103,12 +105,12 @@ def criterion_checks(criterion: Criterion, *, seed: int = 0) -> Iterator[Check]:
     yield Check("costs the same on a trajectory as on its edges", fault_of(lambda: _as_edges(criterion, world, tours)))
     if not jointed:
         yield Check(
-            "adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, rng, world))
+            "adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, random, world))
         )
     yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _alone(criterion, batches)))
     yield Check("costs halves of a move or hold as much as the whole", fault_of(lambda: _halves(criterion, batches)))
     if not jointed:
-        yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, rng, world, model)))
+        yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, random, world, model)))
     if criterion.smooth:
         written = [batches[0], *(motions for motions in batches if len(motions) > 1)]  # one alone of one kind
         functions = cache(lambda: list(_on_symbols(criterion, written)))

@@ -13,6 +13,7 @@ from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.possible import STILL
+from hpop.randomness import RNG, seed_of
 from hpop.registry import make_model
 from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
 from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
@@ -31,43 +32,43 @@ PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
 BODIES = ("base", "camera", "tool")
 
 
-def check_model(model: Model, *, seed: int = 0) -> None:
+def check_model(model: Model, *, rng: RNG = 0) -> None:
     """Raise ModelError that lists every check a model fails, on worlds drawn with a seed."""
     if isinstance(model, type) or not isinstance(model, Model):
         made = f"{model.__name__}()" if isinstance(model, type) else "DifferentialDrive()"
         raise ModelError(f"expected an instance of a model, such as {made}, got {shown(model)}")
-    raise_faults(f"model {type(model).__name__}", model_checks(model, seed=seed), ModelError)
+    raise_faults(f"model {type(model).__name__}", model_checks(model, rng=rng), ModelError)
 
 
-def model_checks(model: Model, *, seed: int = 0) -> Iterator[Check]:
+def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     """Check what a model promises, one check after the other; of one without laws that lead anywhere, no more.
 
     Laws of curves are looked at where hpop can draw motions of them, which it can of "drive".
     """
-    rng = np.random.default_rng(seed)
-    world = random_world(rng)
+    random = np.random.default_rng(seed_of(rng))
+    world = random_world(random)
     yield Check("is made again from its description", fault_of(lambda: _described(model)))
-    yield Check("reads and writes its states", fault_of(lambda: _spaced(model, world, rng)))
+    yield Check("reads and writes its states", fault_of(lambda: _spaced(model, world, random)))
     yield Check("provides what it says", fault_of(lambda: _provided(model, world)))
     batches: list[Motions] = []
-    led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, rng, batches)))
+    led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, random, batches)))
     yield led
     if led.fault:  # the other checks look at motions
         return
     bodies = [name for name in BODIES if name in model.provides]
     yield Check("has poses with axes at right angles", fault_of(lambda: upright(bodies, batches)))
-    yield Check("has twists that say how its poses change", fault_of(lambda: twisted(bodies, batches, rng)))
+    yield Check("has twists that say how its poses change", fault_of(lambda: twisted(bodies, batches, random)))
     yield Check("moves its bodies as far as their poses go", fault_of(lambda: measured(bodies, batches)))
     yield Check("moves no body farther than its extent", fault_of(lambda: bounded(bodies, batches)))
-    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, rng)))
-    connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, rng)))
+    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, random)))
+    connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, random)))
     yield connected
     if connected.fault:  # the others look at trajectories, which are made of these
         return
     if isinstance(model, PlanarModel) and "turn-move" in model.provides:
         yield Check("has stations that motions in place join", fault_of(lambda: _stationed(model)))
-    yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, rng)))
-    yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, rng)))
+    yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, random)))
+    yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, random)))
 
 
 # What it is

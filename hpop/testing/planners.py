@@ -23,6 +23,7 @@ from hpop.planners.base import Candidates, Planner, sweeps
 from hpop.planners.needs import needs_of
 from hpop.planners.objectives import integral_of
 from hpop.problem import Problem
+from hpop.randomness import RNG, seed_of
 from hpop.registry import make_model, models
 from hpop.status import Progress, Status
 from hpop.testing.checks import Check, fault_of, raise_faults
@@ -46,20 +47,21 @@ DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mea
 WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
 
-def check_planner(planner: Planner, *, models: Sequence[Model] = (), seed: int = 0) -> None:
+def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> None:
     """Raise OptionError that lists every check a planner fails, with some models or all that it accepts."""
     if isinstance(planner, type) or not callable(getattr(planner, "solve", None)):
         made = f"{planner.__name__}()" if isinstance(planner, type) else "Lattice(step=0.5)"
         raise OptionError(f"expected an instance of a planner, such as {made}, got {shown(planner)}")
-    checks = planner_checks(planner, models=models, seed=seed)
+    checks = planner_checks(planner, models=models, rng=rng)
     raise_faults(f"planner {getattr(planner, 'name', type(planner).__name__)!r}", checks, OptionError)
 
 
-def planner_checks(planner: Planner, *, models: Sequence[Model] = (), seed: int = 0) -> Iterator[Check]:
+def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> Iterator[Check]:
     """Check what a planner promises, one check after the other; of one that finds nothing, no more than that.
 
     models  to plan for; by default those that are registered, with their defaults, if it accepts them
     """
+    seed = seed_of(rng)
     yield Check("says what it needs of a model", fault_of(lambda: _needs(planner)))
     accepted = [model for model in models or registered_models() if needs_of(planner) <= model.provides]
     if not accepted:

@@ -113,7 +113,7 @@ def test_a_path_round_a_bend_against_sampling():
 
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
-    check_criterion(AgainstFlow(), seed=seed)
+    check_criterion(AgainstFlow(), rng=seed)
 
 
 def test_it_asks_for_one_way_zones():

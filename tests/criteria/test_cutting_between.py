@@ -123,4 +123,4 @@ def test_two_at_one_place_have_nothing_between_them():
 
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
-    check_criterion(CuttingBetween(), seed=seed)
+    check_criterion(CuttingBetween(), rng=seed)

@@ -72,7 +72,7 @@ def test_it_holds_on_coarse_maps_and_for_zones_with_holes():
 
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
-    check_criterion(Speeding(), seed=seed)
+    check_criterion(Speeding(), rng=seed)
 
 
 def test_it_asks_for_speed_zones():

@@ -111,7 +111,7 @@ def test_on_symbols_it_has_the_same_values_and_no_gradient_that_is_not_a_number(
 
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
-    check_criterion(TimeToCollision(), seed=seed)
+    check_criterion(TimeToCollision(), rng=seed)
 
 
 @pytest.mark.parametrize("wrong", [{"horizon": 0.0}, {"horizon": np.inf}, {"robot_radius": -1.0}])

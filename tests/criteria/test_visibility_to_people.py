@@ -60,7 +60,7 @@ def test_people_who_walk_look_where_they_go():
 
 @pytest.mark.parametrize("seed", [1])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
-    check_criterion(VisibilityToPeople(), seed=seed)
+    check_criterion(VisibilityToPeople(), rng=seed)
 
 
 @pytest.mark.parametrize("range_", [0.0, -1.0, np.inf, np.nan])

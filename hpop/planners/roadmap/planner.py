@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
@@ -14,7 +14,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.goals import GoalSet
 from hpop.motions import States
-from hpop.options import MOST_SEED, set_wholes
+from hpop.options import set_wholes
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
@@ -26,6 +26,7 @@ from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.usable import elsewhere
+from hpop.randomness import MaybeRNG, set_seed
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -53,7 +54,8 @@ class Roadmap:
     trees       count  pairs of trees that look for ways before (:mod:`.guides`): three of ten samples then lie near
                        these, the others where a way may be at most 1.6 times as long as the shortest of them; None
                        takes none in the plane, and 10 beyond it
-    seed               of the random samples
+    seed               of the random samples; in Python also `rng`: a seed, a Generator of which one is drawn, or None
+                       for a fresh one (SPEC 7)
     time_limit  s      to read the map, build the roadmap and search, not to compile; what is found until then is
                        returned and called incomplete
     max_labels  count  partial paths kept by the search
@@ -97,10 +99,11 @@ class Roadmap:
     max_labels: int | None = None
     max_memory: int | None = None
     checkpoint: CheckpointSpec | None = None
+    rng: InitVar[MaybeRNG] = ...
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, rng: MaybeRNG) -> None:
         set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
-        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        set_seed(self, rng)
         set_wholes(self, "neighbours", least=1, optional=True)
         set_wholes(self, "far", least=0, optional=True)
         set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import QueryError
-from hpop.options import MOST_SEED, one_of, set_wholes
+from hpop.options import one_of, set_wholes
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import trusted
@@ -22,6 +22,7 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.roadmap.planner import checked_ends
 from hpop.planners.rrt.query import Query
 from hpop.planners.rrt.run import TreeRun, load_ompl, run
+from hpop.randomness import MaybeRNG, set_seed
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -38,7 +39,8 @@ class RRT:
     """Random trajectories under wheel accelerations; of all runs, the one with the fewest curvature sign changes.
 
     runs            count  of trees, each with its own random numbers (the paper: 1000)
-    seed                   of the random numbers
+    seed                   of the random numbers; in Python also `rng`: a seed, a Generator of which one is drawn, or
+                           None for a fresh one (SPEC 7)
     keep                   "selected": that one alone, ties by length; "all": every run's, for the front to filter
     max_extensions  count  of a tree before its run gives up
     time_limit      s      of all runs, looked at between them; those finished until then are selected from
@@ -60,10 +62,11 @@ class RRT:
     keep: Keep = "selected"
     max_extensions: int = 20_000
     time_limit: float | None = None
+    rng: InitVar[MaybeRNG] = ...
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, rng: MaybeRNG) -> None:
         set_wholes(self, "runs", least=1, most=MOST_RUNS)
-        set_wholes(self, "seed", least=0, most=MOST_SEED)
+        set_seed(self, rng)
         set_wholes(self, "max_extensions", least=1)
         one_of("keep", self.keep, get_args(Keep))
         Budget(self.time_limit)
