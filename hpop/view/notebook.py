@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
@@ -23,7 +25,7 @@ SIDE = 4.5  # inches, of the longer side of a map
 WORDS = 0.8  # inches round it
 DPI = 72
 ROOM = 0.02  # round a world, as a share of its longer side
-SOLID = {"facecolor": "#b3aa9a", "edgecolor": "#6f675a", "linewidth": 0.6}
+SOLID: dict[str, Any] = {"facecolor": "#b3aa9a", "edgecolor": "#6f675a", "linewidth": 0.6}
 
 
 @plain
