@@ -132,7 +132,7 @@ def test_a_base_drives_an_arm_to_a_shelf_in_several_ways(tmp_path, monkeypatch):
     model = front.trajectories[0].model
     assert load_scenario(EXAMPLES / "mobile_arm.yaml").problem.model == model
     for trajectory in front.trajectories:  # the base stands, in front of the shelf, while the arm reaches to the can
-        assert {"move", "reach"} <= set(trajectory.kinds)
+        assert {"run", "reach"} <= set(trajectory.kinds)
         end, camera = trajectory.states.take([-1]), model.pose("camera", trajectory.states.take([-1]))
         assert 3.0 < end.x[0] < 4.55
         apart = np.linalg.norm([camera.x[0] - 4.75, camera.y[0] - 2.5, camera.z[0] - 0.82])

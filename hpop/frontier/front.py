@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,9 +23,8 @@ from hpop.frontier.dominance import (
     quantised,
 )
 from hpop.frontier.errors import FrontFileError
-from hpop.frontier.given import minimised, names_of
+from hpop.frontier.given import as_json, floats, minimised, names_of, origins
 from hpop.frontier.point import Point
-from hpop.frontier.strict_json import plain
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -105,7 +103,7 @@ class Front(Choices[T], Generic[T]):
             if len(getattr(self, name)) != expected:
                 raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")
         for name, shape in (("costs", (n, k)), ("quanta", (k,)), ("reported", (n, r))):
-            array = _floats(getattr(self, name), shape)
+            array = floats(getattr(self, name), shape)
             if array.shape != shape or not np.isfinite(array).all():
                 raise ValueError(f"expected {name} of shape {shape}, all finite, got {shown(array)}")
             array.setflags(write=False)
@@ -116,10 +114,10 @@ class Front(Choices[T], Generic[T]):
             raise ValueError("the rows are not a sorted front without duplicates; build it with Front.of")
         integers.setflags(write=False)
         object.__setattr__(self, "integers", integers)
-        object.__setattr__(self, "provenance", tuple(_origins(self.provenance)[0]))
-        object.__setattr__(self, "runs", tuple(_as_json("runs", run) for run in self.runs))
+        object.__setattr__(self, "provenance", tuple(origins(self.provenance)[0]))
+        object.__setattr__(self, "runs", tuple(as_json("runs", run) for run in self.runs))
         if self.problem is not None:
-            object.__setattr__(self, "problem", _as_json("problem", self.problem))
+            object.__setattr__(self, "problem", as_json("problem", self.problem))
 
     @classmethod
     def of(
@@ -174,18 +172,18 @@ class Front(Choices[T], Generic[T]):
             items = cls._numbers(len(cost_matrix(costs)))
         names = names_of(costs, names)
         n, k = len(items), len(names)
-        matrix, names = minimised(_floats(costs, (n, k)), names, maximise)
+        matrix, names = minimised(floats(costs, (n, k)), names, maximise)
         units = ("1",) * k if units is None else units
         quanta = default_quanta(matrix) if quanta is None else quanta
         if certificate is None:
             certificate = f"the non-dominated ones of {n:,} candidates"
-        table = _floats([] if reported is None else reported, (n, len(reported_names)))
+        table = floats([] if reported is None else reported, (n, len(reported_names)))
         given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
-        origins, texts = _origins(given)
-        if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(origins) != n:
+        plain_origins, texts = origins(given)
+        if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(plain_origins) != n:
             raise ValueError(
                 f"expected costs {(n, k)}, reported values {(n, len(reported_names))} and provenance ({n},) "
-                f"for {n} items and {k} names, got {matrix.shape}, {table.shape} and ({len(origins)},)"
+                f"for {n} items and {k} names, got {matrix.shape}, {table.shape} and ({len(plain_origins)},)"
             )
         integers = quantised(matrix, quanta)
         rank = {text: position for position, text in enumerate(sorted(set(texts)))}
@@ -205,7 +203,7 @@ class Front(Choices[T], Generic[T]):
             reported_units=tuple(reported_units),
             status=status,
             certificate=certificate,
-            provenance=tuple(origins[i] for i in kept),
+            provenance=tuple(plain_origins[i] for i in kept),
             problem=None if problem is None else dict(problem),
             runs=tuple(dict(run) for run in runs),
         )
@@ -330,7 +328,7 @@ class Front(Choices[T], Generic[T]):
     ) -> None:
         """Write the front with its items as they are encoded: a list of them, or an object that holds all together."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in storage.StoredFront.__annotations__}
-        asked = self.problem if problem is None else _as_json("problem", problem)
+        asked = self.problem if problem is None else as_json("problem", problem)
         storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": asked}))
 
     @classmethod
@@ -380,32 +378,3 @@ class Front(Choices[T], Generic[T]):
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
             raise FrontFileError(f"{path}: expected a front, found that {error!s:.600}") from error
-
-
-def _floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Copy as float64, -0.0 as 0.0; nothing at all takes the shape that is expected of it."""
-    array = np.array(values, dtype=np.float64) + 0.0
-    return array.reshape(shape) if array.size == 0 and 0 in shape else array
-
-
-def _origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Copies of origins as plain JSON values, and their texts; those that are alike become one object."""
-    copies: dict[str, dict[str, Any]] = {}
-    texts: list[str] = []
-    known: dict[int, str] = {}
-    for origin in provenance:
-        text = known.get(id(origin))
-        if text is None:
-            copy = _as_json("provenance", origin)
-            text = known[id(origin)] = json.dumps(copy, sort_keys=True)
-            copies.setdefault(text, copy)
-        texts.append(text)
-    return [copies[text] for text in texts], texts
-
-
-def _as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy a mapping as plain JSON values, so that it is the same after saving and loading."""
-    try:
-        return cast(dict[str, Any], plain(dict(value)))
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error

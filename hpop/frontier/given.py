@@ -1,15 +1,17 @@
-"""What a front takes for granted where its maker does not say it: names, units, and which columns are maximised."""
+"""What a front is given: values as it keeps them, and names and columns to be maximised where its maker is brief."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.frontier.dominance import FloatArray, cost_matrix
 from hpop.frontier.errors import FrontError
+from hpop.frontier.strict_json import plain
 from hpop.text import shown
 
 
@@ -54,3 +56,32 @@ def minimised(
     sign = np.where(flags, -1.0, 1.0)
     turned = tuple(f"-{name}" if flag else name for name, flag in zip(names, flags, strict=True))
     return matrix * sign + 0.0, turned
+
+
+def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Copy as float64, -0.0 as 0.0; nothing at all takes the shape that is expected of it."""
+    array = np.array(values, dtype=np.float64) + 0.0
+    return array.reshape(shape) if array.size == 0 and 0 in shape else array
+
+
+def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Copies of origins as plain JSON values, and their texts; those that are alike become one object."""
+    copies: dict[str, dict[str, Any]] = {}
+    texts: list[str] = []
+    known: dict[int, str] = {}
+    for origin in provenance:
+        text = known.get(id(origin))
+        if text is None:
+            copy = as_json("provenance", origin)
+            text = known[id(origin)] = json.dumps(copy, sort_keys=True)
+            copies.setdefault(text, copy)
+        texts.append(text)
+    return [copies[text] for text in texts], texts
+
+
+def as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy a mapping as plain JSON values, so that it is the same after saving and loading."""
+    try:
+        return cast(dict[str, Any], plain(dict(value)))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error

@@ -7,7 +7,7 @@ from typing import Any
 
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.search.supported.supported_paths import check_divisions, integer_weights
+from hpop.search.supported.given_weights import check_divisions, integer_weights
 from hpop.text import shown
 
 Weights = tuple[tuple[float, ...], ...]

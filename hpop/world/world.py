@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import shapely
@@ -24,6 +23,7 @@ from hpop.world.content import Content, Landmark, Person, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.extent import check_area
 from hpop.world.field import Field
+from hpop.world.from_files import FromFiles
 from hpop.world.ground import WHOLE, Ground, Heights, union
 from hpop.world.planar import FreeSpace, without
 from hpop.world.presented import Presented
@@ -39,7 +39,7 @@ W = TypeVar("W", bound="World")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class World(Presented):
+class World(FromFiles, Presented):
     """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
     ground    obstacles, and the extent where the robot must stay: all that is solid
@@ -155,88 +155,6 @@ class World(Presented):
         elif isinstance(extent, BaseGeometry) and extent.is_empty:
             raise MapError("extent is empty: the robot would have nowhere to be.")
         return cls(Ground(extent=extent, solids=given))
-
-    @classmethod
-    def from_file(cls, path: str | Path, *, reader: str | None = None, **options: Any) -> World:
-        """Read a map by a reader's name, or by the ending of the file's: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
-
-        The options are the reader's, see :mod:`hpop.world.dxf`, :mod:`~hpop.world.pdf`, :mod:`~hpop.world.ros_bag`
-        and the other modules called as the readers are; :mod:`hpop.world.readers` has all of them.
-        """
-        from hpop.world.readers import read_world, reader_of
-
-        return read_world(reader_of(path) if reader is None else reader, path, **options)
-
-    @classmethod
-    def from_moveit_scene(cls, path: str | Path) -> World:
-        """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.moveit_scene.read`."""
-        from hpop.world import moveit_scene
-
-        return moveit_scene.read(path)
-
-    @classmethod
-    def from_ros_map(
-        cls,
-        path: str | Path,
-        *,
-        unknown_is_free: bool = False,
-        keep_out: str | Path | None = None,
-        height: Heights | None = None,
-    ) -> World:
-        """Read a ROS map_server map; see `hpop.world.ros_map.read`."""
-        from hpop.world import ros_map
-
-        return ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
-
-    @classmethod
-    def from_movingai(cls, path: str | Path, *, resolution: float = 1.0) -> World:
-        """Read a grid map of the MovingAI benchmark; see `hpop.world.movingai.read`."""
-        from hpop.world import movingai
-
-        return movingai.read(path, resolution=resolution)
-
-    @classmethod
-    def from_geojson(
-        cls,
-        path: str | Path,
-        *,
-        scale: float = 1.0,
-        origin: tuple[float, float] | None = None,
-        polygons: Literal["obstacles", "free", "outline"] = "obstacles",
-        units: Literal["m", "deg"] | None = None,
-        wall_width: float | None = None,
-    ) -> World:
-        """Read a vector floor plan, in metres or in degrees; see `hpop.world.geojson.read`."""
-        from hpop.world import geojson
-
-        return geojson.read(path, scale=scale, origin=origin, polygons=polygons, units=units, wall_width=wall_width)
-
-    @classmethod
-    def from_image(
-        cls,
-        path: str | Path,
-        resolution: float,
-        *,
-        threshold: float = 0.5,
-        smallest_obstacle: float | None = None,
-        inside: tuple[float, float] | None = None,
-        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        height: Heights | None = None,
-        outside_is_obstacle: bool = True,
-    ) -> World:
-        """Read a blueprint image; see `hpop.world.image.read`."""
-        from hpop.world import image
-
-        return image.read(
-            path,
-            resolution,
-            threshold=threshold,
-            smallest_obstacle=smallest_obstacle,
-            inside=inside,
-            origin=origin,
-            height=height,
-            outside_is_obstacle=outside_is_obstacle,
-        )
 
     def read_from(self, source: Mapping[str, Any]) -> World:
         """Note, as a reader does, which files this world comes from; `dataclasses.replace` drops the note."""

@@ -22,7 +22,7 @@ from hpop.planners.weighted_sum_corridor.corridor import Corridor, corridors
 from hpop.planners.weighted_sum_corridor.program import solvers_from
 from hpop.planners.weighted_sum_corridor.weights import SMALL, CorridorPoints, Shared, solve_corridor
 from hpop.planners.weights import Weights, asked_weights, check_count
-from hpop.search.supported.supported_paths import check_divisions, simplex_lattice
+from hpop.search.supported.given_weights import check_divisions, simplex_lattice
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 

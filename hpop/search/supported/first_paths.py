@@ -17,7 +17,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
-from hpop.search.supported.supported_paths import simplex_lattice
+from hpop.search.supported.given_weights import simplex_lattice
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
 DIVISIONS = (2, 3)  # of the weights of whole costs, after each cost alone

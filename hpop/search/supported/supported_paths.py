@@ -3,36 +3,32 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
-from hpop.options import real, whole
 from hpop.search.asked_arcs import AskedArcs, Free
 from hpop.search.graph import Graph
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
+from hpop.search.supported.given_weights import check_divisions, integer_weights, simplex_lattice, smallest
 from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
 from hpop.search.supported.weight_cone import Vector, WeightCone
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock
 
 ROUND = 16  # weights tested before the hull is updated: the same with and without workers
 CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredths of a second
-FINEST = 10**6  # denominators of given weights
 LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
-MAX_WEIGHTS = 100_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,54 +112,6 @@ def supported_paths(
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
     return run.result(status)
-
-
-def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
-    """All vectors of k non-negative integers that sum to ``divisions``, in lexicographic order.
-
-    >>> list(simplex_lattice(2, 2))
-    [(0, 2), (1, 1), (2, 0)]
-    """
-    if k == 1:
-        yield (divisions,)
-        return
-    for first in range(divisions + 1):
-        for rest in simplex_lattice(divisions - first, k - 1):
-            yield (first, *rest)
-
-
-def check_divisions(divisions: Any, k: int = 1) -> None:
-    """Raise OptionError unless a simplex lattice of k weights can have that many divisions."""
-    whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
-    count = math.comb(int(divisions) + k - 1, k - 1)
-    if count > MAX_WEIGHTS:
-        raise OptionError(
-            f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
-            "leave them out: then weights are chosen where they find something"
-        )
-
-
-def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
-    """Whole numbers in the proportions of weights; k says how many there must be.
-
-    >>> integer_weights([0.1, 0.25, 0])
-    (2, 5, 0)
-    """
-    try:
-        values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
-    except TypeError:
-        raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
-    if k is not None and len(values) != k:
-        raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
-    if not any(values):
-        raise OptionError("weights are all zero: one of them must be above")
-    fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
-    return _smallest([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
-
-
-def _smallest(vector: Sequence[int]) -> Vector:
-    divisor = math.gcd(*vector)
-    return tuple(v // divisor for v in vector)
 
 
 @dataclass(eq=False)
@@ -328,7 +276,7 @@ class SupportedRun:
                 else:
                     cone.add(point)
             facets = cone.facets() if cone else []
-            tasks = list(islice(dict.fromkeys(w for w in (_smallest(w) for w, _ in facets) if w not in done), ROUND))
+            tasks = list(islice(dict.fromkeys(w for w in (smallest(w) for w, _ in facets) if w not in done), ROUND))
             if not tasks:
                 return
             done.update(tasks)
@@ -337,7 +285,7 @@ class SupportedRun:
     def _given(self, given: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
         """One round of the given weights of normalised costs, but those of a single cost, which are solved already."""
         product = math.prod(ranges)
-        scaled = dict.fromkeys(_smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in given)
+        scaled = dict.fromkeys(smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in given)
         yield [w for w in scaled if w not in units]
 
     def _keep(self, weights: Vector, arcs: IntArray) -> Vector:

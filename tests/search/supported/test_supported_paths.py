@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
-from hpop.search.supported.supported_paths import integer_weights, simplex_lattice
+from hpop.search.supported.given_weights import integer_weights, simplex_lattice
 from hpop.search.supported.weighted_path import encoded, weighted_path
 from hpop.status import Budget, Progress, Status
 from hpop.sweep import _mapped
