@@ -31,6 +31,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/first_answer.py --out out/bench/first_answer.json
 	$(BIN)/python benchmarks/first_minute.py --out out/bench/first_minute.json
 	$(BIN)/python benchmarks/graph.py --out out/bench/graph.json
+	$(BIN)/python benchmarks/optimisers.py --out out/bench/optimisers.json
 	$(BIN)/python benchmarks/criteria.py --out out/bench/criteria.json
 	$(BIN)/python benchmarks/weighted_sum.py --out out/bench/weighted_sum.json
 	$(BIN)/python benchmarks/epsilon_constraint.py --out out/bench/epsilon_constraint.json

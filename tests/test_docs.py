@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hpop.testing import check_model, check_planner
@@ -104,6 +105,21 @@ def test_the_search_in_the_docs_finds_what_it_says():
     exec(compile(blocks("docs/planners.md")[0], "docs/planners.md", "exec"), names)
     assert names["paths"].costs.tolist() == [[2, 8], [6, 2]]
     assert names["paths"].nodes(0).tolist() == [0, 1, 3]
+
+
+def test_what_the_page_for_optimisers_does_gives_what_it_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for block in blocks("docs/optimisers.md"):
+        exec(compile(block, "docs/optimisers.md", "exec"), names)
+    paths, frontier, table = names["paths"], names["frontier"], names["Y"]
+    assert paths.values == pytest.approx(np.array([[18.25, 0.1, 1], [31.75, 0.03, 3], [40, 0.015, 2]]))
+    assert paths.path(0) == ["hall", "stairs", "office"]
+    assert paths.edges(0) == [("hall", "stairs", "steps"), ("stairs", "office", 0)]
+    assert (tmp_path / "paths.json").exists()
+    assert frontier.knee(table) == 1
+    assert frontier.default_reference(table).tolist() == [9.8, 9.8]
+    assert names["front"].names == ("cost", "-gain")
 
 
 def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):

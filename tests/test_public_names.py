@@ -62,6 +62,7 @@ hpop.planners.graphs.graph_planner
 hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
 hpop.planners.planner
+hpop.planners.roadmap.Roadmap
 hpop.planners.search.Graph
 hpop.planners.search.pareto_paths
 hpop.planners.trust.judge

@@ -206,6 +206,8 @@ def checked_targets(graph: Graph, target: Any) -> IntArray:
     """The numbers of one or several nodes, in order; raises QueryError for anything else."""
     if graph.number(target) is not None or isinstance(target, int | np.integer | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
+    if isinstance(target, tuple) and graph.labels is not None and not any(graph.number(t) is not None for t in target):
+        raise QueryError(f"target: {strange_node(graph.labels, target)}")  # a name, of the form of (row, column)
     try:
         several = {checked_node(graph, t, "target") for t in target}
     except TypeError:

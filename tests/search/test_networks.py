@@ -257,6 +257,7 @@ def test_what_is_no_graph_with_costs_is_refused_by_name(g, options, message):
         (["a"], "c", r"source: no node is called \['a'\]"),
         ("a", ["c", "d"], "target: no node is called 'd'"),
         ("a", ("c", "d"), "target: no node is called 'd'"),
+        ("a", (3, 4), r"target: no node is called \(3, 4\)"),
         ("a", [], "at least one node"),
         ("a", None, "target must be a node or several nodes, got None"),
     ],
