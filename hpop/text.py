@@ -40,6 +40,24 @@ def shown(value: Any, most: int = LENGTH) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
+def article(noun: str) -> str:
+    """A noun with its indefinite article, by its first letter.
+
+    >>> article("yaw"), article("upper_arm_roll")
+    ('a yaw', 'an upper_arm_roll')
+    """
+    return f"a{'n' * (noun[:1].lower() in set('aeiou'))} {noun}"
+
+
+def counted(number: int, noun: str) -> str:
+    """So many of a noun whose plural ends in s.
+
+    >>> counted(1, "path"), counted(1200, "path")
+    ('1 path', '1,200 paths')
+    """
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
 class _Short(Repr):
     """Reprs that look at a few entries and levels only."""
 

@@ -19,7 +19,7 @@ from hpop.math import not_radians, wrap
 from hpop.motions.states import States
 from hpop.options import MOST, real
 from hpop.randomness import RNG
-from hpop.text import shown
+from hpop.text import article, shown
 
 Values = tuple[float | None, ...]
 StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
@@ -143,7 +143,7 @@ class StateSpace:
             label = label or f"{name} of the {what}"
             return float(real(label, value, low, high, KINDS.get(unit, f"a number in {unit}"), error=QueryError))
         if value is None:
-            raise QueryError(f"the {what} needs a {name} in rad; only the goal's may be free (None)")
+            raise QueryError(f"the {what} needs {article(name)} in rad; only the goal's may be free (None)")
         label = label or f"the {name} of the {what}"
         angle = real(label, value, -MOST, MOST, KINDS[unit], error=QueryError)
         if advice := not_radians(angle):

@@ -21,7 +21,7 @@ from hpop.registry import Registry, goals, model_parameters, models, readers
 from hpop.scenario.schema import WorldSection, parameters_of
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.status import LIMITS, NO_LIMIT
-from hpop.text import shown
+from hpop.text import article, shown
 
 EXPECTED = {
     "string_type": "text",
@@ -175,9 +175,9 @@ class Faults:
                 return None
             self.add(place, f"the {name} at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
             return 0.0
-        angle = self.angle(value, place, f"a {name}", ", or 'any'" if what == "goal" else "") if turns else value
+        angle = self.angle(value, place, article(name), ", or 'any'" if what == "goal" else "") if turns else value
         with self.collected(place):
-            return space.checked(name, angle, what, f"a {name}" if turns else "")
+            return space.checked(name, angle, what, article(name) if turns else "")
         return 0.0
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
@@ -235,7 +235,7 @@ def _form(space: StateSpace, what: str) -> str:
     """How a start or goal is written."""
     *units, last = dict.fromkeys(space.units) if len(set(space.units)) == 1 else space.units
     angle = next((name for name in space.names if name in space.angles), "")
-    degrees = f" (or a {angle} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
+    degrees = f" (or {article(angle)} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
     named = f", or the name of one ({', '.join(space.named)})" * bool(space.named)
     return f"[{', '.join(space.names)}], numbers in {', '.join(units)}{' and ' * bool(units)}{last}{degrees}{named}"
 
@@ -264,6 +264,8 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
         return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
     limit = LIMITS.get(str(loc[-1])) if loc else None
     expected = [_expected(one) for one in faults if _expected(fault)]
+    if (numbers := _numbers_at(schema, loc)) and EXPECTED["tuple_type"] in expected:
+        expected[expected.index(EXPECTED["tuple_type"])] = f"a list of {numbers} numbers"
     text = (
         f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
     )
@@ -294,13 +296,28 @@ def _note(got: Any) -> str:
     return ""
 
 
-def _keys_at(schema: Any, loc: Place) -> list[str]:
-    """Keys that a schema knows at a place."""
+def _schema_at(schema: Any, loc: Place) -> Any:
+    """The schema of what stands at a place."""
     for key in loc:
-        annotation = schema.model_fields[key].annotation if isinstance(key, str) else schema
+        annotation = getattr(schema.model_fields.get(key), "annotation", None) if isinstance(key, str) else schema
         inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
         schema = inner[0] if inner else schema
-    return list(schema.model_fields)
+    return schema
+
+
+def _keys_at(schema: Any, loc: Place) -> list[str]:
+    """Keys that a schema knows at a place."""
+    return list(_schema_at(schema, loc).model_fields)
+
+
+def _numbers_at(schema: Any, loc: Place) -> int:
+    """How many numbers a schema wants at a place; 0 where it wants something else, or any number of them."""
+    field = _schema_at(schema, loc[:-1]).model_fields.get(loc[-1]) if loc else None
+    annotation = getattr(field, "annotation", None)
+    for form in (annotation, *getattr(annotation, "__args__", ())):
+        if getattr(form, "__origin__", None) is tuple and set(_flat(form)) <= {float, str}:
+            return len(form.__args__)
+    return 0
 
 
 def _flat(annotation: Any) -> list[Any]:

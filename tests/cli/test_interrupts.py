@@ -119,3 +119,42 @@ def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(
     front = Front.load(room / "out" / "front.json")
     assert (len(front) > 0, front.status) == (True, "interrupted")
     assert "all is drawn beside" in said.read_text()
+
+
+HELD = """\
+import signal
+from pathlib import Path
+from hpop.planners.spline.job import SplineJob
+solve, begun = SplineJob.solve, []
+def solve_one(job, path):
+    begun.append(path)
+    if len(begun) == 2:
+        Path("held").touch()
+        signal.pause()
+    return solve(job, path)
+SplineJob.solve = solve_one
+"""  # it makes splines of one path, and never ends those of the second
+
+
+def test_kill_9_between_stages_leaves_the_front_of_the_last(tmp_path: Path, warm: Warm) -> None:
+    shelf = yaml.safe_load(Path("examples/arm_shelf.yaml").read_text())
+    for key in ("urdf", "srdf"):
+        shelf["model"]["serial_arm"][key] = str(Path("examples", shelf["model"]["serial_arm"][key]).resolve())
+    splines = {"pieces": 2, "minimise": "duration", "warm_start": {"roadmap": {"samples": 60}}}
+    (tmp_path / "shelf.yaml").write_text(yaml.safe_dump(shelf | {"planner": {"spline": splines}}))
+    errors = tmp_path / "errors.txt"
+    with errors.open("w") as messages, open(os.devnull, "w") as nothing:
+        process = warm.start(
+            *("plan", "shelf.yaml", "--out", "out"),
+            cwd=tmp_path,
+            stdout=nothing.fileno(),
+            stderr=messages.fileno(),
+            code=f"{HELD}{UNDRAWN}",
+        )
+    until_large(tmp_path / "held", 0, process, errors)
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    front = Front.load(tmp_path / "out" / "front.json")
+    assert front.status == "unfinished"
+    assert {kind for one in front.trajectories for kind in one.kinds} == {"reach", "spline"}
+    assert "not smoothed yet" in front.certificate

@@ -179,7 +179,7 @@ def test_a_scenario_lists_goals_of_which_any_will_do(tmp_path: Path) -> None:
         ("look_at", "lok_at", UnknownName, "line 7, goal.lok_at: unknown goal 'lok_at'. Did you mean 'look_at'?"),
         ("distance", "distanse", ScenarioError, "line 7, goal.look_at.distanse: no such key; did you mean 'distance'?"),
         ("[0.5, 1.5]", "[1.5, 0.5]", QueryError, "line 7, goal.look_at: distance is (least, greatest) distance in m"),
-        ("[0.5, 1.5]", "near", ScenarioError, "line 7, goal.look_at.distance: expected a list, got 'near'"),
+        ("[0.5, 1.5]", "near", ScenarioError, "goal.look_at.distance: expected a list of 2 numbers, got 'near'"),
         ("90 deg", "90 degrees", ScenarioError, "line 7, goal.look_at.roll: expected a number"),
         ("{target: [4, 3, 1.5], distance: [0.5, 1.5], roll: 90 deg}", "[4, 3, 1.5]", ScenarioError,
          "line 7, goal.look_at: expected the parameters of this goal by name, got [4, 3, 1.5]"),

@@ -167,7 +167,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("step: 0.5", 'max_memory: "9 MB"'), 12, "planner.lattice.max_memory", "whole number of bytes, got '9 MB'"),
         (("radius: 0.2", "radius: .nan"), 7, "model.differential_drive.radius", "expected a finite number, got nan"),
         (("differential_drive: {radius: 0.2, camera_height: 1.2}", "pan_tilt: {pan: 3}"), 7, "model.pan_tilt.pan",
-         "expected a list or 'all round', got 3"),
+         "expected a list of 2 numbers or 'all round', got 3"),
         # yaws
         (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),
         (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),

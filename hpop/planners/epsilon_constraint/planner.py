@@ -221,7 +221,7 @@ class _GridRun:
                     f"{objectives.certificate}"
                 ),
                 provenance=tuple(one.provenance for one in found),
-                notes=(*notes, *self.notes, *left, *self.tally.notes("bounds")),
+                notes=(*notes, *self.notes, *left, *self.tally.notes("bound")),
                 filters=objectives.filters,
                 stats={
                     "planner": NAME,

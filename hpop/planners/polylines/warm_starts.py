@@ -20,7 +20,7 @@ from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.polylines.straightened import straightened
 from hpop.registry import planners
 from hpop.status import ProgressCallback, Status
-from hpop.text import shown
+from hpop.text import counted, shown
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -134,17 +134,24 @@ def _given(starting: Starting, problem: Problem) -> WarmStarts:
 
 
 def _planned(found: Candidates, problem: Problem) -> WarmStarts:
-    """What a planner found, to go on from unless it was interrupted."""
+    """What a planner found, to go on from unless it was interrupted, then or while it is re-evaluated."""
     status = found.status
     if status is Status.INTERRUPTED:
-        note = (
-            f"{status}: the {len(found.trajectories)} warm starts found until then are kept, nothing goes on from them"
-        )
-        return WarmStarts((), status, (), replace(found, notes=(note, *found.notes)))
-    given: Sequence[Trajectory] = problem.front(found).trajectories if found.trajectories else ()
+        return _interrupted(found)
+    try:
+        given: Sequence[Trajectory] = problem.front(found).trajectories if found.trajectories else ()
+    except KeyboardInterrupt:
+        return _interrupted(found)
     if not given:
         return WarmStarts((), status, (f"no warm start: {status}", *found.notes))
     return _moving(given, status, () if status.is_final else (f"the warm starts are not all there are: {status}",))
+
+
+def _interrupted(found: Candidates) -> WarmStarts:
+    """What a planner found, from which nothing goes on."""
+    status, known = Status.INTERRUPTED, counted(len(found.trajectories), "warm start")
+    note = f"{status}: kept what was found until then, {known}, from which nothing goes on"
+    return WarmStarts((), status, (), replace(found, status=status, notes=(note, *found.notes)))
 
 
 def _moving(given: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:

@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any, Generic, TypeVar
 
 from hpop.arrays import FloatArray
+from hpop.text import counted
 from hpop.trajectory import Trajectory
 
 F = TypeVar("F")
@@ -83,9 +84,10 @@ class Tally:
         if outcome.found is None:
             self.failures[outcome.reason] += 1
 
-    def notes(self, jobs: str) -> list[str]:
-        """A note on each reason for which jobs have no candidate."""
-        return [f"{count} {jobs} without a candidate: {why}" for why, count in sorted(self.failures.items())]
+    def notes(self, job: str) -> list[str]:
+        """A note on each reason for which jobs, each of which is called so, have no candidate."""
+        failures = sorted(self.failures.items())
+        return [f"{counted(count, job)} without a candidate: {why}" for why, count in failures]
 
     @property
     def stats(self) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def _candidates(
             status=status,
             certificate="",
             provenance=tuple({**one.provenance, "warm_start": place} for place, one in found.items()),
-            notes=(*notes, *tally.notes("polylines")),
+            notes=(*notes, *tally.notes("polyline")),
             filters=objectives.filters,
             stats={name: tally.counts[name] for name in COUNTED} | tally.stats,
         ),

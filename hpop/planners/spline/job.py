@@ -93,6 +93,8 @@ class SplineJob:
     def compile_kernels(self, trajectory: Trajectory) -> None:
         """Compile what a step takes, or load it."""
         self._collision.separations(trajectory.states.take([0]), APART)
+        for _, m in trajectory.batches(self.problem.world):
+            self._collision.motions_free(m)
 
     def _splined(self, path: Trajectory, pieces: Pieces, run: _Run) -> tuple[Improved, ...] | str:
         if not path.duration:
@@ -126,7 +128,7 @@ class SplineJob:
     def _kept(self, run: _Run, pieces: Pieces, bounds: FloatArray) -> tuple[Knots, str]:
         """Keep the last of the steps, or the last that is no worse than the path; the last, and why it is not kept."""
         last = run.steps[-1]
-        if len(run.steps) == 1 and not run.found:
+        if len(run.steps) == 1:  # what it began with is the path, or was looked at when it was found
             return last, NOTHING_LESS
         spline, reason = self._candidate(last, pieces, bounds)
         within = [knots for knots in run.steps[1:-1] if (pieces.costs(knots) <= bounds).all()] if reason else []

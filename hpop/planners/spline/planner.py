@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from hpop.arrays import FloatArray
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.options import set_wholes
@@ -24,6 +27,7 @@ from hpop.planners.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.spline.pieces import Pieces
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
+from hpop.text import counted
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
 NAME = "spline"
 COUNTED = ("steps", "programs", CUT_SHORT)
 MOST_PIECES = 500
+HAND_OVER = 1.0  # s that workers have after the limit, for the step that they are at
 
 
 @planner(NAME)
@@ -40,7 +45,7 @@ class Spline:
 
     pieces      count  of cubics in a spline, about; each motion of its path becomes two at least
     minimise    name of the cost that is minimised; None makes a spline for all costs alike, each relative to the
-                path's, and from there on one for each cost by itself
+                path's, and from there on one for each cost by itself, where that makes it lower
     warm_start  what gives the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s      warm starts included, kernels compiled; looked at before each step
 
@@ -48,8 +53,8 @@ class Spline:
     need it, knots and slopes are moved step by step, distances of bodies and costs replaced by their tangents; a step
     counts only if the costs, evaluated, are lower and the certificate of the collision model says that the spline is
     free all along. So every step is a valid plan. A first answer are the paths, in the stages of their planner; what a
-    limit or Ctrl-C leaves at any moment are the splines certified until then, and all paths. (What workers have not
-    handed over is lost at Ctrl-C.)
+    limit or Ctrl-C leaves at any moment are the splines certified until then, and all paths. (Workers hand over splines
+    of whole paths: at Ctrl-C those of the paths that they are at are lost, and a limit waits a second for them.)
 
     Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient on
     symbols; the others come as they come, with a note. Guarantees that every spline is free by certificate, keeps the
@@ -121,6 +126,7 @@ class Spline:
         if warm.interrupted is not None:
             yield warm.interrupted
             return
+        warm = warm._replace(trajectories=tuple(warm.trajectories))  # one object each
         notes = (*objectives.notes, *rough, *warm.notes)
         yield from _SplineRun(job, objectives, warm, notes, spending, progress).stages(executor)
 
@@ -139,16 +145,21 @@ class _SplineRun:
 
     def stages(self, executor: Executor | None) -> Iterator[Candidates]:
         """The paths, then splines of some of them, of half as many more each time; at last of all."""
-        paths, status, stage = list(self.warm.trajectories), Status.COMPLETE, 0
-        with Sweep(SplineJob.solve, replace(self.job, deadline=self._deadline()), executor) as sweep:
+        paths, status, stage = self.warm.trajectories, Status.COMPLETE, 0
+        grace = 0.0 if executor is None else HAND_OVER
+        with Sweep(SplineJob.solve, self.job, executor) as sweep:
             try:
-                done = sweep.run(paths, self._is_late)
+                done = sweep.run(paths, lambda: self._left() < -grace)
                 while len(self.outcomes) < len(paths):
                     if len(self.outcomes) == stage:
                         with self.spending.paused():
                             yield self._candidates(Status.UNFINISHED, ())
+                        if not stage:
+                            self.job.compile_kernels(paths[0])
                         stage += max(1, stage // 2)
                     self._report()
+                    # Anew each time, as pauses move it. Workers have that of the first time, and work in pauses too.
+                    sweep.shared = replace(sweep.shared, deadline=time.time() + self._left())
                     place, outcome = next(done, (None, None))
                     if place is None or outcome is None:
                         status = Status.TIME_LIMIT
@@ -157,22 +168,29 @@ class _SplineRun:
             except KeyboardInterrupt:
                 status = Status.INTERRUPTED
             for path, outcome in sweep.shared.interrupted:
-                self.outcomes[next(i for i, one in enumerate(paths) if one is path)] = outcome
+                # A path that is given twice is two: of one that is done nothing was interrupted.
+                at = next(i for i, one in enumerate(paths) if one is path and i not in self.outcomes)
+                self.outcomes[at] = outcome
         if status is Status.COMPLETE and any(CUT_SHORT in outcome.counts for outcome in self.outcomes.values()):
             status = Status.TIME_LIMIT
         yield self._judged(self.warm.ended(status), sweep.notes)
 
-    def _deadline(self) -> float | None:
-        """When time is over, on the clock of :func:`time.time`; what is compiled for the first step is not charged."""
+    def _left(self) -> float:
+        """Seconds that are left."""
         limit = self.spending.budget.time_limit
-        if limit is None or not len(self.warm.trajectories):
-            return None
-        self.job.compile_kernels(self.warm.trajectories[0])
-        return time.time() + limit - self.spending.seconds()
+        return math.inf if limit is None else limit - self.spending.seconds()
 
-    def _is_late(self) -> bool:
-        limit = self.spending.budget.time_limit
-        return limit is not None and self.spending.seconds() > limit
+    @property
+    def _looked_at(self) -> dict[int, Outcome[tuple[Improved, ...]]]:
+        """What became of paths, in their order, but of those for which no time was left."""
+        outcomes = sorted(self.outcomes.items())
+        return {place: one for place, one in outcomes if one.found is not None or CUT_SHORT not in one.counts}
+
+    @cached_property
+    def _costs(self) -> FloatArray:
+        """Costs (n, k) of the paths."""
+        criteria = self.job.criteria
+        return trajectory_costs(criteria, self.warm.trajectories, self.job.problem.world).reshape(-1, len(criteria))
 
     def _report(self) -> None:
         if self.progress is not None:
@@ -182,40 +200,39 @@ class _SplineRun:
 
     def _judged(self, status: Status, notes: Sequence[str]) -> Candidates:
         """Splines and paths of the last stage, judged once more."""
-        left = len(self.warm.trajectories) - len(self.outcomes)
-        said = [f"{status}: {left} paths were not made splines"] * bool(left)
-        kept = trusted(self._candidates(status, (*notes, *said)), self.job.problem, NAME)
+        left = len(self.warm.trajectories) - len(self._looked_at)
+        said = [f"{status}: {counted(left, 'path')} not smoothed"]
+        kept = trusted(self._candidates(status, (*notes, *said * bool(left))), self.job.problem, NAME)
         return replace(kept, stats={**kept.stats, "seconds": self.spending.seconds()})
 
     def _candidates(self, status: Status, notes: Sequence[str]) -> Candidates:
         """Splines and paths, with everything that went wrong."""
         job, criteria = self.job, self.job.criteria
-        outcomes = dict(sorted(self.outcomes.items()))
+        outcomes = self._looked_at
         tally = Tally.of(outcomes.values())
         splines = [(place, one) for place, outcome in outcomes.items() for one in outcome.found or ()]
-        paths = list(self.warm.trajectories)
-        costs = trajectory_costs(criteria, paths, job.problem.world).reshape(-1, len(criteria))
+        paths = self.warm.trajectories
         quanta = np.array([criterion.quantum for criterion in criteria])
         names = ", ".join(criteria[j].name for j in job.smooth)
         left = len(paths) - len(outcomes)
         return Candidates(
             objectives=criteria,
             trajectories=(*(one.trajectory for _, one in splines), *paths),
-            planned=np.array([*(one.planned for _, one in splines), *costs]).reshape(-1, len(criteria)),
+            planned=np.array([*(one.planned for _, one in splines), *self._costs]).reshape(-1, len(criteria)),
             tolerance=np.array([*(one.tolerance for _, one in splines), *([quanta] * len(paths))]).reshape(
                 -1, len(criteria)
             ),
             status=status,
             certificate=(
-                f"spline: {len(splines)} splines, each proved free of collisions and no worse than its path in "
-                f"({names}), and the {len(paths)} paths{f', {left} of them not smoothed yet' if left else ''}; local "
+                f"spline: {counted(len(splines), 'spline')}, each proved free of collisions and no worse than its path "
+                f"in ({names}), and {counted(len(paths), 'path')}{f', {left} not smoothed yet' if left else ''}; local "
                 f"improvements, not proved to be optimal{self.objectives.certificate}"
             ),
             provenance=(
                 *({"planner": NAME, **one.provenance, "warm_start": place} for place, one in splines),
                 *({"planner": NAME, "pieces": 0, "warm_start": place} for place in range(len(paths))),
             ),
-            notes=(*self.notes, *notes, *(f"{line} (the path stays)" for line in tally.notes("paths"))),
+            notes=(*self.notes, *notes, *(f"{line} (the path stays)" for line in tally.notes("path"))),
             filters=self.objectives.filters,
             stats={"planner": NAME, "warm_starts": len(paths)}
             | {name: tally.counts[name] for name in COUNTED}

@@ -251,9 +251,8 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
     candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
-    kept = (
-        f"interrupted: the {len(first.trajectories)} warm starts found until then are kept, nothing goes on from them"
-    )
+    known = f"{len(first.trajectories)} warm starts"
+    kept = f"interrupted: kept what was found until then, {known}, from which nothing goes on"
     assert kept in candidates.notes
 
 

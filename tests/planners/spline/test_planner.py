@@ -1,6 +1,9 @@
 """Splines of a small arm before a shelf: proved free by two codes, no worse than their paths, costs as planned."""
 
+import itertools
 import signal
+import time
+from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
+from hpop.planners.spending import Spending
 from hpop.planners.spline.job import FRACTIONS, SplineJob
 from hpop.planners.spline.knots import Knots
 from hpop.planners.spline.pieces import Pieces
@@ -80,11 +84,11 @@ def test_a_spline_is_better_than_its_path_and_the_path_stays(planned):
     assert path not in problem.front(found).trajectories
 
 
-def test_one_spline_is_for_all_costs_alike_and_one_for_each(planned):
+def test_one_spline_is_for_all_costs_alike_and_each_that_follows_lowers_a_cost(planned):
     _, _, found = planned
-    alike, *each, _ = found.planned
-    assert len(each) == alike.size
-    assert all(costs[j] <= alike[j] for j, costs in enumerate(each))
+    splines = found.planned[:-1]
+    assert 1 < len(splines) <= 1 + splines.shape[1]
+    assert all((after < before).any() for before, after in itertools.pairwise(splines))
 
 
 def test_what_was_planned_is_what_the_trajectory_costs(planned):
@@ -183,7 +187,7 @@ def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
     found = make_planner({"spline": {"warm_start": [path], "pieces": 3}}).solve(problem)
     assert [trajectory.kinds for trajectory in found.trajectories] == [("reach",)]
     assert [note for note in found.notes if "the path stays" in note] == [
-        "1 paths without a candidate: no step costs less than its path (the path stays)"
+        "1 path without a candidate: no step costs less than its path (the path stays)"
     ]
 
 
@@ -240,7 +244,64 @@ def test_ctrl_c_between_two_steps_keeps_what_they_certified(arm, world, paths, m
     assert stay == [paths[0], paths[0]]
     assert spline.duration < paths[0].duration
     assert all(arm.judge(world).motions_free(m).all() for _, m in spline.batches(world))
-    assert "and the 2 paths, 1 of them not smoothed" in found.certificate
+    assert "and 2 paths, 1 not smoothed" in found.certificate
+
+
+def test_ctrl_c_on_the_second_of_two_paths_that_are_one_keeps_what_the_first_became(arm, world, paths, monkeypatch):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    options = {"pieces": 2, "minimise": "duration"}
+    first = make_planner({"spline": {"warm_start": [paths[0]], **options}}).solve(problem)
+    interrupted_at(first.stats["steps"] + 3, monkeypatch)
+    found = make_planner({"spline": {"warm_start": [paths[0]] * 2, **options}}).solve(problem)
+    assert found.status is Status.INTERRUPTED
+    assert [one["warm_start"] for one in found.provenance if one["pieces"]] == [0, 1]
+    np.testing.assert_array_equal(found.planned[0], first.planned[0])
+
+
+class Outside(Executor):
+    """Does a task at once, then lets something happen before its result is handed over."""
+
+    def __init__(self, happens):
+        self.happens = happens
+
+    def submit(self, fn, /, *arguments):
+        done = Future()
+        done.set_result(fn(*arguments))
+        self.happens()
+        return done
+
+
+def test_ctrl_c_with_workers_keeps_all_paths(arm, world, paths):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    planner = make_planner({"spline": {"warm_start": [paths[0]] * 2, "pieces": 2, "minimise": "duration"}})
+    found = planner.solve(problem, executor=Outside(lambda: signal.raise_signal(signal.SIGINT)))
+    assert (found.status, found.trajectories) == (Status.INTERRUPTED, (paths[0], paths[0]))
+    assert "interrupted: 2 paths not smoothed" in found.notes
+
+
+def test_what_workers_certified_until_the_limit_is_waited_for(arm, world, paths, monkeypatch):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    seconds = [0.0]
+    monkeypatch.setattr(Spending, "seconds", lambda spending: seconds[0])
+    options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
+    planner = make_planner({"spline": options})
+    found = planner.solve(problem, executor=Outside(lambda: seconds.append(seconds.pop() + 60.1)))
+    assert [set(one.kinds) for one in found.trajectories] == [{"spline"}, {"reach"}]
+
+
+def test_time_that_goes_by_while_a_stage_is_drawn_is_not_taken_from_the_splines(arm, world, paths, monkeypatch):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
+    answers, now = make_planner({"spline": options}).stages(problem), time.time
+    next(answers)
+    monkeypatch.setattr(time, "time", lambda: now() + 1000.0)
+    assert [set(one.kinds) for one in next(answers).trajectories] == [{"spline"}, {"reach"}]
+
+
+def test_no_spline_is_found_twice(planned):
+    _, _, found = planned
+    for one, other in itertools.combinations(found.trajectories, 2):
+        assert one.describe() != other.describe()
 
 
 def test_the_paths_are_the_first_answer_and_splines_follow(arm, world, paths):
@@ -260,6 +321,7 @@ def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths
     found = make_planner({"spline": {"warm_start": [paths[0]], "time_limit": 1e-9}}).solve(problem)
     assert found.status is Status.TIME_LIMIT
     assert found.trajectories == (paths[0],)
+    assert "time limit: 1 path not smoothed" in found.notes
 
 
 @pytest.mark.parametrize("stage", ["checking", "graph"])
@@ -276,6 +338,20 @@ def test_ctrl_c_while_the_roadmap_is_planned_keeps_what_it_found(stage, arm, wor
     assert Status.INTERRUPTED in front.status
     assert len(front)
     assert not any("spline" in one.kinds for one in front.trajectories)
+
+
+def test_ctrl_c_while_the_paths_are_re_evaluated_keeps_them(arm, world, paths, monkeypatch):
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
+    front = hpop.Problem.front
+
+    def interrupted(problem, candidates, progress=None):
+        monkeypatch.setattr(hpop.Problem, "front", front)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(hpop.Problem, "front", interrupted)
+    found = problem.solve("spline", warm_start={"roadmap": {"samples": 20}})
+    assert found.status == "interrupted"
+    assert found.certificate.startswith(problem.solve("roadmap", samples=20).certificate)  # of its last stage
 
 
 def test_robots_without_splines_and_costs_without_gradients_are_refused(arm, world, paths):
