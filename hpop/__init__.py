@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from hpop import errors as errors
+    from hpop import frontier as frontier
+    from hpop import search as search
+    from hpop import testing as testing
+    from hpop import view as view
     from hpop.criteria.base import Criterion, criterion
     from hpop.front import Front
     from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
@@ -40,6 +45,8 @@ _HOMES = {
     "model": "hpop.models.base",
 }
 
+_MODULES = ("errors", "frontier", "search", "testing", "view")  # as ``hpop.search.pareto_paths`` after ``import hpop``
+
 __all__ = [
     "Criterion",
     "DifferentialDrive",
@@ -57,8 +64,8 @@ __all__ = [
     "model",
 ]
 
-__getattr__ = on_first_use(__name__, _HOMES)
+__getattr__ = on_first_use(__name__, _HOMES, _MODULES)
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted({*globals(), *__all__, *_MODULES})

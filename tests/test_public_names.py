@@ -128,6 +128,12 @@ def test_a_public_name_is_where_it_was(name: str) -> None:
     assert pkgutil.resolve_name(name) is not None
 
 
+@pytest.mark.parametrize("name", ["errors", "frontier", "search", "testing", "view"])
+def test_a_module_is_there_after_importing_hpop_alone(name: str) -> None:
+    assert name in dir(hpop)
+    assert hpop.__getattr__(name) is pkgutil.resolve_name(f"hpop.{name}")
+
+
 def test_documents_and_examples_use_public_names_alone() -> None:
     within = {".".join(name.split(".")[:n]) for name in PUBLIC for n in range(2, name.count(".") + 2)}
     others = {name for name in mentioned() - within if not any(name.startswith(f"{known}.") for known in PUBLIC)}

@@ -287,9 +287,9 @@ class Graph:
 
 def strange_node(labels: Sequence[Hashable], label: object) -> str:
     """What is said of something that is none of the names of a graph's nodes."""
-    known = ", ".join(map(shown, labels[:4])) + ", ..." * (len(labels) > 4)
+    known = ", ".join(map(shown, labels[:4])) + (", ..." if len(labels) > 4 else ".")
     near = did_you_mean(label, [one for one in labels if isinstance(one, str)])
-    return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {known}.{near}"
+    return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {known}{near}"
 
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:

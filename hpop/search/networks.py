@@ -94,7 +94,7 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
     if not names or len(set(names)) < len(names) or not all(isinstance(name, str) for name in names):
         raise GraphError(
             f"costs names the attributes of edges to minimise, such as costs=['length', 'risk'], none twice, got "
-            f"{shown(costs)}{_there(data)}"
+            f"{shown(costs) if costs else 'none'}{_there(data)}"
         )
     return names
 

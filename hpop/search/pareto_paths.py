@@ -274,7 +274,9 @@ def _bounds(graph: Graph, at_most: Any) -> tuple[int, ...]:
     """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
     given = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
     name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
-    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1), ANYTHING) for b in given)
+    first = "" if graph.edges is None else graph.edges.names[0]
+    hint = f"or give bounds by name, in units, such as {{{first!r}: 30.0}}" * bool(first)
+    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1, hint=hint), ANYTHING) for b in given)
     return bounds if any(b < ANYTHING for b in bounds) else ()
 
 

@@ -217,7 +217,7 @@ def with_cost(value: object) -> nx.Graph:
          r"'length', 'turns'. Did you mean 'length'\?"),
         (nx.Graph([("a", "b", {"n": 1}), ("b", "c")]), {"costs": ["n"]},
          "one edge has no attribute 'n', the first is edge 'b' - 'c'"),
-        (GOOD, {}, "costs names the attributes of edges.*edges have 'length', 'turns'"),
+        (GOOD, {}, "costs names the attributes of edges.*got none; edges have 'length', 'turns'"),
         (GOOD, {"costs": ["turns", "turns"]}, "none twice"),
         (GOOD, {"costs": [1]}, "costs names the attributes"),
         (with_cost(-1.0), {"costs": ["length"]}, "at least 0, got -1.0 as 'length' of edge 'b' - 'c'; shift or flip"),
@@ -274,6 +274,8 @@ def test_options_that_do_not_fit_are_refused():
         pareto_paths(graph, "a", "c", costs=["length"])
     with pytest.raises(OptionError, match=r"the costs are length. Did you mean 'length'\?"):
         pareto_paths(graph, "a", "c", at_most={"lenght": 3.0})
+    with pytest.raises(OptionError, match=r"at least 0, got 30\.0; or give bounds by name.*'length': 30\.0"):
+        pareto_paths(graph, "a", "c", at_most=[30.0])
     with pytest.raises(OptionError, match="have no names"):
         pareto_paths(plain, 0, 1, at_most={"length": 3.0})
     with pytest.raises(GraphError, match="no node is called 'z'"):
