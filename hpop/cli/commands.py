@@ -1,4 +1,4 @@
-"""The command line: ``hpop plan``, ``show``, ``pick``, ``check``, ``criteria``, ``models``, ``planners``.
+"""The command line: ``hpop new``, ``look``, ``plan``, ``show``, ``pick``, ``explain``, ``schema``, ``criteria``, ...
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
 usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
@@ -21,6 +21,7 @@ import click
 from hpop import __version__
 from hpop.cli import results
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
+from hpop.cli.looking import look, new
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
 from hpop.cli.saved import pick, show
@@ -139,6 +140,8 @@ def plan(
 
 main.add_command(show)
 main.add_command(pick)
+main.add_command(look)
+main.add_command(new)
 
 
 @main.command()

@@ -29,7 +29,7 @@ from hpop.view.ground import (
 )
 from hpop.view.holds import draw_holds, hold_entry, is_held
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.page import WHOLE, Bar, Handle, draw_caption, lay_on, lay_out
+from hpop.view.page import WHOLE, Bar, Handle, claim_of, draw_caption, lay_on, lay_out, title_of
 from hpop.view.paths import Heights, camera_heights, path_points
 from hpop.view.robot import corners_of, draw_robot, from_above, robot_outlines
 from hpop.view.sheet import MOST_HIGH, MOST_WIDE
@@ -129,13 +129,14 @@ def draw_map(
     for row, (mark, trajectory) in enumerate((m, t) for m, t in zip(named, picked, strict=True) if is_held(t).any()):
         draw_holds(axes, trajectory, mark.colour, row=row, gid=f"holds of {mark.label}")
         symbols += [hold_entry()] * (row == 0)
-    symbols += _draw_headed_ends(axes, problem, ends, view)
-    _draw_frame(axes, view)
+    symbols += draw_headed_ends(axes, problem, ends, view)
+    draw_frame(axes, view)
     if heights.vary or "base" not in model.provides:
         draw_caption(axes, f"From above: paths of the {mapped_body(model)}")
     if ax is not None:
         return lay_on(axes, front, bars=bars, lines=lines)
-    return lay_out(axes, view, front, bars=bars, lines=lines, symbols=symbols)
+    said = {"title": title_of(front), "claim": claim_of(front)}
+    return lay_out(axes, view, **said, bars=bars, lines=lines, symbols=symbols)
 
 
 def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> list[Bar]:
@@ -183,7 +184,7 @@ def _hidden(turns: FloatArray, ends: Ends, view: View) -> str:
     return f", also under {' and '.join(under)}" if under else ""
 
 
-def _draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Sequence[Handle]:
+def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Sequence[Handle]:
     """Start and goal, with an arrow along the heading."""
     reach = 0.055 * max(view.width, view.height)
     start, goals = ends
@@ -211,7 +212,8 @@ def _headings(ends: Sequence[EndPose]) -> str:
     return ", any heading" if all(free) else ", heading along the arrow" + ", if there is one" * any(free)
 
 
-def _draw_frame(axes: Axes, view: View) -> None:
+def draw_frame(axes: Axes, view: View) -> None:
+    """Draw axes in metres with a scale bar, round a map of a view."""
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
     axes.set_xlabel("x (m)", fontsize=NORMAL)
     axes.set_ylabel("y (m)", fontsize=NORMAL)

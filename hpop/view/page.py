@@ -55,7 +55,7 @@ def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Han
         drawn.set_label(bar.words, fontsize=SMALL)
         drawn.ax.tick_params(labelsize=SMALL)
         whole_ticks(drawn.ax.yaxis, bar.counts, most=8)
-    axes.set_title(_title(front), fontsize=NORMAL, pad=18.0)
+    axes.set_title(title_of(front), fontsize=NORMAL, pad=18.0)
     if lines:
         below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
         axes.legend(handles=list(lines), fontsize=SMALL, frameon=False, handlelength=4.0, **below)
@@ -65,15 +65,16 @@ def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Han
 def lay_out(
     axes: Axes,
     view: View,
-    front: Front,
     *,
+    title: str,
+    claim: str,
     bars: Sequence[Bar],
     lines: Sequence[Handle],
     symbols: Sequence[Handle],
 ) -> Figure:
     """Give the axes of a new figure their place, write what belongs round them, and make the figure fit."""
     figure = whole(cast(FigureBase, axes.get_figure(root=True)))
-    drawn, claim = [_draw_bar(figure, bar) for bar in bars], _claim(front)
+    drawn = [_draw_bar(figure, bar) for bar in bars]
     sheet = Sheet.of(
         view,
         words=[_width_of_words(figure, cax) for cax in drawn],
@@ -84,7 +85,7 @@ def lay_out(
     axes.set_position(sheet.map_box())
     for place, cax in enumerate(drawn):
         cax.set_position(sheet.bar_box(place))
-    figure.suptitle(_title(front), x=sheet.title[0], y=sheet.title[1], va="top", fontsize=LARGE)
+    figure.suptitle(title, x=sheet.title[0], y=sheet.title[1], va="top", fontsize=LARGE)
     if lines:
         _draw_legend(figure, lines, sheet.legends[0], "upper left")
         _draw_legend(figure, symbols, sheet.legends[1], "upper left")
@@ -132,12 +133,18 @@ def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, flo
     )
 
 
-def _claim(front: Front) -> str:
+def claim_of(front: Front) -> str:
     """What is claimed, a paragraph for each planner: a picture is passed on without its front."""
-    return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in front.certificate.split(JOINT))
+    return paragraphs(front.certificate.split(JOINT))
 
 
-def _title(front: Front) -> str:
+def paragraphs(parts: Sequence[str]) -> str:
+    """Text under a picture, wrapped."""
+    return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in parts)
+
+
+def title_of(front: Front) -> str:
+    """How many trajectories there are, in which costs, and how the search ended."""
     if not len(front):
         if front.status == Status.NO_PATH:
             return "No path from start to goal"

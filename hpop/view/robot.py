@@ -14,6 +14,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
+from hpop.motions import States
 from hpop.trajectory import Trajectory
 from hpop.view.ground import outline
 from hpop.view.style import Mark
@@ -39,8 +40,12 @@ def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list
     """Outlines, m, of the robot at both ends of the first of some trajectories; none of models without ``bodies``."""
     if not trajectories or (bodies := getattr(trajectories[0].model, "bodies", None)) is None:
         return []
-    ends = trajectories[0].states.take([0, -1])
-    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in bodies(ends)]
+    return outlines_at(bodies, trajectories[0].states.take([0, -1]), flatten)
+
+
+def outlines_at(bodies: Callable[[States], Any], states: States, flatten: Flatten) -> list[BaseGeometry]:
+    """Outlines, m, of a robot in states (N,), from where its ``bodies`` are in these."""
+    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in bodies(states)]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
     ]

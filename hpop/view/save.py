@@ -79,6 +79,12 @@ def save_pictures(
         raise OutputError(f"the pictures cannot be written to {target}: {error}") from error
 
 
+def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:
+    """Write one picture, as PNG, to a file whose folder is made if it is missing; raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _write(path, _png(figure, dpi))
+
+
 def _png(figure: Figure, dpi: float) -> bytes:
     """The picture as `savefig` makes it, from one drawing where that takes two: the first only to lay it out."""
     figure.set_dpi(dpi)

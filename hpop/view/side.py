@@ -22,7 +22,7 @@ from hpop.view.content import INK, MOST_NAMES, STAR, write
 from hpop.view.ends import draw_ends, end_positions, goal_words
 from hpop.view.ground import View
 from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.page import WHOLE, Handle, draw_caption, lay_on, lay_out
+from hpop.view.page import WHOLE, Handle, claim_of, draw_caption, lay_on, lay_out, title_of
 from hpop.view.paths import Heights, camera_path
 from hpop.view.robot import corners_of, draw_robot, robot_outlines
 from hpop.view.section import Section
@@ -114,7 +114,8 @@ def draw_side(
     _draw_frame(axes, view, section)
     if ax is not None:
         return lay_on(axes, front, bars=bars, lines=lines)
-    return lay_out(axes, view, front, bars=bars, lines=lines, symbols=symbols)
+    said = {"title": title_of(front), "claim": claim_of(front)}
+    return lay_out(axes, view, **said, bars=bars, lines=lines, symbols=symbols)
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:

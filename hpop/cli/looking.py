@@ -1,0 +1,157 @@
+"""What comes before a plan: ``hpop look`` draws a map or scenario, ``hpop new`` writes a first scenario for a map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpop.cli import results
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.terminal import echo
+from hpop.errors import OutputError, QueryError
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+    from hpop.scenario.new import GivenMap
+
+DPI = 150
+
+
+def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
+    """Texts by name of several options NAME=VALUE."""
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise click.BadParameter(f"expected NAME=VALUE, such as polygons=outline, got {text!r}", context, option)
+        found[name.strip()] = value
+    return found
+
+
+def _map_options(command: Any) -> Any:
+    """The options by which a map is read, and for which robot."""
+    for option in (
+        click.option("--radius", type=float, metavar="M", help="Radius of the robot, m; 0.3 by default."),
+        click.option("--reader", metavar="NAME", help="What reads the map, where its ending does not say."),
+        click.option(
+            "--set",
+            "options",
+            multiple=True,
+            metavar="NAME=VALUE",
+            callback=_pairs,
+            help="Option of the map's reader, such as polygons=outline (`hpop explain geojson`). Repeatable.",
+        ),
+        click.option(
+            "--resolution", type=float, metavar="M", help="Metres a pixel of an image, or a unit of a drawing."
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("path", metavar="MAP|SCENARIO", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), default=Path("look.png"), metavar="PNG", help="[look.png]")
+@_map_options
+@imports_option
+@user_errors
+def look(
+    path: Path,
+    out: Path,
+    resolution: float | None,
+    options: dict[str, str],
+    reader: str | None,
+    radius: float | None,
+    imports: tuple[str, ...],
+) -> None:
+    """Draw a map, or a SCENARIO (YAML), in metres: where the robot is free, start, goal, people, landmarks, zones.
+
+    A start or goal that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that
+    `hpop new` would choose.
+    """
+    from hpop.cli import user_code
+    from hpop.scenario import load_scenario, new
+    from hpop.view.look import look as looked
+    from hpop.view.save import save_figure
+
+    user_code.register(imports)
+    if reader is None and new.is_scenario(path):
+        if options or resolution is not None or radius is not None:
+            raise click.UsageError(
+                "a scenario says by itself how its map is read and what its robot is; change it there"
+            )
+        problem = load_scenario(path).problem
+    else:
+        given = new.GivenMap.of(path, reader, resolution, new.checked_options(options))
+        problem = new.first_problem(given.read(), radius)
+    seen = looked(problem, f"{path.name}: {_size(problem)}")
+    with results.output_errors(f"cannot write {out}", "choose another --out"):
+        save_figure(seen.figure, out, DPI)
+    for note in (*problem.world.notes, *seen.notes):
+        echo(f"note: {note}")
+    echo(f"written to {out}")
+    if seen.refused:
+        raise QueryError("\n".join(seen.refused))
+
+
+@click.command()
+@click.argument("path", metavar="MAP", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), metavar="YAML", help="[NAME_scenario.yaml]")
+@click.option("--start", metavar="X,Y[,HEADING]", help="Where it starts, m; far from the goal by default.")
+@click.option("--goal", metavar="X,Y[,HEADING]", help="Where it ends, m; far from the start by default.")
+@_map_options
+@imports_option
+@user_errors
+def new(
+    path: Path,
+    out: Path | None,
+    start: str | None,
+    goal: str | None,
+    resolution: float | None,
+    options: dict[str, str],
+    reader: str | None,
+    radius: float | None,
+    imports: tuple[str, ...],
+) -> None:
+    """Write a first scenario for a MAP, with comments, that plans as it is; beside it the schema that editors use.
+
+    A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
+    """
+    from hpop.cli import user_code
+    from hpop.scenario import new as scenarios
+
+    user_code.register(imports)
+    file = Path(f"{path.stem}_scenario.yaml") if out is None else out
+    if file.exists():
+        raise OutputError(f"{file} is there already; remove it, or choose another --out")
+    given = scenarios.GivenMap.of(path, reader, resolution, scenarios.checked_options(options))
+    problem = scenarios.first_problem(given.read(), radius, start, goal)
+    _write(file, given, problem, chosen=start is None and goal is None)
+    for note in problem.world.notes:
+        echo(f"note: {note}")
+    echo(f"written: {file}, and {file.with_name(scenarios.SCHEMA)}, by which editors complete and check it")
+    echo(f"the map is {_size(problem)}; next: hpop look {file}, then hpop plan {file} --out out/{file.stem}")
+
+
+def _write(file: Path, given: GivenMap, problem: Problem, *, chosen: bool) -> None:
+    """Write a scenario that is read again before anybody is told of it, and its schema."""
+    from hpop.scenario import json_schema, load_scenario, new
+
+    text = new.scenario_text(given, problem, file.parent, file.name, chosen=chosen)
+    with results.output_errors(f"cannot write {file}", "choose another --out"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        file.with_name(new.SCHEMA).write_text(json_schema.written(json_schema.scenario_schema()), encoding="utf-8")
+    try:
+        load_scenario(file)
+    except Exception:
+        file.unlink()
+        raise
+
+
+def _size(problem: Problem) -> str:
+    x0, y0, x1, y1 = problem.world.bounds
+    return f"{x1 - x0:.4g} x {y1 - y0:.4g} m"

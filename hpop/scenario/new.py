@@ -1,0 +1,212 @@
+"""A first scenario for a map that has none: start and goal far apart where the robot is free, comments on each key."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import yaml
+
+from hpop.errors import NOTE, MapError, OptionError, QueryError
+from hpop.options import Degrees
+from hpop.planners.free_map import FreeMap
+from hpop.planners.usable import elsewhere
+from hpop.problem import Problem
+from hpop.registry import make_model
+from hpop.regular_file import read_regular
+from hpop.scenario.json_schema import LINE
+from hpop.text import shown
+from hpop.world import World
+from hpop.world.readers import reader_of
+
+SCHEMA = "scenario.schema.json"
+MOST_BYTES = 2**20  # of a scenario, as hpop.scenario.yaml_lines has it
+RESOLUTION = {"image": "resolution", "movingai": "resolution", "geojson": "scale", "dxf": "scale", "pdf": "scale"}
+"""What readers call metres a pixel, cell or unit."""
+STEPS = ((40.0, 0.25), (120.0, 0.5), (math.inf, 1.0))
+"""Longer sides of maps, m, up to which lattices have such a step."""
+
+
+class GivenMap(NamedTuple):
+    """A map as it is named on the command line.
+
+    path
+    reader   name of what reads it
+    options  those of the reader
+    """
+
+    path: Path
+    reader: str
+    options: dict[str, Any]
+
+    @classmethod
+    def of(cls, path: Path, reader: str | None, resolution: float | None, options: Mapping[str, Any]) -> GivenMap:
+        """The reader by the file's ending, if none is named; OptionError for a resolution that lacks or is strange."""
+        reader = reader or reader_of(path)
+        key = RESOLUTION.get(reader)
+        given = dict(options)
+        if resolution is not None and key is None:
+            raise OptionError(f"reader {reader!r} takes no resolution, its files say how large they are; leave it out")
+        if resolution is not None and key is not None:
+            given[key] = resolution
+        if reader == "image" and "resolution" not in given:
+            raise OptionError(
+                f"{path} does not say how large it is; give --resolution, metres a pixel: 0.02 where a door of 0.9 m "
+                "is 45 pixels wide"
+            )
+        return cls(path, reader, given)
+
+    def read(self) -> World:
+        """The world; MapError, which says how options are given here."""
+        try:
+            return World.from_file(self.path, reader=self.reader, **self.options)
+        except MapError as error:
+            raise MapError(f"{error} Options of a reader are given by --set, such as --set scale=0.01.") from None
+
+
+def is_scenario(path: Path) -> bool:
+    """Whether a file is a scenario, by the keys in it; what cannot be read is none."""
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return False
+    try:
+        text = read_regular(path, MOST_BYTES)
+    except OSError:
+        return not path.exists()  # said as of a scenario
+    return re.search(rb"^(world|criteria|start|planner)\s*:", text, re.MULTILINE) is not None
+
+
+def first_problem(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Problem:
+    """The problem of a round robot, from a start to a goal as given, or far from each other where it is free.
+
+    Raises MapError where it is free nowhere, QueryError for a start or goal that cannot be used.
+    """
+    model = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
+    free = FreeMap.of(model, world)
+    if free is None or not free.main:
+        raise _free_nowhere(model, world)
+    begin, end = (None if text is None else _end(text, what) for text, what in ((start, "start"), (goal, "goal")))
+    asked = begin or end
+    far = free.far_apart(free.part_at(*asked[:2]) if asked else 0)
+    first, last = (_rounded(model, world, place) for place in far)
+    if asked is not None and math.dist(asked[:2], first if begin else last) > math.dist(
+        asked[:2], last if begin else first
+    ):
+        first, last = last, first  # the place farther from what is asked for is taken
+    heading = math.radians(_heading(first, last))
+    problem = Problem(
+        world, model, begin or (*first, heading), end or (*last, None), ["obstruction", "turns", "length"]
+    )
+    collision = model.collision(world)
+    for what, values in (("start", problem.start), ("goal", problem.goals[0])):
+        state = model.space.state(values, free=model.space.angles)
+        if reason := collision.why_blocked(model.space.state([value or 0.0 for value in values])):
+            raise QueryError(f"the {what} is not usable: {reason}.{elsewhere(model, world, state)}")
+    return problem
+
+
+def _free_nowhere(model: Any, world: World) -> MapError:
+    """The error of a map on which a robot is free nowhere, with what may be the cause."""
+    x0, y0, x1, y1 = world.bounds
+    error = MapError(
+        f"a robot of {model.radius:g} m in radius is free nowhere on this map of {x1 - x0:.4g} x {y1 - y0:.4g} m; is "
+        "its scale right (--resolution), is the outline of the building taken for an obstacle? Options of a reader are "
+        "given by --set, such as --set polygons=outline, a smaller robot by --radius"
+    )
+    for note in world.notes:
+        error.add_note(f"{NOTE}{note}")
+    return error
+
+
+def scenario_text(given: GivenMap, problem: Problem, folder: Path, name: str, *, chosen: bool) -> str:
+    """The scenario as a file in a folder, with comments.
+
+    ``chosen``: whether start and goal were, and nobody has asked for them.
+    """
+    path, robot = os.path.relpath(given.path, folder), cast(Any, problem.model)
+    world = yaml.safe_dump(
+        {"path": path, **given.options}, default_flow_style=True, sort_keys=False, width=10**6
+    ).strip()
+    x0, y0, x1, y1 = problem.world.bounds
+    step = next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
+    start, goal = (_written(values) for values in (problem.start, problem.goals[0]))
+    why = "; start and goal were chosen far apart: put them where you need them" * chosen
+    stem = Path(name).stem
+    return f"""\
+{LINE.format(SCHEMA)}
+# Look at it: hpop look {name}        Plan: hpop plan {name} --out out/{stem}
+# The words of these files: hpop explain lattice, hpop explain obstruction, and so on.
+world:                          # x from {x0:.4g} to {x1:.4g} m, y from {y0:.4g} to {y1:.4g} m
+  {given.reader}: {world}
+model:                          # the robot; hpop models lists others
+  differential_drive:
+    radius: {robot.radius:g}                 # m, of the robot as seen from above
+    camera_height: {robot.camera_height:g}          # m, of the camera above the floor
+start: {start}      # x m, y m, heading{why}
+goal: {goal}        # any: it may arrive with every heading
+criteria:                       # what is to be small, all at once; hpop criteria lists others
+  - obstruction                 # walls and furniture within 2 m of the camera
+  - turns                       # how many times it turns
+  - length                      # of the path, m
+planner:                        # hpop planners lists others
+  lattice: {{step: {step:g}}}         # m between positions: less finds better paths, in more time
+# people:                       # who stand or walk about; then criteria such as personal_space can be asked for
+#   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, yaw: 90 deg, name: Ada}}
+# landmarks:                    # what is worth seeing; then landmark_blindness
+#   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, name: door}}
+"""
+
+
+def _written(values: Any) -> str:
+    """A state as a scenario has it, the heading in degrees."""
+    x, y, yaw = values
+    heading = "any" if yaw is None else f"{math.degrees(yaw):.4g} deg"
+    return f"[{x:.6g}, {y:.6g}, {heading}]"
+
+
+def _end(text: str, what: str) -> tuple[float, float, float | None]:
+    """A start or goal as it is given on the command line: X,Y or X,Y,HEADING."""
+    x, y, *rest = [*(part.strip() for part in text.split(",")), ""]
+    heading: Any = Degrees.in_radians(rest[0]) if rest and rest[0] else "any" if what == "goal" else 0.0
+    try:
+        place = float(x), float(y)
+        yaw = None if heading == "any" and what == "goal" else float(heading)
+        if len(rest) > 2 or not all(map(math.isfinite, place)):
+            raise ValueError
+    except ValueError:
+        raise OptionError(
+            f"expected --{what} X,Y in m, or X,Y,HEADING with a heading in rad or such as '90 deg', got {shown(text)}"
+        ) from None
+    return (*place, yaw)
+
+
+def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[float, float]:
+    """A place with as few decimals as leave it free."""
+    collision = model.collision(world)
+    for digits in (1, 2, 3):
+        x, y = (round(value, digits) for value in place)
+        if collision.clear(np.array([x]), np.array([y]))[0]:
+            return x, y
+    return place
+
+
+def _heading(start: tuple[float, float], goal: tuple[float, float]) -> float:
+    """The heading towards the goal, in steps of 45 degrees."""
+    return 45.0 * round(math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0])) / 45.0) % 360.0
+
+
+def checked_options(pairs: Mapping[str, str]) -> dict[str, Any]:
+    """Values of options of a reader, as YAML reads them; OptionError for what is none."""
+    found = {}
+    for name, text in pairs.items():
+        try:
+            found[name] = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise OptionError(
+                f"--set {name}: expected a value such as 0.05, outline or [1, 2], got {shown(text)}"
+            ) from None
+    return found

@@ -1,0 +1,191 @@
+"""A look before planning: the map in metres, where this robot is free, and whether start and goal can be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from shapely.geometry.base import BaseGeometry
+
+from hpop.goals import GoalSet
+from hpop.motions import States
+from hpop.planners.free_map import FreeMap
+from hpop.planners.usable import elsewhere, nearest_free
+from hpop.problem import Problem
+from hpop.view.canvas import new_figure
+from hpop.view.content import draw_content
+from hpop.view.ends import end_poses
+from hpop.view.ground import View, outline, view_of
+from hpop.view.map import draw_frame, draw_headed_ends
+from hpop.view.page import WHOLE, Handle, lay_out, paragraphs
+from hpop.view.paths import camera_heights
+from hpop.view.robot import LOOK, from_above, outlines_at
+from hpop.view.silhouettes import draw_map_obstacles
+from hpop.view.style import plain
+from hpop.view.targets import draw_targets
+
+SEEN = 0.05  # of the longer side of the map: a smaller robot lies under the letter of its start
+REACHED, APART, NARROW = "#cfe8cf", "#fbd9a5", "#e6e6ea"
+BETTER: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "P",
+    "markerfacecolor": "#2ca02c",
+    "markeredgecolor": "white",
+    "markersize": 11,
+}
+
+
+class Look(NamedTuple):
+    """What a look tells.
+
+    figure
+    refused  why the start, or a goal, cannot be used, with the nearest place that can; empty where all can
+    notes    what else is told: how much of the map is free, and what is cut off
+    """
+
+    figure: Figure
+    refused: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+@plain
+def _drawn(problem: Problem, title: str, free: FreeMap | None, text: Sequence[str], better: Sequence[States]) -> Figure:
+    view = view_of(problem)
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="look")
+    axes.set_facecolor("white")
+    symbols: list[Handle] = [
+        *_draw_free(axes, problem, free),
+        *draw_map_obstacles(axes, problem, camera_heights(problem, ()), view),
+        *draw_content(axes, problem.world, view),
+        *_draw_robot(axes, problem, view),
+        *draw_targets(axes, problem, from_above),
+        *draw_headed_ends(axes, problem, end_poses(problem), view),
+    ]
+    for state in better:
+        axes.plot(state.x, state.y, zorder=8.5, gid="usable", **BETTER)
+    if better:
+        symbols.append(Line2D([], [], label="the nearest place that is usable", **BETTER))
+    draw_frame(axes, view)
+    half = (len(symbols) + 1) // 2
+    return lay_out(
+        axes, view, title=title, claim=paragraphs(text), bars=(), lines=symbols[:half], symbols=symbols[half:]
+    )
+
+
+def look(problem: Problem, title: str) -> Look:
+    """Draw a problem's map, the free space of its robot, start, goals, people, landmarks and zones, and judge the ends.
+
+    Parameters
+    ----------
+    title : what stands above the picture
+    """
+    model, world = problem.model, problem.world
+    ends = _ends(problem)
+    collision = model.collision(world)
+    refused, better = [], list[States]()
+    for what, state in ends.items():
+        reason = collision.why_blocked(States(**{name: np.nan_to_num(getattr(state, name)) for name in state.names}))
+        place = nearest_free(model, world, state) if reason else None
+        if not reason or (place is not None and _same(place, state)):
+            continue  # a goal whose heading is free may be blocked at the one that was tried
+        where = ", ".join(f"{float(getattr(state, name)[0]):.4g}" for name in ("x", "y") if name in state.names)
+        refused.append(
+            f"the {what}{f' ({where})' * bool(where)} is not usable: {reason}.{elsewhere(model, world, state)}"
+        )
+        better += [] if place is None else [place]
+    free = FreeMap.of(model, world)
+    notes = [] if free is None else _notes(free, ends, bool(refused))
+    return Look(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes))
+
+
+def _ends(problem: Problem) -> dict[str, States]:
+    """Start and goals that are states; what is free in them is NaN."""
+    space = problem.model.space
+    ends = {"start": space.state(problem.start)}
+    if isinstance(problem.target, GoalSet):
+        several = len(problem.goals) > 1
+        for i, goal in enumerate(problem.goals):
+            ends[f"goal {i}" if several else "goal"] = space.state(goal, free=space.angles)
+    return ends
+
+
+def _same(place: States, state: States) -> bool:
+    return bool(np.hypot(place.x[0] - state.x[0], place.y[0] - state.y[0]) < 1e-9)
+
+
+def _notes(free: FreeMap, ends: dict[str, States], is_refused: bool) -> list[str]:
+    """How much is free, and whether start and goals are in one part of it, as far as the grid tells."""
+    if not free.main:
+        return ["the robot is free nowhere on this map: is its scale right, or the robot too large?"]
+    whole = float(free.areas.sum())
+    largest = float(free.areas.max())
+    many = int((free.areas > 0.0).sum())
+    notes = [f"the robot is free on {_area(whole)}, looked at every {free.pitch:.2g} m"]
+    if many > 1:
+        notes[0] += f", in {many} parts between which it cannot go; the largest has {_area(largest)}"
+    parts = {what: free.part_at(float(state.x[0]), float(state.y[0])) for what, state in ends.items()}
+    apart = [what for what, part in parts.items() if part != parts["start"]]
+    if apart and not is_refused:
+        notes.append(
+            f"as it seems, no way leads from the start to the {' or the '.join(apart)}: they are in other parts"
+        )
+    return notes
+
+
+def _area(area: float) -> str:
+    """An area, m², to three figures."""
+    return f"{area:,.0f} m²" if area >= 100 else f"{area:.3g} m²"
+
+
+def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch]:
+    """Colour where the robot is free, and which part of that it reaches from the start; returns the legend entries."""
+    if free is None:
+        return []
+    start = problem.model.space.state(problem.start)
+    part = free.part_at(float(start.x[0]), float(start.y[0])) or free.main
+    kinds = np.where(free.parts == part, 1, 2) * free.free  # 0 where it is not free
+    half = free.pitch / 2
+    axes.imshow(
+        kinds,
+        cmap=ListedColormap([NARROW, REACHED, APART]),
+        vmin=-0.5,
+        vmax=2.5,
+        origin="lower",
+        extent=(free.x[0] - half, free.x[-1] + half, free.y[0] - half, free.y[-1] + half),
+        interpolation="nearest",
+        zorder=0.5,
+        gid="free space",
+    )
+    looks = {
+        0: Patch(facecolor=NARROW, edgecolor="none", label="outside, or too near to an obstacle or border"),
+        1: Patch(facecolor=REACHED, edgecolor="none", label="where the robot is free"),
+        2: Patch(facecolor=APART, edgecolor="none", label="free, but cut off from the start"),
+    }
+    return [patch for kind, patch in looks.items() if (kinds == kind).any()]
+
+
+def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
+    """The robot at its start, to scale."""
+    model, start = problem.model, problem.model.space.state(problem.start)
+    bodies, parts = getattr(model, "bodies", None), getattr(model, "parts", ())
+    outlines: list[BaseGeometry] = []
+    if bodies is not None:
+        outlines = outlines_at(bodies, start, from_above)
+    elif parts:
+        hulls = [shapely.convex_hull(shapely.MultiPoint(part.placed(start)[0])).buffer(part.radius) for part in parts]
+        outlines = [shapely.union_all(hulls)]
+    across = max((max(x1 - x0, y1 - y0) for x0, y0, x1, y1 in shapely.bounds(outlines).reshape(-1, 4)), default=0.0)
+    if across < SEEN * max(view.width, view.height):
+        return []
+    axes.add_collection(
+        PathCollection([outline(one) for one in outlines], zorder=7.5, gid="robot", **LOOK), autolim=False
+    )
+    return [Patch(**LOOK, label="the robot at the start, to scale")]

@@ -1,0 +1,150 @@
+"""`hpop look` and `hpop new`: from a map, with nothing else, to a scenario that plans."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+from click.testing import Result
+from PIL import Image
+
+from hpop.front import Front
+from hpop.scenario import load_scenario
+from hpop.scenario.new import SCHEMA
+
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
+
+def _image(folder: Path) -> Path:
+    """A sheet of 8 x 6 m at 0.05 m a pixel, on it a building with two rooms and a door."""
+    pixels = np.full((120, 160), 255, dtype=np.uint8)
+    pixels[[10, 110], 10:151] = 0
+    pixels[10:111, [10, 80, 150]] = 0
+    pixels[50:70, 80] = 255
+    Image.fromarray(pixels).save(folder / "plan.png")
+    return folder / "plan.png"
+
+
+def _geojson(folder: Path) -> Path:
+    rings = {"hall": [(0, 0), (9, 0), (9, 6), (0, 6)], "case": [(4, 0), (5, 0), (5, 4), (4, 4)]}
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": name},
+            "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
+        }
+        for name, ring in rings.items()
+    ]
+    (folder / "hall.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return folder / "hall.geojson"
+
+
+def _movingai(folder: Path) -> Path:
+    rows = ["." * 20, "." * 20, "." * 8 + "@@@@" + "." * 8, "." * 20, "." * 20]
+    (folder / "grid.map").write_text("type octile\nheight 5\nwidth 20\nmap\n" + "\n".join(rows) + "\n")
+    return folder / "grid.map"
+
+
+def _ros(folder: Path, write_map: Callable[..., None]) -> Path:
+    write_map(folder)
+    return folder / "map.yaml"
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("image", ["--resolution", "0.05"]),
+        ("geojson", ["--set", "polygons=outline"]),
+        ("movingai", ["--resolution", "0.5"]),
+        ("ros", ["--radius", "0.2"]),
+    ],
+)
+def test_a_new_scenario_of_any_map_plans_as_it_is(
+    run: Callable[..., Result],
+    write_map: Callable[..., None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    options: list[str],
+) -> None:
+    makers = {"image": _image, "geojson": _geojson, "movingai": _movingai}
+    path = _ros(tmp_path, write_map) if kind == "ros" else makers[kind](tmp_path)
+    monkeypatch.chdir(tmp_path)
+    written = run("new", path, *options)
+    assert written.exit_code == 0, written.output
+    scenario = tmp_path / f"{path.stem}_scenario.yaml"
+    text = scenario.read_text()
+    assert text.startswith(f"# yaml-language-server: $schema={SCHEMA}\n")
+    jsonschema.validate(yaml.safe_load(text), json.loads((tmp_path / SCHEMA).read_text()), jsonschema.Draft7Validator)
+    assert text.count("# ") > 10
+    planned = run("plan", scenario, "--out", tmp_path / "out")
+    assert planned.exit_code == 0, planned.output
+    assert len(Front.load(tmp_path / "out" / "front.json"))
+    again = run("new", path, *options)
+    assert (again.exit_code, "is there already" in again.stderr) == (12, True)
+
+
+def test_start_and_goal_are_indoors_or_as_asked_for(
+    run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path
+) -> None:
+    path, out = _image(tmp_path), tmp_path / "scenarios" / "mine.yaml"
+    asked = ["new", path, "--resolution", "0.05", "--out", out]
+    assert run(*asked).exit_code == 0
+    problem = load_scenario(out).problem
+    assert 0.5 < problem.start[0] < 4.0 < problem.goals[0][0] < 7.5
+    assert "path: ../plan.png" in out.read_text()
+    out.unlink()
+    assert run(*asked, "--start", "6,2,90 deg", "--goal", "1.5,4").exit_code == 0
+    problem = load_scenario(out).problem
+    assert problem.start == pytest.approx((6.0, 2.0, np.pi / 2))
+    assert problem.goals == ((1.5, 4.0, None),)
+    out.unlink()
+    refused(
+        run(*asked, "--goal", "4.02,1"), 5, "the goal is not usable", "The nearest place where the robot is free is ("
+    )
+    refused(run(*asked, "--start", "6;2"), 10, "expected --start X,Y in m")
+    assert not out.exists()
+
+
+def test_what_lacks_or_is_strange_is_told(
+    run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path, write_map: Callable[..., None]
+) -> None:
+    image, hall, out = _image(tmp_path), _geojson(tmp_path), ["--out", tmp_path / "x.png"]
+    refused(run("look", image, *out), 10, "give --resolution, metres a pixel")
+    refused(run("look", image, "--resolution", "0.001", *out), 3, "free nowhere on this map of 0.16 x 0.12 m")
+    refused(run("look", hall, *out), 3, "feature 0 'hall' contains all else", "--set polygons=outline")
+    refused(run("look", hall, "--set", "polygon=outline", *out), 3, "Did you mean 'polygons'?", "--set")
+    assert run("look", hall, "--set", "outline", *out).exit_code == 2
+    refused(run("look", _ros(tmp_path, write_map), "--resolution", "0.1", *out), 10, "takes no resolution")
+    refused(run("look", tmp_path / "gone.yaml", *out), 4, "no such file")
+    refused(run("new", tmp_path / "plan.xyz"), 3, "does not say by its ending which reader it needs")
+
+
+def test_a_look_at_a_scenario_draws_it_and_tells_of_ends_that_cannot_be_used(
+    run: Callable[..., Result], refused: Callable[..., None], write: Callable[..., None], room: Path
+) -> None:
+    out = room / "pictures" / "look.png"
+    result = run("look", room / "room.yaml", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "note: the robot is free on " in result.stdout
+    with Image.open(out) as picture:
+        assert min(picture.size) > 500
+    assert run("look", room / "room.yaml", "--radius", "1").exit_code == 2
+    out.unlink()
+    write(room, ("[0.5, 0.5, 0]", "[2.0, 0.5, 0]"))
+    refused(
+        run("look", room / "room.yaml", "--out", out), 5, "the start (2, 0.5) is not usable: it is inside an obstacle"
+    )
+    assert out.exists()  # it shows where
+
+
+def test_a_look_at_a_map_needs_nothing_else(run: Callable[..., Result], tmp_path: Path) -> None:
+    result = run("look", _image(tmp_path), "--resolution", "0.05", "--radius", "0.2", "--out", tmp_path / "look.png")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "look.png").exists()
+    assert "in 2 parts between which it cannot go" in result.stdout

@@ -1,0 +1,81 @@
+"""The picture of a look: where the robot is free, the ends, and what cannot be used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.view.look import look
+from hpop.world.content import Landmark, Person, Zone
+
+ROBOT = hpop.DifferentialDrive(radius=0.25)
+HALL = hpop.World.from_polygons([shapely.box(4, 0, 4.2, 6)], extent=shapely.box(0, 0, 10, 6))
+
+
+def seen(start=(1.0, 1.0, 0.0), goal=(3.0, 5.0, None), world=HALL, model=ROBOT):
+    return look(hpop.Problem(world, model, start, goal, ["length"]), "a hall")
+
+
+def texts(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def drawn(figure, gid):
+    return figure.findobj(lambda artist: artist.get_gid() == gid)
+
+
+def test_each_place_is_coloured_by_whether_the_robot_is_free_there_and_whether_the_start_reaches_it():
+    found = seen()
+    assert found.refused == ()
+    (image,) = drawn(found.figure, "free space")
+    kinds, (x0, x1, y0, y1) = np.asarray(image.get_array()), image.get_extent()
+    for (x, y), kind in (((2.0, 3.0), 1), ((8.0, 3.0), 2), ((0.1, 3.0), 0), ((4.1, 3.0), 0)):
+        row, column = (
+            int((v - a) / (b - a) * n) for v, a, b, n in ((y, y0, y1, len(kinds)), (x, x0, x1, kinds.shape[1]))
+        )
+        assert kinds[row, column] == kind
+    assert {"where the robot is free", "free, but cut off from the start"} <= set(texts(found.figure))
+    assert "2 parts between which it cannot go" in found.notes[0]
+    assert found.figure.axes[0].get_xlabel() == "x (m)"
+    assert drawn(found.figure, "scale bar")
+
+
+def test_a_goal_in_another_part_is_told():
+    assert "no way leads from the start to the goal" in seen(goal=(8.0, 3.0, None)).notes[1]
+    assert len(seen().notes) == 1
+
+
+def test_ends_that_cannot_be_used_are_told_with_the_nearest_place_that_can_and_it_is_drawn():
+    found = seen(start=(4.1, 3.0, 0.0), goal=[(1.0, 1.0, 0.0), (9.9, 3.0, 0.0)])
+    start, goal = found.refused
+    assert start.startswith("the start (4.1, 3) is not usable: it is inside an obstacle. Move it. The nearest place")
+    assert goal.startswith("the goal 1 (9.9, 3) is not usable: ")
+    marks = drawn(found.figure, "usable")
+    places = np.array([(mark.get_xdata()[0], mark.get_ydata()[0]) for mark in marks])
+    assert ROBOT.collision(HALL).clear(*places.T).all()
+    (claim,) = drawn(found.figure, "claim")
+    assert "is not usable" in claim.get_text()
+
+
+def test_people_landmarks_and_zones_are_in_it():
+    people = [Person(1.0, 3.0, name="Ada"), Person(2.0, 3.0, velocity=(0.5, 0.0))]
+    zones = [Zone("speed", shapely.box(5, 1, 7, 2), limit=0.5), Zone("keep-out", shapely.box(8, 1, 9, 2))]
+    world = HALL.with_content(people=people, landmarks=[Landmark(3.0, 5.5, name="door")], zones=zones)
+    said = " ".join(texts(seen(world=world).figure))
+    for word in ("person", "walking", "landmark", "speed limit", "keep-out zone", "S: start", "G: goal, any heading"):
+        assert word in said
+
+
+@pytest.mark.parametrize("name", ["arm_shelf", "mobile_arm"])
+def test_robots_beyond_the_plane_are_drawn_where_they_start(name):
+    from pathlib import Path
+
+    from hpop.scenario import load_scenario
+
+    problem = load_scenario(Path(__file__).parents[2] / f"examples/{name}.yaml").problem
+    found = look(problem, name)
+    assert found.refused == ()
+    assert drawn(found.figure, "robot")
+    assert drawn(found.figure, "targets")
