@@ -217,9 +217,10 @@ def planners(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def explain(word: str | None, imports: tuple[str, ...]) -> None:
-    """Say what a WORD means that hpop prints, or what the criterion, planner, robot or goal of that name is.
+    """Say what a printed word means.
 
-    Without a WORD those that are explained are listed.
+    A WORD is also the name of a criterion, planner, robot, goal or reader. Without one those that are explained are
+    listed.
     """
     from hpop.cli import user_code
     from hpop.cli.explain import explained, known
@@ -232,9 +233,9 @@ def explain(word: str | None, imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def schema(imports: tuple[str, ...]) -> None:
-    """Print the JSON schema of scenarios, by which editors complete and check them.
+    """Print the JSON schema of scenarios.
 
-    Write it to a file, and name that in the first line of a scenario: # yaml-language-server: $schema=FILE
+    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario: # yaml-language-server: $schema=FILE
     """
     from hpop.cli import user_code
     from hpop.scenario import json_schema

@@ -67,9 +67,9 @@ def look(
     radius: float | None,
     imports: tuple[str, ...],
 ) -> None:
-    """Draw a map, or a SCENARIO (YAML), in metres: where the robot is free, start, goal, people, landmarks, zones.
+    """Draw a map or scenario, before planning.
 
-    A start or goal that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that
+    The picture, in metres, shows where the robot is free, start, goal, people, landmarks and zones. A start or goal that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that
     `hpop new` would choose.
     """
     from hpop.cli import user_code
@@ -116,9 +116,9 @@ def new(
     radius: float | None,
     imports: tuple[str, ...],
 ) -> None:
-    """Write a first scenario for a MAP, with comments, that plans as it is; beside it the schema that editors use.
+    """Write a first scenario for a map.
 
-    A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
+    It has comments, and plans as it is; beside it lies the schema that editors use. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
     """
     from hpop.cli import user_code
     from hpop.scenario import new as scenarios
