@@ -235,7 +235,8 @@ def explain(word: str | None, imports: tuple[str, ...]) -> None:
 def schema(imports: tuple[str, ...]) -> None:
     """Print the JSON schema of scenarios.
 
-    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario: # yaml-language-server: $schema=FILE
+    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario:
+    # yaml-language-server: $schema=FILE
     """
     from hpop.cli import user_code
     from hpop.scenario import json_schema
