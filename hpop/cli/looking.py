@@ -69,8 +69,9 @@ def look(
 ) -> None:
     """Draw a map or scenario, before planning.
 
-    The picture, in metres, shows where the robot is free, start, goal, people, landmarks and zones. A start or goal that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that
-    `hpop new` would choose.
+    The picture, in metres, shows where the robot is free, start, goal, people, landmarks and zones. A start or goal
+    that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that `hpop new`
+    would choose.
     """
     from hpop.cli import user_code
     from hpop.scenario import load_scenario, new
@@ -118,7 +119,8 @@ def new(
 ) -> None:
     """Write a first scenario for a map.
 
-    It has comments, and plans as it is; beside it lies the schema that editors use. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
+    It has comments, and plans as it is; beside it lies the schema that editors use. A MAP is an image, GeoJSON,
+    DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
     """
     from hpop.cli import user_code
     from hpop.scenario import new as scenarios
