@@ -97,6 +97,7 @@ def load_scenario(path: str | Path) -> Scenario:
     """
     document = Document(Path(path))
     given, faults = document.values, Faults(document)
+    faults.no_map()
     reader = _plugin_reader(given.get("world"))
     file = faults.validated(ScenarioFile, given if reader is None else {**given, "world": {}}, ())
     to_read = None if reader is None else faults.validated(ReaderFile, given["world"][reader], ("world", reader))

@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import shapely
@@ -22,6 +23,7 @@ from hpop.scenario.schema import WorldSection, parameters_of
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.status import LIMITS, NO_LIMIT
 from hpop.text import article, shown
+from hpop.world.readers import ENDINGS
 
 EXPECTED = {
     "string_type": "text",
@@ -114,6 +116,23 @@ class Faults:
             if len(given) != 1 and section.keys() <= set(ways):
                 got = " and ".join(given) or "none"
                 self.add(("world",), f"give exactly one of {', '.join(ways)}; got {got}")
+            for name in given:
+                if isinstance(section[name], str):
+                    self.add(("world", name), f"write the file as {{path: {shown(section[name])}}}")
+        elif isinstance(section, str):
+            reader = ENDINGS.get(Path(section).suffix.lower(), "ros_map")
+            self.add(("world",), f"name its reader as well: {{{reader}: {{path: {shown(section)}}}}}")
+
+    def no_map(self) -> None:
+        """A scenario, and not the map that it should name."""
+        given = self._document.values
+        a_ros_map, a_geojson = {"image", "resolution"} <= given.keys(), "features" in given
+        if "world" not in given and (a_ros_map or a_geojson):
+            reader, path = "ros_map" if a_ros_map else "geojson", self._document.path
+            raise ScenarioError(
+                f"{path}: this is a map, not a scenario; a scenario is a YAML file of its own that names it, with "
+                f"world: {{{reader}: {{path: {path.name}}}}}, start, goal and criteria"
+            )
 
     def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
         """An object of a registry from a name, or from one name with its parameters, checked by their types."""

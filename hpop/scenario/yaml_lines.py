@@ -159,7 +159,10 @@ def _read(path: Path) -> str:
     except FileNotFoundError:
         raise ScenarioError(f"{path}: no such file; give the path of a scenario (YAML)") from None
     except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from None
+        raise ScenarioError(
+            f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8. A map is none: a scenario "
+            "is a YAML file that names its map"
+        ) from None
     except OSError as error:
         reason = error.strerror or error
         raise ScenarioError(f"{path}: cannot be read: {reason}; give the path of a scenario (YAML)") from None

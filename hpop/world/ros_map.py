@@ -59,7 +59,7 @@ def read(
 ) -> World:
     """Read a map_server yaml and its image as a `World` of cells.
 
-    A ``free_thresh`` that makes free what map_saver wrote as unknown is told in ``world.notes``.
+    Unknown cells, and a ``free_thresh`` that makes free what map_saver wrote as unknown, are told in ``world.notes``.
 
     Parameters
     ----------
@@ -94,21 +94,24 @@ def read(
     }
     cells = grid.occupied if unknown_is_free else ~grid.free
     raster = Raster(cells, grid.resolution, grid.origin, *heights)
-    notes = () if unknown_is_free else _on_greys(grid, path)
+    notes = () if unknown_is_free else _on_unknown(grid, path)
     return World(Ground(raster=raster, outside_is_obstacle=not unknown_is_free), zone, notes=notes).read_from(
         file_source("ros_map", path, options, *contents)
     )
 
 
-def _on_greys(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
-    """A note on cells that were saved as unknown and are read as free, as of maps that Nav2 saved until 2025."""
-    if not grid.free_greys:
-        return ()
-    share = 100 * grid.free_greys / grid.free.size
-    return (
-        f"{path}: {share:.3g} % of its cells have the grey {GREY} that map_saver writes for unknown ones, and its "
+def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
+    """Notes on unknown cells, and on those read as free that were saved as unknown, as Nav2 did until 2025."""
+    unknown = int((~grid.free & ~grid.occupied).sum())
+    share, greys = (
+        f"{path}: {100 * cells / grid.free.size:.3g} % of its cells" for cells in (unknown, grid.free_greys)
+    )
+    notes = (
+        f"{share} are unknown and obstacles; with unknown_is_free they are free.",
+        f"{greys} have the grey {GREY} that map_saver writes for unknown ones, and its "
         f"free_thresh makes them free, as map_server has it. If they were never seen, write free_thresh: {TELLS_GREY}.",
     )
+    return tuple(note for note, cells in zip(notes, (unknown, grid.free_greys), strict=True) if cells)
 
 
 def load(path: str | Path) -> OccupancyMap:

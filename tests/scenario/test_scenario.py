@@ -233,6 +233,39 @@ def test_no_world_at_all_lists_the_ways_to_give_one(tmp_path: Path) -> None:
     assert f"{every}; got none" in message
 
 
+@pytest.mark.parametrize(
+    ("world", "place", "instead"),
+    [
+        ("map.yaml", "world", "{ros_map: {path: 'map.yaml'}}"),
+        ("hall.geojson", "world", "{geojson: {path: 'hall.geojson'}}"),
+        ("{ros_map: map.yaml}", "world.ros_map", "{path: 'map.yaml'}"),
+    ],
+)
+def test_a_map_that_is_named_too_shortly_is_told_as_it_is_written(
+    tmp_path: Path, world: str, place: str, instead: str
+) -> None:
+    text = f"world: {world}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
+    lines = faults(scenario(tmp_path, text=text))
+    assert lines[-1].startswith(f"line 1, {place}: ")
+    assert lines[-1].endswith(instead)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reader"),
+    [
+        ("map.yaml", "image: a.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "ros_map"),
+        ("hall.geojson", '{"type": "FeatureCollection", "features": []}', "geojson"),
+    ],
+)
+def test_a_map_in_place_of_a_scenario_is_told_as_what_it_is(
+    tmp_path: Path, name: str, content: str, reader: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ScenarioError, match="this is a map, not a scenario") as error:
+        load_scenario(tmp_path / name)
+    assert f"world: {{{reader}: {{path: {name}}}}}" in str(error.value)
+
+
 def test_all_faults_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
     path = scenario(
         tmp_path,

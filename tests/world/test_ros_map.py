@@ -92,19 +92,23 @@ def test_unknown_cells_are_obstacles_unless_asked_otherwise(tmp_path):
 
 def test_grey_that_a_threshold_makes_free_is_told_with_the_threshold_that_does_not(tmp_path):
     """Nav2 wrote free_thresh 0.25 beside 205 for unknown (navigation2, pull request 5278): 1 - 205 / 255 = 0.196."""
-    image = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 205, 205, 204])
+    image = b"P5\n3 2\n255\n" + bytes([0, 205, 254, 205, 205, 150])
     world = World.from_ros_map(write(tmp_path, image, free_thresh=0.25))
     assert world.clearance(np.array([1.75]), np.array([2.75])) > 0  # free, as in map_server
-    (note,) = world.notes
+    unknown, note = world.notes
+    assert "16.7 % of its cells are unknown and obstacles" in unknown  # the pixel of 150
     assert "50 % of its cells have the grey 205" in note
     corrected = float(note.partition("write free_thresh: ")[2].removesuffix("."))
-    assert World.from_ros_map(write(tmp_path, image, free_thresh=corrected)).notes == ()
+    (unknown,) = World.from_ros_map(write(tmp_path, image, free_thresh=corrected)).notes
+    assert "66.7 % of its cells are unknown and obstacles" in unknown
+    assert World.from_ros_map(tmp_path / "map.yaml", unknown_is_free=True).notes == ()
     assert load(tmp_path / "map.yaml").free.sum() == 1
 
 
 @pytest.mark.parametrize("said", [{"negate": 1}, {"mode": "raw"}])
 def test_grey_that_no_map_saver_writes_is_not_told(tmp_path, said):
-    assert World.from_ros_map(write(tmp_path, free_thresh=0.6, **said)).notes == ()
+    notes = World.from_ros_map(write(tmp_path, free_thresh=0.6, **said)).notes
+    assert not [note for note in notes if "the grey 205" in note]
 
 
 def test_the_origin_turns_the_map_about_its_lower_left_corner(tmp_path):
@@ -193,7 +197,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"free_thresh": 0.8}, "must not exceed"),
         ({"negate": 2}, "negate must be"),
         ({"negate": "maybe"}, "negate must be"),
-        ({"mode": "ternary"}, "mode must be one of trinary, scale, raw"),
+        ({"mode": "ternary"}, "must be one of trinary, scale, raw"),
         ({"mode": "[a, [b]]"}, "mode must be one of"),
         ({"image": ""}, "image must be the path"),
         ({"image": 5}, "image must be the path"),
