@@ -49,6 +49,14 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         raise OSError(error.errno, error.strerror or str(error), str(target)) from None
 
 
+def check_replaceable(path: str | os.PathLike[str]) -> None:
+    """Raise OSError where :func:`replacing` could not write; nothing is left behind, nor what dead writers left."""
+    target = Path(path)
+    _sweep(target)
+    with _locked(target) as file:
+        os.unlink(file.name)
+
+
 def _locked(target: Path) -> BinaryIO:
     """A new file beside another, held by this writer."""
     while True:

@@ -94,13 +94,13 @@ os.fsync = flushed_once
 def test_it_survives_kill_9_while_a_checkpoint_is_written(tmp_path, warm):
     # A bound on the turns, far above what any path takes, asks for the exact search alone: no stage answers before it.
     scenario = write(tmp_path, {"lattice": {"step": 0.125, "max_turns": 1000}})
-    file, part = tmp_path / "search.ckpt", tmp_path / "search.ckpt.part"
+    file = tmp_path / "search.ckpt"
     arguments = ["plan", scenario, "--out", tmp_path / "killed", "--checkpoint", file]
     with open(os.devnull, "w") as nothing:
         process = warm.start(
             *arguments, cwd=tmp_path, stdout=nothing.fileno(), stderr=nothing.fileno(), code=f"{HELD}{COMMAND}"
         )
-    while not (file.exists() and part.exists()):
+    while not (file.exists() and list(tmp_path.glob(".search.ckpt.*"))):
         assert process.is_running, "it ended although its second checkpoint is never whole"
         time.sleep(0.005)
     process.kill()

@@ -6,8 +6,8 @@ work, and is saved between two of them; so the one that goes on makes the same e
 with the same front, paths and counts of labels.
 
 The file: MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
-and shape of each array), the arrays one after the other, a checksum of all this. It is written as FILE.part beside it,
-flushed to the disk and moved into its place, so that whoever is killed leaves the last whole one.
+and shape of each array), the arrays one after the other, a checksum of all this. It is written beside its place,
+and moved there once it is whole and on the disk: whoever is killed leaves the last whole one.
 
 The checksum tells accidents, it is no signature. Whatever the numbers of a file are, nothing in it is run, no place
 outside a table is read, and what a search has found after it went on are paths of the graph with their true costs. But
@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from hpop import __version__
 from hpop.errors import HpopWarning, OptionError, OutputError
+from hpop.frontier.atomic import check_replaceable, replacing
 from hpop.options import MOST, set_reals
 from hpop.status import Status
 from hpop.text import shown
@@ -84,9 +85,7 @@ class Checkpoint:
         try:
             path = Path(os.path.realpath(self.path))
             _refuse_other(path)
-            part = _part(path)
-            part.open("wb").close()  # one that a killed run left goes as well
-            part.unlink()
+            check_replaceable(path)
         except CheckpointError:
             raise
         except (OSError, ValueError) as error:
@@ -105,11 +104,6 @@ def _refuse_other(path: Path) -> None:
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
-
-
-def _part(path: Path) -> Path:
-    """What is written until it is whole."""
-    return path.with_name(path.name + ".part")
 
 
 CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
@@ -215,19 +209,11 @@ class Saved:
         text = json.dumps(header).encode()
         begin = MAGIC + len(text).to_bytes(LENGTH, "little") + text
         checksum = hashlib.blake2b(digest_size=CHECKSUM)
-        part = _part(path)
-        try:
-            with part.open("wb") as file:
-                for piece in (memoryview(begin), *map(_bytes, self.arrays.values())):
-                    file.write(piece)
-                    checksum.update(piece)
-                file.write(checksum.digest())
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        with replacing(path) as file:
+            for piece in (memoryview(begin), *map(_bytes, self.arrays.values())):
+                file.write(piece)
+                checksum.update(piece)
+            file.write(checksum.digest())
 
     @classmethod
     def read(cls, path: Path) -> Saved:

@@ -28,7 +28,7 @@ def refused(graph: Graph, file: Path, match: str, *, source: int = 0, target: An
         pareto_paths(graph, source, target, checkpoint=file, progress=seen.append, **options)
     assert seen == []
     assert before is None or file.read_bytes() == before
-    assert not os.path.exists(f"{file}.part")
+    assert not list(Path(file).parent.glob(f".{Path(file).name}.*"))
 
 
 def test_the_checkpoint_of_another_question_is_refused(interrupted):
