@@ -1,32 +1,34 @@
-# Two commands: `make demo` plans the museum tour, `make test` runs all tests. Both set up .venv first.
+# Two commands: `make demo` plans the museum tour, `make test` runs all tests. Both set up .venv first, the
+# second with the tools of development.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+TOOLS := $(VENV)/.tools
 
-.PHONY: demo test proof mutants fuzz bench reference lint clean
+.PHONY: demo test proof mutants fuzz bench reference lint pythons clean
 
 demo: $(READY)
-	$(BIN)/hpop plan examples/museum.yaml --out out/museum
+	$(BIN)/hpop demo
 
-test: $(READY)
+test: $(TOOLS)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # The same tests, larger: all seeds, all instances. `make proof PART=search` runs one part of it.
-proof: $(READY)
+proof: $(TOOLS)
 	$(BIN)/python tests/proof.py $(PART)
 
 # Deliberate faults, the same ones each time: which of them the tests notice.
-mutants: $(READY)
+mutants: $(TOOLS)
 	$(BIN)/python -m tests.mutants
 
 # Mutated inputs against every door, with fixed seeds. `make fuzz SECONDS=3600 SEED=1` throws more, and others.
 SECONDS ?= 240
 SEED ?= 0
-fuzz: $(READY)
+fuzz: $(TOOLS)
 	$(BIN)/python tests/fuzz --seconds $(SECONDS) --seed $(SEED) --out out/fuzz.json
 
-bench: $(READY)
+bench: $(TOOLS)
 	$(BIN)/python benchmarks/lattice.py --out out/bench/lattice.json
 	$(BIN)/python benchmarks/first_answer.py --out out/bench/first_answer.json
 	$(BIN)/python benchmarks/first_minute.py --out out/bench/first_minute.json
@@ -42,20 +44,33 @@ bench: $(READY)
 	$(BIN)/python benchmarks/arm.py --out out/bench/arm.json
 	$(BIN)/python benchmarks/arm_plans.py --out out/bench/arm_plans.json
 
-reference: $(READY)
+reference: $(TOOLS)
 	$(BIN)/python docs/make_reference.py
 
-lint: $(READY)
+lint: $(TOOLS)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Other versions of Python, those that are found: the wheel, what it needs, the demo and some tests.
+pythons:
+	tools/pythons.sh
+
+# What hpop needs, and no more; then the tools of its development. Both are in one environment, of the versions pinned.
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "hpop needs Python 3.11 or later, this is " + sys.version'
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(call install,.)
 	touch $(READY)
+
+$(TOOLS): pyproject.toml constraints.txt
+	$(call install,.[dev])
+	touch $(READY) $(TOOLS)
+
+define install
+$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "hpop needs Python 3.11 or later, this is " + sys.version'
+test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '$(1)'
+endef
 
 clean:
 	rm -rf $(VENV) out

@@ -11,6 +11,7 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop import errors as errors
+    from hpop import examples as examples
     from hpop import frontier as frontier
     from hpop import search as search
     from hpop import testing as testing
@@ -45,7 +46,7 @@ _HOMES = {
     "model": "hpop.models.base",
 }
 
-_MODULES = ("errors", "frontier", "search", "testing", "view")  # as ``hpop.search.pareto_paths`` after ``import hpop``
+_MODULES = ("errors", "examples", "frontier", "search", "testing", "view")  # each after ``import hpop`` alone
 
 __all__ = [
     "Criterion",

@@ -15,6 +15,7 @@ does, it has been imported before; else it is left out.
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -34,6 +35,11 @@ try:
 finally:
     if _coverage is None:
         del sys.modules["coverage"]
+
+if (_log := logging.getLogger("numba")).level == logging.NOTSET:
+    _log.setLevel(
+        logging.WARNING
+    )  # else whoever listens to everything gets a line for each instruction that is compiled
 
 __all__ = ["compiling_seconds", "kernel", "lean", "numba"]
 

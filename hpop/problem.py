@@ -18,6 +18,7 @@ from hpop.criteria.base import (
 )
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
+from hpop.following import followed
 from hpop.front import Front
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
 from hpop.html import facts_html, picture_html
@@ -126,7 +127,7 @@ class Problem:
         self,
         planner: PlannerSpec | Sequence[PlannerSpec] = "lattice",
         *,
-        progress: ProgressCallback | None = None,
+        progress: ProgressCallback | bool | None = None,
         executor: Executor | None = None,
         **options: Any,
     ) -> Front:
@@ -135,13 +136,15 @@ class Problem:
         Parameters
         ----------
         planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
-        progress : called now and then with a :class:`hpop.status.Progress`
+        progress : True shows a line on the terminal; a function is called now and then with a
+            :class:`hpop.status.Progress`. The logger "hpop" hears of stages (DEBUG), and what each planner found (INFO)
         executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
         """
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
         if not several:
             raise OptionError("give at least one planner, such as 'lattice'")
-        *_, front = self.fronts(several, progress=progress, executor=executor, **options)
+        with followed(progress) as tell:
+            *_, front = self.fronts(several, progress=tell, executor=executor, **options)
         return front
 
     def fronts(

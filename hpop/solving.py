@@ -13,6 +13,7 @@ import numpy as np
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.quanta import stated
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
+from hpop.following import log
 from hpop.front import Front
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
@@ -69,6 +70,7 @@ def fronts(
         assert last is not None  # a planner has at least one stage
         save = partial(_save_some, problem, before, stages, stage)
         before = _union(before, _evaluated(problem, stages, last, save, progress))
+        log.info("%s: %s found, front of %d, %s", planner.name, len(last.trajectories), len(before), last.status)
         yield before
         if Status.INTERRUPTED in before.status:
             return

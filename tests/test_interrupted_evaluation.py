@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 import hpop.view
-from hpop import solving
-from hpop.cli import main, report, results
+from hpop import following, solving
+from hpop.cli import main, results
 from hpop.cli.pictures import PicturesBeside
 from hpop.front import Front
 from hpop.planners.deferred import Deferred
@@ -53,7 +53,7 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 
 def stopped(folder: Path, times: int) -> Stopped:
     """Plan, and press Ctrl-C so many times while costs are re-evaluated."""
-    saved, left, plain, save = list[Front](), [times], report.described, results.save
+    saved, left, plain, save = list[Front](), [times], following.described, results.save
 
     def interrupting(progress: Progress) -> str:
         if progress.stage == "evaluation" and progress.detail and left[0]:
@@ -67,7 +67,7 @@ def stopped(folder: Path, times: int) -> Stopped:
 
     (folder / "room.yaml").write_text(ROOM)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "described", interrupting)
+        patch.setattr(following, "described", interrupting)
         patch.setattr(results, "save", keep)
         result = CliRunner().invoke(main, ["plan", str(folder / "room.yaml"), "--out", str(folder / "out")])
     return Stopped(result, saved, folder / "out")

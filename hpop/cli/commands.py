@@ -1,4 +1,4 @@
-"""The command line: ``hpop new``, ``look``, ``plan``, ``show``, ``pick``, ``explain``, ``schema``, ``criteria``, ...
+"""The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``explain``, ``schema``, ...
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
 usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from hpop import __version__
+from hpop import __version__, examples
 from hpop.cli import results
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
 from hpop.cli.looking import look, new
@@ -46,11 +46,11 @@ COLLISIONS = "collisions are compiled first, once: some 20 seconds that no time 
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 
 
-def _folder(context: click.Context, option: click.Parameter, given: str) -> Path:
+def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
     """A folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
-    if not given:
+    if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
-    return Path(given)
+    return None if given is None else Path(given)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -136,6 +136,24 @@ def plan(
     if not len(front):
         echo(f"error: nothing was found: {report.why_nothing(front.status)}", err=True)
         sys.exit(NOTHING_FOUND)
+
+
+@main.command()
+@click.argument("name", type=click.Choice(sorted(examples.SCENARIOS)), default="museum")
+@click.option("--out", callback=_folder, help="Folder for all of it; out/NAME by default.", metavar="PATH")
+@click.pass_context
+@user_errors
+def demo(context: click.Context, name: str, out: Path | None) -> None:
+    """Plan an example that comes with hpop.
+
+    The museum tour, if nothing else is asked. Its scenario and map are copied to the folder first, to be changed and planned again.
+    """
+    out = out or Path("out", name)
+    scenario = examples.copied(name, out)
+    echo(
+        f"planning {scenario}: change it, and `hpop plan {quote(str(scenario))} --out {quote(str(out))}` plans it again"
+    )
+    context.invoke(plan, scenario=scenario, out=out)
 
 
 main.add_command(show)
@@ -269,11 +287,12 @@ def _solved(
     kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
     that imports serves for the last pictures too.
     """
+    from hpop import following
     from hpop.cli import report
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with report.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
+    with following.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()

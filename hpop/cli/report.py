@@ -1,4 +1,4 @@
-"""What the command line prints: the progress of a search, the front as a table, what there is to choose from."""
+"""What the command line prints: the front as a table, what each planner added, what ended a search."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ import dataclasses
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import Progress as Bar
-from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -26,7 +23,6 @@ from hpop.frontier import hypervolume
 from hpop.further import criteria_of
 from hpop.goals import GoalSet
 from hpop.problem import Problem
-from hpop.status import Progress, ProgressCallback
 from hpop.text import printable
 
 MOST_ROWS = 20
@@ -34,30 +30,6 @@ MOST_DIGITS = 7  # more than usual, in which costs are told apart
 WORDS = "what these words mean: `hpop explain certificate`, knee, exposure and so on (docs/glossary.md)"
 BOX = 1.1  # side of the box of scaled costs of which a hypervolume is a part
 MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
-
-
-@contextmanager
-def progress_bar() -> Iterator[ProgressCallback]:
-    """A line on the terminal that follows a search: stage, labels, front, memory, time."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("starting", total=None)
-        yield lambda progress: bar.update(task, description=described(progress))
-
-
-def described(progress: Progress) -> str:
-    """What a search reports, in words.
-
-    >>> described(Progress("search", labels=1_234_567, open=89, front=12, memory=345_000_000))
-    'search  1,234,567 labels, 89 open, front 12, 345 MB'
-    >>> described(Progress("compiling", detail="advance, 9 of 10 parts of the search (once)"))
-    'compiling advance, 9 of 10 parts of the search (once)'
-    """
-    if not progress.labels:
-        return f"{progress.stage} {progress.detail}".strip()
-    counts = f"{progress.labels:,} labels, {progress.open:,} open, front {progress.front:,}"
-    return f"{progress.stage}  {counts}, {progress.memory / 1e6:,.0f} MB"
 
 
 def marks(front: Front) -> dict[int, list[str]]:

@@ -59,7 +59,7 @@ def _names(context: click.Context, option: click.Parameter, given: Sequence[str]
 @user_errors
 def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...]) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
-    from hpop import further
+    from hpop import following, further
     from hpop.cli import report, user_code
     from hpop.problem import Problem
     from hpop.status import Progress
@@ -73,11 +73,11 @@ def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...])
         raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
     _refuse_faults(path, lost_trajectories(problem, front))
     echo(f"as saved in {path}, not yet checked:")
-    with report.progress_bar() as progress:
+    with following.progress_bar() as progress:
         more = further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
     report.print_front(problem, more, saved=path, verbose=verbose)
     echo("checking costs, ends and collisions")
-    with report.progress_bar() as progress:
+    with following.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
     echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")

@@ -1,4 +1,4 @@
-"""What is printed: progress, a readable choice of a long front, planned beside executed costs."""
+"""What is printed: a readable choice of a long front, planned beside executed costs."""
 
 from __future__ import annotations
 
@@ -17,16 +17,13 @@ import hpop
 from hpop.cli.report import (
     MOST_ROWS,
     contributions,
-    described,
     marks,
     number,
     print_contributions,
     print_front,
-    progress_bar,
     shown_rows,
 )
 from hpop.problem import Problem
-from hpop.status import Progress
 from hpop.trajectory import Trajectory
 
 ROBOT = hpop.DifferentialDrive(radius=0.2)
@@ -164,19 +161,6 @@ def test_names_from_a_file_are_printed_as_they_are() -> None:
 )
 def test_numbers_are_written_for_people(value: float, quantum: float, text: str) -> None:
     assert number(value, quantum) == text
-
-
-def test_progress_says_stage_labels_front_and_memory() -> None:
-    said = described(Progress("search", labels=1_234_567, open=89, front=1012, memory=345_000_000))
-    for words in ("search", "1,234,567 labels", "89 open", "front 1,012", "345 MB"):
-        assert words in said
-    assert described(Progress("compiling")) == "compiling"
-
-
-def test_progress_is_silent_where_no_one_watches(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress_bar() as progress:
-        progress(Progress("search", labels=5))
-    assert capsys.readouterr() == ("", "")
 
 
 # What several planners added

@@ -1,0 +1,71 @@
+"""Examples that come with hpop: scenarios that need no other files, with their maps and robots.
+
+``hpop.examples.museum()`` is the problem of the museum tour; :func:`path` says where each file is, and :func:`copied`
+puts a scenario with its files where it can be changed. ``hpop demo`` plans one.
+
+>>> import hpop
+>>> hpop.examples.museum().start
+(2.0, 10.0, 0.0)
+>>> hpop.examples.path("museum.geojson").name
+'museum.geojson'
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hpop.errors import OutputError, unknown_name
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+HERE = Path(__file__).parent
+ARM = ("arm/arm6.urdf", "arm/arm6.srdf")
+SCENARIOS = {
+    "museum": ("museum.yaml", "museum.geojson"),
+    "museum_planners": ("museum_planners.yaml", "museum.geojson"),
+    "arm_shelf": ("arm_shelf.yaml", *ARM),
+    "mobile_arm": ("mobile_arm.yaml", *ARM),
+}
+"""The files of each scenario, itself first."""
+
+
+def museum() -> Problem:
+    """The museum tour: 30 x 20 m, a robot with two wheels, and the paper's obstruction, turns and length."""
+    from hpop.scenario import load_scenario
+
+    return load_scenario(path("museum.yaml")).problem
+
+
+def path(file: str) -> Path:
+    """Where a file of the examples is, such as ``museum.geojson`` or ``arm/arm6.urdf``; UnknownName for others."""
+    known = sorted({file for files in SCENARIOS.values() for file in files})
+    if file not in known:
+        raise unknown_name("example file", file, known)
+    return HERE / file
+
+
+def copied(name: str, folder: Path) -> Path:
+    """Copy a scenario with its files into a folder, made if need be; where the scenario is then.
+
+    Files that are there stay, if they are the same. OutputError for others, which may be somebody's work, and where
+    files cannot be written; UnknownName for an unknown scenario.
+    """
+    if name not in SCENARIOS:
+        raise unknown_name("example", name, SCENARIOS)
+    try:
+        for file in SCENARIOS[name]:
+            target, content = folder / file, (HERE / file).read_bytes()
+            if not target.exists():
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(content)
+            elif target.read_bytes() != content:
+                raise OutputError(
+                    f"{target} is not the example's file, so it is not overwritten; choose another folder"
+                )
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        raise OutputError(f"cannot write to {folder}: {error.strerror or error}; choose another folder") from None
+    return folder / SCENARIOS[name][0]

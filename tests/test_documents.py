@@ -1,0 +1,148 @@
+"""Every block of Python, every scenario and every command in the documents is what hpop takes.
+
+Blocks that claim something are tested for it in tests/test_docs.py; here all others run, and those that come.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import re
+import shlex
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+import hpop
+from hpop.cli import main
+from hpop.cli.pictures import PicturesBeside
+from hpop.errors import MapError
+from hpop.scenario import load_scenario
+from hpop.world.content import Landmark
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
+#: Whole pages that tests/test_docs.py runs from top to bottom, the README's first block, and the template of a planner.
+RUN_THERE = {"docs/arm.md", "docs/front.md", "docs/questions.md"}
+CLAIMED = ("save_pictures(problem", "class Straight:")
+TOUR = yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
+pytestmark = pytest.mark.usefixtures("registered_as_before")
+
+
+def blocks(language: str) -> list[Any]:
+    """Each block of a language: its text, named by its file and place."""
+    found = {
+        f"{file}-{i}": text
+        for file in FILES
+        for i, text in enumerate(re.findall(rf"```{language}\n(.*?)```", (ROOT / file).read_text(), re.DOTALL))
+        if language != "python" or not (file in RUN_THERE or any(words in text for words in CLAIMED))
+    }
+    return [pytest.param(text, id=name) for name, text in found.items()]
+
+
+def commands() -> list[str]:
+    """Each line that shows a command: indented, or in a block without a language."""
+    lines = []
+    for file in [*FILES, "examples/plugin/README.md"]:
+        text = (ROOT / file).read_text()
+        lines += re.findall(
+            r"^    ((?:hpop|make|pip) .*)$", re.sub(r"```\w+\n.*?```", "", text, flags=re.DOTALL), re.MULTILINE
+        )
+        lines += re.findall(
+            r"^((?:hpop|make|pip) .*)$", "\n".join(re.findall(r"```\n(.*?)```", text, re.DOTALL)), re.MULTILINE
+        )
+    return sorted(set(lines))
+
+
+@pytest.fixture(scope="module")
+def tour() -> hpop.Problem:
+    museum = hpop.examples.museum()
+    world = museum.world.with_content(landmarks=[Landmark(15, 10, z=1.6)])
+    return hpop.Problem(world, museum.model, museum.start, museum.goal, museum.criteria)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in which the arm's files lie, as the pages name them."""
+    (tmp_path / "arm").symlink_to(ROOT / "examples/arm")
+    for name in ("arm6.urdf", "arm6.srdf"):
+        (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("text", blocks("python"))
+def test_python_in_a_document_runs_where_a_problem_is_given(
+    text: str, tour: hpop.Problem, here: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.NOTSET, "hpop")  # and back again, whatever a block sets
+    given = {"world": tour.world, "model": tour.model, "start": tour.start, "goal": tour.goal, "problem": tour}
+    spec = importlib.util.spec_from_loader("a_document", loader=None)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)  # dataclasses look there
+    vars(module).update(given, hpop=hpop)
+    exec(compile(text, "document", "exec"), vars(module))
+
+
+@pytest.mark.parametrize("text", blocks("yaml"))
+def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: str, here: Path) -> None:
+    shown = yaml.safe_load(text)
+    ours = (
+        {"model": "differential_drive"} | TOUR | {"world": {"geojson": {"path": str(ROOT / "examples/museum.geojson")}}}
+    )
+    if "model" in shown:  # arms and heads have other planners and criteria
+        ours |= {"criteria": ["duration"], "planner": {"roadmap": {"samples": 1}}}
+    (here / "shown.yaml").write_text(yaml.safe_dump(ours | shown))
+    (reader,) = shown.get("world", {"": None})
+    paths = [shown["world"][reader].get("path")] if reader else []
+    if missing := [path for path in paths if path and not (here / path).exists()]:
+        with pytest.raises(MapError, match=rf"(?i){re.escape(missing[0])}.*(no such file|does not exist)"):
+            load_scenario(here / "shown.yaml")
+    else:
+        assert load_scenario(here / "shown.yaml").problem
+
+
+@pytest.mark.parametrize("line", [line for line in commands() if line.startswith("hpop ")])
+def test_a_command_in_a_document_has_the_arguments_that_there_are(line: str) -> None:
+    _, name, *arguments = shlex.split(line, comments=True)
+    command = main.get_command(None, name)
+    assert command is not None, f"no command {name}"
+    command.make_context(name, arguments, parent=main.make_context("hpop", ["--help"], resilient_parsing=True)).close()
+
+
+def test_targets_of_make_and_extras_in_the_documents_are_there() -> None:
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    extras = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
+    asked = [line.split()[1] for line in commands() if line.startswith("make ")]
+    text = "".join((ROOT / file).read_text() for file in FILES)
+    assert {"demo", "test", "lint"} <= set(asked) <= targets
+    named = re.findall(r"(?:hpop|\.)\[(\w+)\]", text)
+    assert set(named) == extras
+
+
+def test_the_readmes_commands_plan_show_and_pick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From any folder. `hpop plan` is what `hpop demo` runs; pictures take seconds."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder, **options: [])
+    monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
+    readme = (ROOT / "README.md").read_text()
+    said = {}
+    for name in ("demo", "show", "pick"):
+        (line,) = re.findall(rf"^    hpop ({name} .*out/museum.*)$", readme, re.MULTILINE)
+        done = CliRunner().invoke(main, shlex.split(line, comments=True))
+        assert done.exit_code == 0, done.output
+        said[name] = done.output
+    assert "`hpop plan out/museum/museum.yaml --out out/museum` plans it again" in said["demo"]
+    assert "verified" in said["show"]
+    assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
+    assert {path.name for path in (tmp_path / "out/museum").iterdir()} == {
+        "front.json",
+        "museum.yaml",
+        "museum.geojson",
+    }
