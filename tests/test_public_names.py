@@ -23,6 +23,9 @@ hpop.errors.HpopError
 hpop.errors.MapError
 hpop.errors.ModelError
 hpop.errors.OptionError
+hpop.examples.copied
+hpop.examples.museum
+hpop.examples.path
 hpop.frontier.Front
 hpop.frontier.FrontError
 hpop.frontier.default_reference
@@ -75,6 +78,7 @@ hpop.search.pareto_paths
 hpop.status.Progress
 hpop.status.Status
 hpop.sweep.Sweep
+hpop.sweep.dask
 hpop.testing.check_criterion
 hpop.testing.check_model
 hpop.testing.check_planner
