@@ -142,14 +142,16 @@ def test_planned_costs_stand_beside_executed_ones() -> None:
 
 
 def test_an_empty_front_prints_its_notes_and_its_status() -> None:
-    text = printed(front_of([], runs=[{"notes": ["no path: a wall"], "planner": "lattice", "search_seconds": 1.5}]))
+    empty = front_of([], runs=[{"notes": ["no path: a wall"], "planner": "lattice", "search_seconds": 1.5}])
+    text = printed(empty, verbose=True)
     assert "note: no path: a wall" in text
     assert "lattice: search 1.50 s" in text
     assert "0 trajectories; status: complete" in text
 
 
 def test_names_from_a_file_are_printed_as_they_are() -> None:
-    text = printed(front_of([[1.0]], names=("[/red]",), runs=[{"notes": ["[bold]"], "planner": "[/x]", "tried": 1}]))
+    runs = [{"notes": ["[bold]"], "planner": "[/x]", "tried": 1}]
+    text = printed(front_of([[1.0]], names=("[/red]",), runs=runs), verbose=True)
     assert "[/red]" in text
     assert "note: [bold]" in text
     assert "[/x]: tried 1" in text
@@ -215,7 +217,7 @@ def test_a_point_found_again_is_the_merit_of_the_first() -> None:
 
 def test_a_run_that_counted_nothing_has_no_line_of_counts() -> None:
     runs = [{"notes": [], "planner": "silent"}, {"notes": [], "planner": "busy", "programs": 2}]
-    text = printed(front_of([], runs=runs))
+    text = printed(front_of([], runs=runs), verbose=True)
     assert "busy: programs 2" in text
     assert "silent" not in text
 
