@@ -146,7 +146,8 @@ def plan(
 def demo(context: click.Context, name: str, out: Path | None) -> None:
     """Plan an example that comes with hpop.
 
-    The museum tour, if nothing else is asked. Its scenario and map are copied to the folder first, to be changed and planned again.
+    The museum tour, if nothing else is asked. Its scenario and map are copied to the folder first, to be changed and
+    planned again.
     """
     out = out or Path("out", name)
     scenario = examples.copied(name, out)
