@@ -153,7 +153,7 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     new = [i for i, trajectory in enumerate(before.trajectories) if _driven(trajectory) not in known]
     if final and not now.filters:
         new = [i for i in new if not (now.planned <= before.planned[i]).all(axis=1).any()]
-    if final and not new:
+    if not new:
         return now
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
     earlier = before.some(new)

@@ -175,7 +175,20 @@ def python(*arguments: str, code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-HEAVY = {"numpy", "scipy", "numba", "casadi", "cvxpy", "matplotlib", "pydantic", "shapely", "networkx", "rich", "yaml"}
+HEAVY = {
+    "numpy",
+    "scipy",
+    "numba",
+    "casadi",
+    "cvxpy",
+    "highspy",
+    "matplotlib",
+    "pydantic",
+    "shapely",
+    "networkx",
+    "rich",
+    "yaml",
+}
 LOADED = "\nimport sys; print('loaded:', *sorted({name.partition('.')[0] for name in sys.modules}))"
 
 

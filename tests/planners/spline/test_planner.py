@@ -322,6 +322,8 @@ def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths
     assert found.status is Status.TIME_LIMIT
     assert found.trajectories == (paths[0],)
     assert "time limit: 1 path not smoothed" in found.notes
+    front = problem.solve("spline", warm_start=[paths[0]], time_limit=1e-9)
+    assert "earlier stages" not in front.certificate  # which had no other points
 
 
 @pytest.mark.parametrize("stage", ["checking", "graph"])
