@@ -254,6 +254,10 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
     known = f"{len(first.trajectories)} warm starts"
     kept = f"interrupted: kept what was found until then, {known}, from which nothing goes on"
     assert kept in candidates.notes
+    lengths = first.planned[:, 2]
+    bound = float(np.median(lengths))
+    bounded = EpsilonConstraint(step=1.0, epsilon={"length": bound}).solve(PAPER)
+    assert len(bounded.trajectories) == np.count_nonzero(lengths <= bound * 1.001) < len(lengths)
 
 
 def test_warm_starts_that_are_not_all_are_said(monkeypatch):
