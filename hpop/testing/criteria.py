@@ -112,8 +112,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     if not jointed:
         yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, random, world, model)))
     if criterion.smooth:
-        written = [batches[0], *(motions for motions in batches if len(motions) > 1)]  # one alone of one kind
-        functions = cache(lambda: list(_on_symbols(criterion, written)))
+        functions = cache(lambda: list(_on_symbols(criterion, batches)))
         yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, functions)))
         yield Check("has the gradient of its differences", fault_of(lambda: _gradient(functions)))
 

@@ -308,6 +308,24 @@ def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     check_criterion(Memory())
 
 
+@dataclass(frozen=True)
+class OtherOnOneSymbol(Base):
+    """Right but on symbols of one motion of a kind, such as one that takes a single row for a number."""
+
+    kind: str = "move"
+    smooth: ClassVar[bool] = True
+
+    def cost(self, m):
+        alone = not isinstance(m.duration, np.ndarray) and m.duration.shape == (1,) and m.kind == self.kind
+        return m.duration * (2.0 if alone else 1.0)
+
+
+@pytest.mark.parametrize("kind", ["move", "turn", "drive", "hold"])
+def test_symbols_of_one_motion_are_looked_at_of_each_kind(kind):
+    claims = {check.claim for check in conformance(OtherOnOneSymbol(kind)) if check.fault}
+    assert claims == {SYMBOLS}
+
+
 @pytest.mark.parametrize("kind", ["move", "turn", "drive"])
 @pytest.mark.parametrize("size", [1, 40])
 def test_random_motions_are_what_they_say(kind, size):

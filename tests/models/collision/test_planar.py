@@ -106,14 +106,15 @@ def test_a_clear_position_is_free_at_every_yaw(robot, seed):
 @robots
 @pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["move", "run"])
-def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
-    world, start = room(seed), random_states(seed + 20, 100)
-    length = np.random.default_rng(seed).uniform(0.0, 1.0, 100)
+@pytest.mark.parametrize("count", [100, pytest.param(150, marks=pytest.mark.proof)])
+def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind, count):
+    world, start = room(seed), random_states(seed + 20, count)
+    length = np.random.default_rng(seed).uniform(0.0, 1.0, count)
     end = States(x=start.x + length * np.cos(start.yaw), y=start.y + length * np.sin(start.yaw), yaw=start.yaw)
     collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.05 < free.mean() < 0.95
-    sampled = np.ones(100, dtype=bool)
+    sampled = np.ones(count, dtype=bool)
     for share in np.linspace(0, 1, 201):
         between = States(**{n: (1 - share) * getattr(start, n) + share * getattr(end, n) for n in start.names})
         sampled &= collision.states_free(between)
@@ -131,14 +132,15 @@ def test_moves_are_free_exactly_where_dense_samples_are(robot, seed, kind):
 @robots
 @pytest.mark.seeds(1, of=3)
 @pytest.mark.parametrize("kind", ["turn", "spin"])
-def test_turns_never_miss_a_collision_that_dense_samples_find(robot, seed, kind):
-    world, start = room(seed), random_states(seed + 30, 100)
-    turn = np.random.default_rng(seed).uniform(-np.pi, np.pi, 100)
+@pytest.mark.parametrize("count", [100, pytest.param(200, marks=pytest.mark.proof)])
+def test_turns_never_miss_a_collision_that_dense_samples_find(robot, seed, kind, count):
+    world, start = room(seed), random_states(seed + 30, count)
+    turn = np.random.default_rng(seed).uniform(-np.pi, np.pi, count)
     end = States(x=start.x, y=start.y, yaw=start.yaw + turn)
     collision = robot.collision(world)
     free = collision.motions_free(Motions(world, robot, robot.laws[kind], start, end))
     assert 0.03 < free.mean() < 0.95
-    sampled = np.ones(100, dtype=bool)
+    sampled = np.ones(count, dtype=bool)
     for share in np.linspace(0, 1, 301):
         sampled &= collision.states_free(States(x=start.x, y=start.y, yaw=start.yaw + share * turn))
     assert not (free & ~sampled).any()

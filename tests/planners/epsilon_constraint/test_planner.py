@@ -81,13 +81,15 @@ def test_no_lattice_point_is_better_although_none_is_among_the_candidates(paper)
 
 
 OBLONG = DifferentialDrive(footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)), camera_offset=(0.1, 0.05))
+STEPS = pytest.mark.parametrize("step", [1.0, pytest.param(0.5, marks=pytest.mark.proof)])  # m
 
 
 @pytest.mark.parametrize("most", [3, pytest.param(None, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("robot", [ROBOT, OBLONG])
-def test_candidates_are_what_they_claim(robot, most):
+@STEPS
+def test_candidates_are_what_they_claim(robot, most, step):
     problem = Problem(OPEN, robot, (1, 2, 0), (5, 2, 0), ["exposure", "turns", "length", "rotation"])
-    candidates = EpsilonConstraint(step=1.0, max_points=most).solve(problem)
+    candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)
     assert candidates.trajectories
     front = problem.front(candidates)
     assert verify(problem, front) == []
@@ -130,9 +132,10 @@ def test_divisions_find_trade_offs_between_the_known_ones(step):
     assert any(p["level"] > 0 for p in fine.provenance)
 
 
-def test_a_goal_off_the_grid_is_reached_exactly():
+@STEPS
+def test_a_goal_off_the_grid_is_reached_exactly(step):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (4.87, 2.13, 0), ["exposure", "turns", "length"])
-    candidates = EpsilonConstraint(step=1.0, max_points=5).solve(problem)
+    candidates = EpsilonConstraint(step=step, max_points=5).solve(problem)
     assert candidates.trajectories
     for trajectory in candidates.trajectories:
         s = trajectory.states
@@ -140,17 +143,19 @@ def test_a_goal_off_the_grid_is_reached_exactly():
         assert math.remainder(s.yaw[-1], 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_time_mean_is_reported_and_its_integral_minimised():
+@STEPS
+def test_a_time_mean_is_reported_and_its_integral_minimised(step):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["obstruction", "length"])
-    front = problem.solve("epsilon-constraint", step=1.0, minimise="exposure", max_points=3)
+    front = problem.solve("epsilon-constraint", step=step, minimise="exposure", max_points=3)
     assert front.names == ("exposure", "length")
     assert front.reported_names == ("obstruction",)
     assert {p["minimise"] for p in front.provenance} == {"exposure"}
 
 
-def test_start_is_goal():
+@STEPS
+def test_start_is_goal(step):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
-    front = problem.solve("epsilon-constraint", step=1.0)
+    front = problem.solve("epsilon-constraint", step=step)
     assert front.costs.tolist() == [[1.0, 0.0]]
 
 
@@ -191,8 +196,9 @@ def test_what_needs_a_finer_sum_is_solved_with_one():
 # Budgets
 
 
-def test_the_cap_on_points_is_said_when_it_binds(paper):
-    candidates = EpsilonConstraint(step=1.0, max_points=2).solve(PAPER)
+@STEPS
+def test_the_cap_on_points_is_said_when_it_binds(paper, step):
+    candidates = EpsilonConstraint(step=step, max_points=2).solve(PAPER)
     assert candidates.status is Status.POINT_LIMIT
     assert candidates.stats["tried"] == 2
     assert any(note.startswith("max_points") for note in candidates.notes)
@@ -218,15 +224,17 @@ def ctrl_c():
     raise KeyboardInterrupt
 
 
-def test_ctrl_c_keeps_what_is_finished():
+@STEPS
+def test_ctrl_c_keeps_what_is_finished(step):
     stop = Stop(2, ctrl_c)
-    candidates = EpsilonConstraint(step=1.0).solve(PAPER, stop)
+    candidates = EpsilonConstraint(step=step).solve(PAPER, stop)
     assert candidates.status is Status.INTERRUPTED
     assert len(candidates.trajectories) == 2
     assert [p.labels for p in stop.seen] == list(range(len(stop.seen)))
 
 
-def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
+@STEPS
+def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch, step):
     """CasADi by itself takes it for a failed evaluation, and goes on."""
     solve, calls = PolylineProgram.solve, []
 
@@ -237,18 +245,19 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
         return solve(program, *arguments, **options)
 
     monkeypatch.setattr(PolylineProgram, "solve", interrupted)
-    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
+    candidates = EpsilonConstraint(step=step).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert 0 < len(candidates.trajectories) < candidates.stats["warm_starts"]
     (note,) = candidates.notes
     assert re.fullmatch(r"interrupted: [0-9]+ bounds were not tried", note)
 
 
-def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
-    first = Lattice(step=1.0).solve(PAPER)
+@STEPS
+def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch, step):
+    first = Lattice(step=step).solve(PAPER)
     stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
-    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
+    candidates = EpsilonConstraint(step=step).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
     known = f"{len(first.trajectories)} warm starts"
@@ -260,20 +269,22 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
     assert len(bounded.trajectories) == np.count_nonzero(lengths <= bound * 1.001) < len(lengths)
 
 
-def test_warm_starts_that_are_not_all_are_said(monkeypatch):
-    first = Lattice(step=1.0).solve(PAPER)
+@STEPS
+def test_warm_starts_that_are_not_all_are_said(monkeypatch, step):
+    first = Lattice(step=step).solve(PAPER)
     two = {name: getattr(first, name)[:2] for name in ("trajectories", "planned", "tolerance", "provenance")}
     stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT, **two)
     monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
-    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
+    candidates = EpsilonConstraint(step=step).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
     assert "the warm starts are not all there are: label limit" in candidates.notes
 
 
-def test_time_that_runs_out_is_said(monkeypatch):
+@STEPS
+def test_time_that_runs_out_is_said(monkeypatch, step):
     clock = iter(range(100_000))
     monkeypatch.setattr("hpop.status.time.perf_counter", lambda: float(next(clock)))
-    candidates = EpsilonConstraint(step=1.0, time_limit=15.0).solve(PAPER)
+    candidates = EpsilonConstraint(step=step, time_limit=15.0 / step).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)
 
@@ -316,7 +327,8 @@ def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatc
     assert again.stats["programs"] > kept.stats["programs"]
 
 
-def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch):
+@STEPS
+def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch, step):
     solve, calls = PolylineProgram.solve, []
 
     def stubborn(program, warm, epsilon, **options):
@@ -329,7 +341,7 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
 
     monkeypatch.setattr(PolylineProgram, "solve", stubborn)
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), [Exposure(), "length"])
-    candidates = EpsilonConstraint(step=1.0, max_points=1, rounds=1).solve(problem)
+    candidates = EpsilonConstraint(step=step, max_points=1, rounds=1).solve(problem)
     assert candidates.stats["perturbed"] == 1
     assert candidates.stats["saved by perturbation"] == 1
     assert candidates.provenance[0]["perturbed"]
@@ -338,7 +350,8 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
     assert 0 < moved.max() < 0.5
 
 
-def test_what_never_converges_is_counted_with_its_status(monkeypatch):
+@STEPS
+def test_what_never_converges_is_counted_with_its_status(monkeypatch, step):
     solve = PolylineProgram.solve
 
     def never(program, warm, epsilon, **options):
@@ -347,13 +360,14 @@ def test_what_never_converges_is_counted_with_its_status(monkeypatch):
         )
 
     monkeypatch.setattr(PolylineProgram, "solve", never)
-    candidates = EpsilonConstraint(step=1.0, max_points=3).solve(PAPER)
+    candidates = EpsilonConstraint(step=step, max_points=3).solve(PAPER)
     assert candidates.trajectories == ()
     assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": 3}
     assert "3 bounds without a candidate: not converged (Restoration_Failed)" in candidates.notes
 
 
-def test_solutions_that_collide_are_dropped_and_counted(monkeypatch):
+@STEPS
+def test_solutions_that_collide_are_dropped_and_counted(monkeypatch, step):
     """A solver that goes straight through the block, and cannot be talked out of it."""
     solve = PolylineProgram.solve
 
@@ -364,6 +378,6 @@ def test_solutions_that_collide_are_dropped_and_counted(monkeypatch):
         return dataclasses.replace(solution, polyline=dataclasses.replace(solution.polyline, vertices=vertices))
 
     monkeypatch.setattr(PolylineProgram, "solve", through)
-    candidates = EpsilonConstraint(step=1.0, max_points=3).solve(PAPER)
+    candidates = EpsilonConstraint(step=step, max_points=3).solve(PAPER)
     assert candidates.trajectories == ()
     assert sum(candidates.stats["failed"].values()) == 3

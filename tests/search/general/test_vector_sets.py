@@ -22,12 +22,12 @@ def on_a_sphere(rng, count, k, scale):
 
 @pytest.mark.parametrize("number", [np.int32, np.int64])
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 6])
-@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("large", [0, 600, pytest.param(1000, marks=pytest.mark.proof)])
 def test_sets_answer_as_vectors_one_by_one(k, number, large):
     rng = np.random.default_rng(k)
     scale = np.iinfo(number).max // 4
     if large and k >= 3:
-        vectors = on_a_sphere(rng, 600, k, scale)
+        vectors = on_a_sphere(rng, large, k, scale)
     else:
         vectors = rng.integers(0, 6, (300, k)) * (scale // 6 if large else 1)
     sets, pool = np.zeros((3, SET_COLUMNS), np.int64), np.zeros(40_000, number)
