@@ -47,13 +47,15 @@ class GivenMap(NamedTuple):
     @classmethod
     def of(cls, path: Path, reader: str | None, resolution: float | None, options: Mapping[str, Any]) -> GivenMap:
         """The reader by the file's ending, if none is named; OptionError for a resolution that lacks or is strange."""
+        if not path.exists():
+            raise MapError(f"{path}: no such file; give the path of a map, or of a scenario (YAML)")
         reader = reader or reader_of(path)
         key = RESOLUTION.get(reader)
         given = dict(options)
         if resolution is not None and key is None:
             raise OptionError(f"reader {reader!r} takes no resolution, its files say how large they are; leave it out")
         if resolution is not None and key is not None:
-            given[key] = resolution
+            given = {key: resolution, **given}
         if reader == "image" and "resolution" not in given:
             raise OptionError(
                 f"{path} does not say how large it is; give --resolution, metres a pixel: 0.02 where a door of 0.9 m "
@@ -66,7 +68,8 @@ class GivenMap(NamedTuple):
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
-            raise MapError(f"{error} Options of a reader are given by --set, such as --set scale=0.01.") from None
+            said = str(error).rstrip(".")
+            raise MapError(f"{said}. Options of a reader are given by --set, such as --set scale=0.01.") from None
 
 
 def is_scenario(path: Path) -> bool:

@@ -122,6 +122,13 @@ def test_what_lacks_or_is_strange_is_told(
     assert run("look", hall, "--set", "outline", *out).exit_code == 2
     refused(run("look", _ros(tmp_path, write_map), "--resolution", "0.1", *out), 10, "takes no resolution")
     refused(run("look", tmp_path / "gone.yaml", *out), 4, "no such file")
+    refused(run("look", tmp_path / "gone.png", *out), 3, "no such file")
+    refused(
+        run("new", image, "--resolution", "0.05", "--set", "threshold=x", *out),
+        3,
+        "got 'x'. Options of a reader are given",
+    )
+    (tmp_path / "plan.xyz").touch()
     refused(run("new", tmp_path / "plan.xyz"), 3, "does not say by its ending which reader it needs")
 
 
