@@ -248,7 +248,7 @@ def test_ctrl_c_between_two_steps_keeps_what_they_certified(arm, world, paths, m
 
 
 def test_ctrl_c_on_the_second_of_two_paths_that_are_one_keeps_what_the_first_became(arm, world, paths, monkeypatch):
-    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
     options = {"pieces": 2, "minimise": "duration"}
     first = make_planner({"spline": {"warm_start": [paths[0]], **options}}).solve(problem)
     interrupted_at(first.stats["steps"] + 3, monkeypatch)
@@ -272,7 +272,7 @@ class Outside(Executor):
 
 
 def test_ctrl_c_with_workers_keeps_all_paths(arm, world, paths):
-    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
     planner = make_planner({"spline": {"warm_start": [paths[0]] * 2, "pieces": 2, "minimise": "duration"}})
     found = planner.solve(problem, executor=Outside(lambda: signal.raise_signal(signal.SIGINT)))
     assert (found.status, found.trajectories) == (Status.INTERRUPTED, (paths[0], paths[0]))
@@ -280,7 +280,7 @@ def test_ctrl_c_with_workers_keeps_all_paths(arm, world, paths):
 
 
 def test_what_workers_certified_until_the_limit_is_waited_for(arm, world, paths, monkeypatch):
-    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
     seconds = [0.0]
     monkeypatch.setattr(Spending, "seconds", lambda spending: seconds[0])
     options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
@@ -290,7 +290,7 @@ def test_what_workers_certified_until_the_limit_is_waited_for(arm, world, paths,
 
 
 def test_time_that_goes_by_while_a_stage_is_drawn_is_not_taken_from_the_splines(arm, world, paths, monkeypatch):
-    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
+    problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
     options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
     answers, now = make_planner({"spline": options}).stages(problem), time.time
     next(answers)
