@@ -36,7 +36,7 @@ class SupportedPaths(ParetoPaths):
     """Supported points and their paths; see :class:`ParetoPaths`.
 
     weights  n         for each point the weights (., k) of normalised costs that gave it, each summing to 1
-    ideal    (k,)      least value of each cost
+    ideal    (k,)      least value of each cost; a lower bound of it where a limit or Ctrl-C came first
     nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate beyond two costs)
     solved   count     weights for which a shortest path was computed
     notes              what went wrong with an executor
@@ -172,7 +172,8 @@ class SupportedRun:
             self.rounds += 1
             (posed,) = self._posed([task])
             arcs = least_path(self.data, posed, self.clock.call)
-            if arcs is None:
+            if arcs is None:  # all ways are blocked: it is the first of the costs
+                self.ideal = self.nadir = np.zeros_like(self.least)
                 return Status.NO_PATH
             if not self._settle([arcs]):
                 break

@@ -90,6 +90,7 @@ def test_where_all_ways_are_blocked_it_says_that_there_is_none(seed: int) -> Non
     free &= graph.heads != graph.nodes - 1
     found = lazy(graph, free)
     assert (found.status, len(found)) == (Status.NO_PATH, 0)
+    assert found.ideal.tolist() == found.nadir.tolist() == [0] * graph.criteria
 
 
 def test_a_limit_of_time_and_ctrl_c_leave_free_points_of_the_whole_answer() -> None:
