@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -30,6 +31,7 @@ RESOLUTION = {"image": "resolution", "movingai": "resolution", "geojson": "scale
 """What readers call metres a pixel, cell or unit."""
 STEPS = ((40.0, 0.25), (120.0, 0.5), (math.inf, 1.0))
 """Longer sides of maps, m, up to which lattices have such a step."""
+LONGEST = 10.0  # s: so long each is tried
 
 
 class GivenMap(NamedTuple):
@@ -135,7 +137,7 @@ def scenario_text(given: GivenMap, problem: Problem, folder: Path, name: str, *,
         {"path": path, **given.options}, default_flow_style=True, sort_keys=False, width=10**6
     ).strip()
     x0, y0, x1, y1 = problem.world.bounds
-    step = next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
+    step = _step(problem)
     start, goal = (_written(values) for values in (problem.start, problem.goals[0]))
     why = "; start and goal were chosen far apart: put them where you need them" * chosen
     stem = Path(name).stem
@@ -162,6 +164,16 @@ planner:                        # hpop planners lists others
 # landmarks:                    # what is worth seeing; then landmark_blindness
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, name: door}}
 """
+
+
+def _step(problem: Problem) -> float:
+    """The step of a lattice for a map, m: by its size, or a half or quarter of that where only these find a way."""
+    x0, y0, x1, y1 = problem.world.bounds
+    step = next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
+    length = next(one for one in problem.criteria if one.name == "length")
+    shortest = replace(problem, criteria=(length,))
+    steps = (step, step / 2, step / 4)
+    return next((some for some in steps if len(shortest.solve("lattice", step=some, time_limit=LONGEST))), step)
 
 
 def _written(values: Any) -> str:

@@ -89,6 +89,23 @@ def test_a_new_scenario_of_any_map_plans_as_it_is(
     assert (again.exit_code, "is there already" in again.stderr) == (12, True)
 
 
+def test_the_step_is_so_small_that_a_narrow_door_is_found(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot of 0.6 m and a door of 0.7 m, whose middle lies between the positions of a coarser lattice."""
+    pixels = np.full((120, 160), 255, dtype=np.uint8)
+    pixels[[0, 119]] = pixels[:, [0, 159]] = 0
+    pixels[:, 80] = 0
+    pixels[51:65, 80] = 255
+    Image.fromarray(pixels).save(tmp_path / "plan.png")
+    monkeypatch.chdir(tmp_path)
+    ends = ["--start", "2,1.5", "--goal", "6,4.5"]  # its middle may be at y 3.05 to 3.15
+    written = run("new", "plan.png", "--resolution", "0.05", *ends)
+    assert written.exit_code == 0, written.output
+    assert yaml.safe_load(Path("plan_scenario.yaml").read_text())["planner"]["lattice"]["step"] < 0.25
+    assert run("plan", "plan_scenario.yaml", "--out", "out").exit_code == 0
+
+
 def test_start_and_goal_are_indoors_or_as_asked_for(
     run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path
 ) -> None:

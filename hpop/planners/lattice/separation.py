@@ -61,8 +61,8 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     x, y = lattice.position(*np.divmod(passage[np.argmin(room[passage])], columns))
     return (
         f"no path: the widest passage between start and goal is too narrow by about {-2 * widest:.2f} m, near "
-        f"({x:.2f}, {y:.2f}); take a smaller robot or open the passage (seen on the lattice, so within "
-        f"{lattice.step} m)"
+        f"({x:.2f}, {y:.2f}); take a smaller robot, a smaller step or open the passage (seen on the lattice, so "
+        f"within {lattice.step} m)"
     )
 
 
