@@ -151,7 +151,8 @@ class Motions:
     def worst(self, rate: Rate) -> Column:
         """Largest value (M,) of a rate along each motion, over panel ends and middles.
 
-        A rate that changes by at most c a metre is missed by at most c/4 of a field cell.
+        A rate that changes by at most c a metre is missed by at most c/4 of a field cell. Motions there and back
+        (:attr:`twins`) are looked at once if it reads states alone.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -159,6 +160,10 @@ class Motions:
             return constant
         if parts := self._parts_of_holds():
             return np.concatenate([part.worst(rate) for part in parts])
+        if self.whole and probe.read <= set(self.start.names) and (self.twins != np.arange(len(self))).any():
+            own, which = np.unique(self.twins, return_inverse=True)
+            ends = {"start": self.start.take(own), "end": self.end.take(own)}
+            return replace(self, **ends, t0=None, turns=None).worst(rate)[which]
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)

@@ -162,6 +162,20 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
 
+def towards_ball(
+    places: FloatArray, centre: Sequence[float], radius: float, rays: int
+) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (N, rays, 3) from places (N, 3) towards points spread evenly over a ball, and how far (N, rays), m.
+
+    It is 0 for places in the ball, which see nothing of it.
+    """
+    from hpop.world._rays_in_space import towards_ball
+
+    directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
+    towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)
+    return directions, reach
+
+
 def over_disc(count: int) -> FloatArray:
     """Points (count, 2), evenly spread over the disc of radius 1."""
     number = np.arange(count)

@@ -13,7 +13,7 @@ from hpop.criteria.performance.target import Targeted
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
 from hpop.options import LEAST, set_reals, set_wholes
-from hpop.world.rays_in_space import Surfaces, over_disc, rows, surfaces_of
+from hpop.world.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.solids import Solid
 
 BLOCK = 1 << 14  # rays at once: they stay in the processor's cache
@@ -60,26 +60,7 @@ class Occlusion(Targeted):
         share, step = np.empty(size), max(1, BLOCK // self.rays)
         for begin in range(0, size, step):
             part = slice(begin, begin + step)
-            share[part] = surfaces.blocked(shapes, poses[:, part], place[part], *self._rays_from(place[part]))
+            share[part] = surfaces.blocked(
+                shapes, poses[:, part], place[part], *towards_ball(place[part], self.target, self.radius, self.rays)
+            )
         return share
-
-    def _rays_from(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Unit vectors (N, K, 3) from places (N, 3) towards points of the ball, and how far (N, K), m, it is to it.
-
-        It is 0 for cameras in the ball.
-        """
-        offset = np.array(self.target) - place
-        distance = np.linalg.norm(offset, axis=1)
-        ahead = offset / np.where(distance > 0, distance, 1.0)[:, None]
-        least = np.eye(3)[np.argmin(np.abs(ahead), axis=1)]  # the axis that is most across
-        aside = np.cross(ahead, least)
-        aside /= np.where(distance > 0, np.linalg.norm(aside, axis=1), 1.0)[:, None]
-        disc = self.radius * over_disc(self.rays)
-        across = disc[:, 0, None] * aside[:, None] + disc[:, 1, None] * np.cross(ahead, aside)[:, None]  # (N, K, 3)
-        towards = offset[:, None] + across
-        lengths = np.linalg.norm(towards, axis=2)
-        directions = towards / np.where(lengths > 0, lengths, 1.0)[..., None]
-        along = np.einsum("nkj,nj->nk", directions, offset)
-        beside = np.maximum(distance[:, None] ** 2 - along * along, 0.0)  # squared distance of the ball's centre
-        enters = along - np.sqrt(np.maximum(self.radius**2 - beside, 0.0))
-        return directions, np.where(distance[:, None] > self.radius, enters, 0.0)

@@ -28,7 +28,7 @@ Nearest = tuple[float, float, float, int]
 
 
 @lean
-def _support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
+def support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
     """The point of a body, but for its ball, that is farthest in a direction."""
     points = bodies.points
     best, at = -math.inf, bodies.first[b]
@@ -172,8 +172,8 @@ def distance(
     size, lower, upper = 0, 0.0, math.inf
     length = math.sqrt(x * x + y * y + z * z)
     for _ in range(STEPS):
-        ax, ay, az = _support(bodies, a, -x, -y, -z)
-        bx, by, bz = _support(
+        ax, ay, az = support(bodies, a, -x, -y, -z)
+        bx, by, bz = support(
             bodies,
             b,
             pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z,

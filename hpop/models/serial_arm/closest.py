@@ -1,0 +1,237 @@
+"""How near an arm comes to what stands round it along motions, to a tolerance that is proved (compiled).
+
+On the segment q(s) = start + s Δ, s in [0, 1], let n be a direction that parts a body from an obstacle at a look. The
+points p of the body leave the plane of the obstacle against n by no less than
+
+    min over p of n·(p + δ p') - ½ A δ²    a distance δ of s away from the look,
+
+p' = v + ω x p for all at once, so the minimum is a support point of the body in the direction n + δ (n x ω); it is
+concave in δ, hence above the chord between δ = 0 and the end of the interval. A bounds |p''|: the second derivative by
+two joints is no longer than the distance from the axis of the later one. So bounds are of second order, and intervals
+need be no shorter near a least distance than its curvature asks for.
+
+An interval is looked at in its middle; what proves to be farther than the least distance seen, less the tolerance, is
+cut out, and the rest looked at later, for those obstacles alone that are not cut out. The ends are looked at first.
+
+Imported on first use only, because importing numba takes half a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.compiled import kernel, lean
+from hpop.models.collision.gjk import support
+from hpop.models.serial_arm.certificate import GAP, POOL, apart_at_least, measured, placed
+from hpop.models.serial_arm.scene import Scene
+
+PRECISE = 1e-6  # relative: how far a least distance that is seen may be below what it is
+
+
+@lean
+def _bounds(scene: Scene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
+    """Bounds of how fast the points of a body move, and how fast that changes, a unit of s, given |Δ| (n,).
+
+    slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
+    """
+    before = 0.0
+    for k in range(scene.frames[b]):
+        before += moved[k]
+    longer = speed = change = 0.0
+    for k in range(scene.frames[b] - 1, -1, -1):
+        before -= moved[k]
+        if scene.sliding[k]:
+            speed += moved[k]
+            change += 2.0 * moved[k] * before
+            longer += slides[k]
+        else:
+            lever = scene.levers[b, k] + longer
+            speed += moved[k] * lever
+            change += moved[k] * lever * (moved[k] + 2.0 * before)
+    return speed, change
+
+
+@lean
+def _twists(scene: Scene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
+    """Twists (n + 1, 6) of the frames a unit of s: velocity at the origin of the world, and rotation."""
+    for k in range(way.size):
+        for i in range(6):
+            twists[k + 1, i] = twists[k, i]
+        pose, rate = poses[k + 1], way[k]
+        x, y, z = rate * pose[0, 2], rate * pose[1, 2], rate * pose[2, 2]
+        if scene.sliding[k]:
+            twists[k + 1, 0] += x
+            twists[k + 1, 1] += y
+            twists[k + 1, 2] += z
+        else:
+            twists[k + 1, 0] += pose[1, 3] * z - pose[2, 3] * y
+            twists[k + 1, 1] += pose[2, 3] * x - pose[0, 3] * z
+            twists[k + 1, 2] += pose[0, 3] * y - pose[1, 3] * x
+            twists[k + 1, 3] += x
+            twists[k + 1, 4] += y
+            twists[k + 1, 5] += z
+
+
+@lean
+def _least_along(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
+    """The least coordinate of a body's points along a vector of the world."""
+    u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z
+    v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z
+    w = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
+    px, py, pz = support(scene.bodies, b, -u, -v, -w)
+    ball = scene.bodies.ball[b] * math.sqrt(x * x + y * y + z * z)
+    least: float = pose[0, 3] * x + pose[1, 3] * y + pose[2, 3] * z + px * u + py * v + pz * w - ball
+    return least
+
+
+@lean
+def _cut(above: float, slope: float, change: float) -> float:
+    """How far above + slope δ - ½ change δ² stays above 0, for above >= 0."""
+    if change <= 0.0:
+        return math.inf if slope >= 0.0 else above / -slope
+    root = math.sqrt(slope * slope + 2.0 * change * above)
+    return (slope + root) / change if slope > 0.0 else 2.0 * above / (root - slope) if root > slope else 0.0
+
+
+@lean
+def _proved(
+    scene: Scene,
+    pair: int,
+    poses: FloatArray,
+    twists: FloatArray,
+    direction: FloatArray,
+    floor: float,
+    change: float,
+    before: float,
+    after: float,
+) -> tuple[float, float]:
+    """How far of s before and after a look, of which so much matters, a plane keeps a pair no nearer than ``floor``.
+
+    The plane is across a direction (3,) from the second body to the first, which stands.
+    """
+    a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
+    pose, twist = poses[scene.frames[b]], twists[scene.frames[b]]
+    x, y, z = -direction[0], -direction[1], -direction[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    plane: float = _least_along(scene, a, poses[scene.frames[a]], -x, -y, -z)
+    here: float = _least_along(scene, b, pose, x, y, z)
+    above = here + plane - floor
+    if not above > 0.0:
+        return 0.0, 0.0
+    u, v, w = y * twist[5] - z * twist[4], z * twist[3] - x * twist[5], x * twist[4] - y * twist[3]
+    along = x * twist[0] + y * twist[1] + z * twist[2]
+    far_before = far_after = 0.0
+    if before > 0.0:
+        there: float = _least_along(scene, b, pose, x - before * u, y - before * v, z - before * w)
+        far_before = _cut(above, (there - here) / before - along, change)
+    if after > 0.0:
+        there = _least_along(scene, b, pose, x + after * u, y + after * v, z + after * w)
+        far_after = _cut(above, (there - here) / after + along, change)
+    return far_before, far_after
+
+
+@kernel
+def closest(scene: Scene, start: FloatArray, end: FloatArray, most: float, tolerance: float, least: FloatArray) -> int:
+    """Write to least (M,) the least distance of any pair along each segment of joint values (M, n); at most ``most``.
+
+    It is no more than ``tolerance`` m above what it is, and as near below as distances are precise: a millionth, or a
+    hundredth of a millimetre between two round bodies. Of each pair the first body stands.
+    Returns the number of looks.
+    """
+    count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
+    poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
+    poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
+    twists, scratch = np.zeros((joints + 1, 6)), np.empty((7, 4))
+    directions, speeds, changes = np.empty((count, 3)), np.empty(bodies), np.empty(bodies)
+    q, way, moved, slides = np.empty(joints), np.empty(joints), np.empty(joints), np.empty(joints)
+    low, high, begins, ends = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64, np.int64)
+    pool, near = np.empty(2 * count + POOL, np.int64), np.empty(count, np.int64)
+    lowers, asked = np.empty(count), np.empty(count, np.bool_)
+    for pair in range(count):
+        pool[pair] = pair
+    looks = 0
+    for m in range(start.shape[0]):
+        for k in range(joints):
+            way[k] = end[m, k] - start[m, k]
+            moved[k], slides[k] = abs(way[k]), max(abs(start[m, k]), abs(end[m, k]))
+        for b in range(bodies):
+            speeds[b], changes[b] = _bounds(scene, b, moved, slides)
+        directions[:] = 0.0
+        seen, used, head, tail = most, count, 0, 1
+        low[0], high[0], begins[0], ends[0] = 0.0, 1.0, 0, count
+        while head < tail and seen > 0.0:
+            place = 0.0 if head == 0 else 1.0 if head == 1 and low[1] > 0.0 else 0.5 * (low[head] + high[head])
+            before, after = place - low[head], high[head] - place
+            half = max(before, after)
+            for k in range(joints):
+                q[k] = start[m, k] + place * way[k]
+            placed(scene, q, poses, centres)
+            _twists(scene, way, poses, twists)
+            looks += 1
+            left, nearest = 0, 0
+            for i in range(begins[head], ends[head]):
+                pair = pool[i]
+                enough = seen - tolerance + speeds[scene.pairs[pair, 1]] * half
+                apart = apart_at_least(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, enough)
+                if apart < enough:
+                    near[left], lowers[left], asked[left] = pair, apart, False
+                    nearest = left if apart < lowers[nearest] else nearest
+                    left += 1
+            if left:  # the one that seems nearest first: it spares most others
+                near[0], near[nearest] = near[nearest], near[0]
+                lowers[0], lowers[nearest] = lowers[nearest], lowers[0]
+            for i in range(left):
+                if lowers[i] < seen:
+                    pair, asked[i] = near[i], True
+                    enough = seen - tolerance + speeds[scene.pairs[pair, 1]] * half
+                    lowers[i], upper = measured(
+                        scene, pair, poses, centres, directions[pair], scratch, 0.0, enough, seen, PRECISE
+                    )
+                    if lowers[i] < seen and upper - lowers[i] > PRECISE * upper:  # stuck: round bodies, seen from aside
+                        directions[pair] = 0.0
+                        again, _ = measured(
+                            scene, pair, poses, centres, directions[pair], scratch, 0.0, enough, seen, PRECISE
+                        )
+                        lowers[i] = max(lowers[i], again)
+                    seen = min(seen, lowers[i])
+            floor, proved_before, proved_after = seen - tolerance, before, after
+            first, fits = used, used + left <= pool.size
+            for i in range(left):
+                pair, b = near[i], scene.pairs[near[i], 1]
+                speed, enough = speeds[b], floor + speeds[b] * half
+                suffices = floor + speed * max(proved_before, proved_after)
+                if lowers[i] < suffices and not asked[i]:
+                    lowers[i], _ = measured(
+                        scene, pair, poses, centres, directions[pair], scratch, 0.0, enough, suffices, GAP
+                    )
+                if lowers[i] >= enough:
+                    continue
+                if lowers[i] < suffices:  # else others prove no more: this one is left to smaller intervals
+                    far_before, far_after = _proved(
+                        scene, pair, poses, twists, directions[pair], floor, changes[b], before, after
+                    )
+                    room = (lowers[i] - floor) / speed
+                    far_before, far_after = max(far_before, room), max(far_after, room)
+                    if far_before >= before and far_after >= after:
+                        continue
+                    proved_before, proved_after = min(proved_before, far_before), min(proved_after, far_after)
+                if fits:
+                    pool[used] = pair
+                    used += 1
+            if tail + 2 > low.size:
+                low, high = np.append(low, np.empty(low.size)), np.append(high, np.empty(low.size))
+                begins = np.append(begins, np.empty(begins.size, np.int64))
+                ends = np.append(ends, np.empty(ends.size, np.int64))
+            for side in range(2):
+                if (proved_after < after) if side else (proved_before < before):
+                    low[tail] = place + proved_after if side else low[head]
+                    high[tail] = high[head] if side else place - proved_before
+                    begins[tail], ends[tail] = (first, used) if fits else (begins[head], ends[head])
+                    tail += 1
+            head += 1
+        least[m] = max(0.0, seen)
+    return looks
