@@ -162,8 +162,8 @@ class Motions:
             return np.concatenate([part.worst(rate) for part in parts])
         if self.whole and probe.read <= set(self.start.names) and (self.twins != np.arange(len(self))).any():
             own, which = np.unique(self.twins, return_inverse=True)
-            ends = {"start": self.start.take(own), "end": self.end.take(own)}
-            return replace(self, **ends, t0=None, turns=None).worst(rate)[which]
+            start, end = self.start.take(own), self.end.take(own)
+            return replace(self, start=start, end=end, t0=None, turns=None).worst(rate)[which]
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)
