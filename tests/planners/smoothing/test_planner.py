@@ -189,7 +189,10 @@ def test_what_never_converges_is_counted_with_its_status(monkeypatch):
     assert candidates.trajectories == ()
     count = candidates.stats["warm_starts"]
     assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": count}
-    assert f"{count} polylines without a candidate: not converged (Restoration_Failed)" in candidates.notes
+    assert (
+        f"{count} polyline{'s' * (count > 1)} without a candidate: not converged (Restoration_Failed)"
+        in candidates.notes
+    )
 
 
 def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(monkeypatch):
@@ -393,9 +396,8 @@ def test_wrong_options_say_what_to_do(options, message):
 
 
 def test_what_cannot_be_treated_is_refused_by_name():
-    with pytest.raises(
-        OptionError, match=r"smooth costs \(exposure, length, duration, rotation, clearance\), got 'turns'"
-    ):
+    known = "exposure, length, duration, rotation, clearance"
+    with pytest.raises(OptionError, match=f"'turns', which is no smooth cost. These are {known}"):
         Smoothing(minimise="turns").solve(ROUND)
     for criteria, message in ((["length", OrientationRetention()], "orientation_retention"), (["turns"], "'length'")):
         with pytest.raises(UnsupportedCriterion, match=message):
