@@ -181,8 +181,13 @@ def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
     """The robot of a saved problem."""
+    if problem is None:
+        raise FrontFileError(
+            f"{path}: expected a front with its problem and model, as `hpop plan` writes it; this one has none, as "
+            "fronts of graphs and tables: hpop.frontier.Front.load reads it, with decode= for items unknown to JSON"
+        )
     try:
-        return cast(Model, make_model((problem or {})["model"]))
+        return cast(Model, make_model(problem["model"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise FrontFileError(
             f"{path}: expected a front with its problem and model, found none that can be built ({error!s:.1200}); "

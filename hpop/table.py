@@ -72,7 +72,7 @@ class Table:
             raise OptionError(f"expected the path of a file to write, got {shown(path)}") from None
         except (OSError, ValueError) as error:
             said = getattr(error, "strerror", None) or error
-            raise OutputError(f"cannot write {shown(path)}: {said}; choose another file") from None
+            raise OutputError(f"cannot write {shown(os.fspath(path))}: {said}; choose another file") from None
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The same columns in a table of pandas, the units in its ``attrs``; needs the extra ``tables``."""

@@ -132,14 +132,15 @@ def test_the_readmes_commands_plan_show_and_pick(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     readme = (ROOT / "README.md").read_text()
-    said = {}
-    for name in ("demo", "show", "pick"):
-        (line,) = re.findall(rf"^    hpop ({name} .*out/museum.*)$", readme, re.MULTILINE)
+    said: dict[str, str] = {}
+    for line, name in re.findall(r"^    hpop ((demo|show|pick) .*out/museum.*)$", readme, re.MULTILINE):
         done = CliRunner().invoke(main, shlex.split(line, comments=True))
         assert done.exit_code == 0, done.output
-        said[name] = done.output
+        said[name] = said.get(name, "") + done.output
+    assert said.keys() == {"demo", "show", "pick"}
     assert "`hpop plan out/museum/museum.yaml --out out/museum` plans it again" in said["demo"]
     assert "verified" in said["show"]
+    assert "rotation (reported)" in said["pick"]
     assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
     assert {path.name for path in (tmp_path / "out/museum").iterdir()} == {
         "front.json",

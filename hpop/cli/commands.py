@@ -62,7 +62,9 @@ def main() -> None:
 
 @main.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, callback=_folder, help="Folder for the front and the pictures.", metavar="PATH")
+@click.option(
+    "--out", callback=_folder, help="Folder for the front and the pictures; out/SCENARIO by default.", metavar="PATH"
+)
 @click.option(
     "--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes for planners that sweep, such as weighted-sum."
 )
@@ -77,7 +79,7 @@ def main() -> None:
 @user_errors
 def plan(
     scenario: Path,
-    out: Path,
+    out: Path | None,
     workers: int | None,
     dask: str | None,
     checkpoint: str | None,
@@ -99,6 +101,7 @@ def plan(
         raise click.UsageError("give --workers or --dask, not both")
     user_code.register(imports)
     loaded = load_scenario(scenario)
+    out = out or Path("out", scenario.stem)
     results.check_writable(out)
     click.get_current_context().with_resource(results.held(out))
     if (workers or dask) and not any(map(sweeps, loaded.planners)):

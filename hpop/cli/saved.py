@@ -17,6 +17,7 @@ from hpop.errors import OutputError, UnknownName
 
 if TYPE_CHECKING:
     from hpop.front import Front
+    from hpop.problem import Problem
 
 MOST_FAULTS = 20
 PAIR = "NAME=NUMBER"
@@ -45,36 +46,34 @@ def _names(context: click.Context, option: click.Parameter, given: Sequence[str]
     return names
 
 
-@click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
+also_option = click.option(
     "--also",
     metavar="NAME,NAME",
     multiple=True,
     callback=_names,
     help="Further criteria to evaluate on these trajectories (`hpop criteria` lists them). Repeatable.",
 )
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@also_option
 @verbose_option
 @imports_option
 @user_errors
 def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...]) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
-    from hpop import following, further
+    from hpop import following
     from hpop.cli import report, user_code
-    from hpop.problem import Problem
     from hpop.status import Progress
     from hpop.verify import lost_trajectories, verify
 
     user_code.register(imports)
     path, front = _loaded(folder)
-    try:
-        problem = Problem.from_description(front.problem or {})
-    except UnknownName as error:
-        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
+    problem = _problem_of(path, front)
     _refuse_faults(path, lost_trajectories(problem, front))
     echo(f"as saved in {path}, not yet checked:")
-    with following.progress_bar() as progress:
-        more = further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
+    more = _with_further(problem, front, also)
     report.print_front(problem, more, saved=path, verbose=verbose)
     echo("checking costs, ends and collisions")
     with following.progress_bar() as progress:
@@ -107,6 +106,7 @@ def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...])
     "--knee", is_flag=True, help="The compromise deepest below the extremes; it is what is picked by default."
 )
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write what the camera does, executed.")
+@also_option
 @imports_option
 @user_errors
 def pick(
@@ -117,11 +117,13 @@ def pick(
     row: int | None,
     knee: bool,
     csv: Path | None,
+    also: list[str],
     imports: tuple[str, ...],
 ) -> None:
     """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and say which and why.
 
-    Give one of --least, --wish, --row and --knee; --at-most says among which.
+    Give one of --least, --wish, --row and --knee; --at-most says among which. What --also adds can be asked for by
+    --at-most and --wish.
     """
     from hpop.cli import picking, user_code
 
@@ -133,6 +135,8 @@ def pick(
         raise click.UsageError("--row says which one, --at-most among which: give one of them")
     user_code.register(imports)
     path, front = _loaded(folder)
+    if also:
+        front = _with_further(_problem_of(path, front), front, also)
     picked = picking.picked(front, at_most, least=least, wish=wish, row=row)
     picking.print_picked(front, picked, saved=path)
     if csv is not None:
@@ -158,3 +162,22 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
     if faults:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
         raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
+
+
+def _problem_of(path: Path, front: Front) -> Problem:
+    """The problem that a saved front answers."""
+    from hpop.problem import Problem
+
+    try:
+        return Problem.from_description(front.problem or {})
+    except UnknownName as error:
+        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
+
+
+def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
+    """The front with further criteria reported."""
+    from hpop import following, further
+    from hpop.status import Progress
+
+    with following.progress_bar() as progress:
+        return further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))

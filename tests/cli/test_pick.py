@@ -11,6 +11,7 @@ import pandas
 import pytest
 from click.testing import Result
 
+from hpop import frontier
 from hpop.front import Front, Point
 from hpop.scenario import load_scenario
 
@@ -139,8 +140,29 @@ def test_a_file_that_cannot_be_written_or_read_is_told(
     refused(run("pick", tmp_path), 12, "front.json")
     picked = run("pick", folder, "--csv", tmp_path / "gone" / "camera.csv")
     assert picked.exit_code == 12
-    assert "choose another file" in picked.stderr
+    assert "gone/camera.csv': No such file or directory; choose another file" in " ".join(picked.stderr.split())
+    assert "PosixPath" not in picked.stderr
     assert "picked trajectory" in picked.stdout
+
+
+def test_further_criteria_choose_too(run: Run, refused: Callable[..., None], folder: Path) -> None:
+    before = (folder / "front.json").read_bytes()
+    problem = load_scenario(EXAMPLES / "museum.yaml").problem
+    more = problem.evaluate(Front.load(folder / "front.json"), also=["rotation"])
+    for asked, point in {"0": more.nearest({"rotation": 0}), "9.5": more.nearest({"rotation": 9.5})}.items():
+        result = run("pick", folder, "--also", "rotation", "--wish", f"rotation={asked}")
+        assert result.exit_code == 0, result.output
+        assert f"picked trajectory {point.index} of {len(more)}" in result.stdout
+        assert "rotation (reported)" in result.stdout
+    refused(run("pick", folder, "--also", "rotatoin", "--knee"), 7, "Did you mean 'rotation'?")
+    assert (folder / "front.json").read_bytes() == before
+
+
+def test_a_front_of_something_else_than_trajectories_is_told(
+    run: Run, refused: Callable[..., None], tmp_path: Path
+) -> None:
+    frontier.Front.of([[1.0, 2.0], [2.0, 1.0]]).save(tmp_path / "front.json")
+    refused(run("pick", tmp_path), 12, "this one has none, as fronts of graphs and tables")
 
 
 def test_a_front_without_points_has_none_to_pick(

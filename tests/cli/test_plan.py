@@ -44,6 +44,16 @@ def test_plan_writes_the_front_and_pictures_and_prints_both(plan: Callable[..., 
 
 
 @pytest.mark.usefixtures("no_pictures")
+def test_without_out_the_folder_has_the_scenarios_name(
+    run: Callable[..., Result], room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run("plan", room / "room.yaml")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "out" / "room" / "front.json").exists()
+
+
+@pytest.mark.usefixtures("no_pictures")
 def test_show_verifies_what_plan_wrote(run: Callable[..., Result], plan: Callable[..., Result], room: Path) -> None:
     plan(room)
     for path in (room / "out", room / "out" / "front.json"):

@@ -80,7 +80,7 @@ def _loaded(data: bytes, path: Path) -> Any:
         import trimesh
     except ImportError:
         raise ModelError(
-            f"the mesh {shown(str(path), 400)} is read by trimesh, which is not installed: pip install hpop[arm]; "
+            f"the mesh {shown(str(path), 400)} is read by trimesh, which is not installed: pip install 'hpop[arm]'; "
             "boxes, cylinders and spheres need no package"
         ) from None
     kind = path.suffix[1:].lower()
