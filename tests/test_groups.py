@@ -41,9 +41,9 @@ def solved(world, criteria):
 def test_groups_without_a_criterion_are_named_once(world):
     front = solved(world, ["exposure", "turns"])
     (note,) = [note for note in front.notes if "group" in note]
-    assert "R (robot)" in note
-    assert "O (others)" in note
-    assert "C (" not in note
+    assert "robot (R)" in note
+    assert "others (O)" in note
+    assert "(C)" not in note
 
 
 def test_costs_stand_under_their_groups(world):

@@ -266,7 +266,9 @@ def test_a_trace_shows_what_standing_costs():
 def test_planners_start_from_a_way_without_its_holds():
     problem = hpop.Problem(ROOM, CAR, (1, 1, 0), (5, 5, 0), ["duration"])
     given = [GOES.with_hold(at=1, seconds=2.0), GOES]
-    known = known_trajectories(SimpleNamespace(warm_start=given, time_limit=None), problem, None, None)
+    with pytest.raises(StopIteration) as ended:  # given trajectories have no stages
+        next(known_trajectories(SimpleNamespace(warm_start=given, time_limit=None), problem, None, None))
+    known = ended.value.value
     assert [trajectory.kinds for trajectory in known.trajectories] == [GOES.kinds] * 2
     assert known.notes == ("1 of the warm starts hold on their way: nobody stands still in what starts from them",)
 

@@ -60,7 +60,7 @@ def test_what_stands_in_for_a_mean_has_the_step_of_its_own_name() -> None:
 @pytest.mark.parametrize(
     ("quanta", "said"),
     [
-        ({"lenght": 0.1}, "no cost here. Did you mean 'length'. These are length, turns, obstruction, exposure"),
+        ({"lenght": 0.1}, "no cost here. Did you mean 'length'? These are length, turns, obstruction, exposure"),
         ({"length": 0}, "the quantum of length must be a number, in 'm' from 1e-12 to 1,000,000, got 0"),
         ({"length": float("nan")}, "the quantum of length must be"),
         ({"length": "fine"}, "the quantum of length must be"),
