@@ -181,3 +181,14 @@ def test_roll_is_positive_where_the_camera_leans_to_its_right(arms):
     pose = arm.pose("camera", arm.space.state(leaning))
     assert float(pose.left[2][0]) == pytest.approx(np.sin(float(pose.roll[0])))
     assert abs(float(pose.roll[0])) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("name", ["arm6", "crane"])
+@pytest.mark.parametrize("body", ["camera", "tool"])
+def test_poses_of_very_many_states_are_those_of_each(arms, name, body):
+    states = drawn(arms(name), np.random.default_rng(9), 40_003)
+    many, few = arms(name).pose(body, states), arms(name).pose(body, states.take(slice(39_000, None)))
+    for column in ("x", "y", "z", "yaw", "pitch", "roll"):
+        np.testing.assert_array_equal(getattr(many, column)[39_000:], getattr(few, column))
+    for axis in ("ahead", "left", "up"):
+        np.testing.assert_array_equal(columns(getattr(many, axis), 40_003)[39_000:], columns(getattr(few, axis), 1_003))
