@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 
-.PHONY: demo test proof mutants fuzz bench reference lint pythons clean
+.PHONY: demo test proof mutants fuzz bench reference web lint pythons clean
 
 demo: $(READY)
 	$(BIN)/hpop demo
@@ -46,6 +46,10 @@ bench: $(TOOLS)
 
 reference: $(TOOLS)
 	$(BIN)/python docs/make_reference.py
+
+# The scripts of the pages, bundled from web/ with node, and committed: to install hpop or test it needs no node.
+web:
+	cd web && npm ci --silent && npm run --silent build && npm run --silent check
 
 lint: $(TOOLS)
 	$(BIN)/ruff format --check .
