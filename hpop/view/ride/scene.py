@@ -1,0 +1,362 @@
+"""What there is to see in a problem's world, for whoever draws it: the pictures all round, and the page.
+
+Metres, x right, y up in the plane, z height (REP-103), floor at z = 0. Obstacles are upright prisms; what is not
+upright is drawn as the prism round it, which `Scene.notes` says, and its own shape is in the description.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.problem import Problem
+from hpop.text import counted, printable
+from hpop.view.ride import surfaces
+from hpop.view.ride.boxes import boxes
+from hpop.view.ride.surfaces import Colour
+from hpop.world import World
+from hpop.world.content import Landmark, Person, Zone
+from hpop.world.shapes import Obstacle, Raster
+from hpop.world.solids import Solid
+
+VERSION = 1
+STOREY = 3.0
+"""Height of what has no upper end, m."""
+HEADROOM = 0.5
+"""How far such walls rise above a camera that is higher, m."""
+WALL_FROM = 2.5
+"""Height from which an obstacle without a name of its own looks like a wall, m."""
+BORDER = 0.2
+"""Thickness of the wall round a map beyond which all is obstacle, m."""
+PLATE = (0.8, 0.5)
+"""Width and height of a landmark, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """An upright prism.
+
+    rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
+    low, high       m  finite
+    number  what it is in pictures of numbers, from 1; prisms of one obstacle share it
+    colour
+    is_wall         has a skirting
+    name
+    solid   what it is the prism round, where that is not upright
+    """
+
+    rings: tuple[FloatArray, ...]
+    low: float
+    high: float
+    number: int
+    colour: Colour
+    is_wall: bool
+    name: str = ""
+    solid: Solid | None = None
+
+    def description(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "rings": [ring.tolist() for ring in self.rings],
+            "z": [self.low, self.high],
+            "number": self.number,
+            "colour": list(self.colour),
+            "is_wall": self.is_wall,
+            "name": self.name,
+            **({} if self.solid is None else {"solid": self.solid.describe()}),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Occupied cells of a raster, merged to boxes.
+
+    boxes   (B, 4)  columns and rows, first and beyond the last: x0, y0, x1, y1 in cells
+    raster          places them
+    low, high       m
+    number, colour  as of a prism
+    """
+
+    boxes: IntArray
+    raster: Raster
+    low: float
+    high: float
+    number: int
+    colour: Colour
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (B, 4, 2), m, of the boxes, counter-clockwise."""
+        x0, y0, x1, y1 = self.boxes.T.astype(np.float64)
+        x, y = self.raster.to_world(np.stack([x0, x1, x1, x0], axis=1), np.stack([y0, y0, y1, y1], axis=1))
+        return np.stack([x, y], axis=2)
+
+    def description(self) -> dict[str, Any]:
+        """As JSON: boxes in cells, and how these lie in the world."""
+        return {
+            "boxes": self.boxes.tolist(),
+            "resolution": self.raster.resolution,
+            "origin": list(self.raster.origin),
+            "z": [self.low, self.high],
+            "number": self.number,
+            "colour": list(self.colour),
+        }
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a person, round the vertical through its middle: a cylinder, or an ellipsoid.
+
+    shape    "cylinder" or "ellipsoid"
+    radius   m
+    low, high  m
+    colour   of its front half, and ``back`` of its back half
+    """
+
+    shape: str
+    radius: float
+    low: float
+    high: float
+    colour: Colour
+    back: Colour
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A person as drawn: legs, trunk and head; who walks is at ``person.at(t)``."""
+
+    person: Person
+    number: int
+    parts: tuple[Part, ...]
+
+    def description(self) -> dict[str, Any]:
+        """As JSON."""
+        person = self.person
+        return {
+            "x": person.x,
+            "y": person.y,
+            "yaw": person.yaw,
+            "velocity": list(person.velocity),
+            "radius": person.radius,
+            "name": person.name,
+            "number": self.number,
+            "parts": [
+                {**vars(part), "colour": list(part.colour), "back": list(part.back)}  # shape, radius, low, high
+                for part in self.parts
+            ],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A landmark as drawn: an upright plate with its name, round its place; without a facing it turns to the camera."""
+
+    landmark: Landmark
+    width: float
+    height: float
+    number: int
+    colour: Colour
+
+    def description(self) -> dict[str, Any]:
+        """As JSON."""
+        mark = self.landmark
+        return {
+            "x": mark.x,
+            "y": mark.y,
+            "z": mark.z,
+            "facing": mark.facing,
+            "name": mark.name,
+            "width": self.width,
+            "height": self.height,
+            "number": self.number,
+            "colour": list(self.colour),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Area:
+    """A zone on the floor, as polygons; rings as of a prism."""
+
+    zone: Zone
+    polygons: tuple[tuple[FloatArray, ...], ...]
+    colour: Colour
+
+    def description(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "kind": self.zone.kind,
+            "name": self.zone.name,
+            "polygons": [[ring.tolist() for ring in polygon] for polygon in self.polygons],
+            "colour": list(self.colour),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is drawn of a world.
+
+    prisms   obstacles, in their order, and the wall round a map beyond which all is obstacle
+    cells    of a raster, or None
+    figures  people
+    plates   landmarks
+    areas    zones
+    floor    the extent, as polygons of rings
+    storey   m  height of walls without an upper end
+    notes    what is not drawn as it is
+    """
+
+    prisms: tuple[Prism, ...]
+    cells: Cells | None
+    figures: tuple[Figure, ...]
+    plates: tuple[Plate, ...]
+    areas: tuple[Area, ...]
+    floor: tuple[tuple[FloatArray, ...], ...]
+    storey: float
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Scene:
+        """What is to be seen in a problem's world, by its camera at its start."""
+        world = problem.world
+        camera = problem.model.pose("camera", problem.model.space.state(problem.start))
+        z = float(np.broadcast_to(camera.z, 1)[0])
+        storey = max(STOREY, math.ceil(2.0 * (z + HEADROOM)) / 2.0)
+        obstacles = [*_prisms(world, storey), *_border(world, storey)]
+        prisms = [replace(prism, number=i) for i, prism in enumerate(obstacles, 1)]
+        number = len(prisms) + 1
+        cells = None
+        if world.raster is not None:
+            low, high = _ends(world.raster.heights, storey)
+            cells = Cells(boxes(world.raster.cells), world.raster, low, high, number, surfaces.WALL)
+            number += 1
+        people, landmarks = world.content.people, world.content.landmarks
+        return cls(
+            tuple(prisms),
+            cells,
+            tuple(_figure(person, number + i) for i, person in enumerate(people)),
+            tuple(_plate(mark, number + len(people) + i) for i, mark in enumerate(landmarks)),
+            tuple(Area(zone, _polygons(zone.area), surfaces.ZONES[zone.kind]) for zone in _zones(world)),
+            _polygons(world.extent),
+            storey,
+            tuple(_notes(world, storey)),
+        )
+
+    def description(self) -> dict[str, Any]:
+        """JSON-able description, for a page that draws the same; no number in it is NaN or infinite.
+
+        Texts come from files: they are names, never markup.
+        """
+        return {
+            "version": VERSION,
+            "storey": self.storey,
+            "prisms": [prism.description() for prism in self.prisms],
+            "cells": None if self.cells is None else self.cells.description(),
+            "people": [figure.description() for figure in self.figures],
+            "landmarks": [plate.description() for plate in self.plates],
+            "zones": [area.description() for area in self.areas],
+            "floor": [[ring.tolist() for ring in polygon] for polygon in self.floor],
+            "surfaces": surfaces.description(),
+            "notes": list(self.notes),
+        }
+
+
+def _prisms(world: World, storey: float) -> Iterator[Prism]:
+    """One for each obstacle, in their order; numbered later."""
+    for obstacle in world.obstacles:
+        low, high = _ends(obstacle.heights, storey)
+        is_wall = _looks_like_a_wall(obstacle, high)
+        tilted = obstacle.solid is not None and not obstacle.solid.is_upright
+        colour = surfaces.WALL if is_wall else _colour_of(obstacle.name or f"{obstacle.heights}")
+        solid = obstacle.solid if tilted else None
+        yield Prism(_rings(obstacle.polygon), low, high, 0, colour, is_wall, obstacle.name, solid)
+
+
+def _border(world: World, storey: float) -> Iterator[Prism]:
+    """A wall round the extent where all beyond it is obstacle to the camera."""
+    if world.outside_is_obstacle:
+        low, high = _ends((-math.inf, math.inf) if world.raster is None else world.raster.heights, storey)
+        frame = shapely.buffer(world.extent, BORDER, join_style="mitre").difference(world.extent)
+        for rings in _polygons(frame):
+            yield Prism(rings, low, high, 0, surfaces.WALL, True, "border of the map")
+
+
+def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
+    """Finite heights, m: what has no lower end stands on the floor, what has no upper one is a storey high."""
+    low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
+    high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
+    return low, high
+
+
+def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
+    """Whether it is called one, or has no name and is as high as one."""
+    return "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
+
+
+def _colour_of(name: str) -> Colour:
+    """The same for the same name, in any run."""
+    return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]
+
+
+SKIN, HAIR, TROUSERS = (224, 188, 160), (84, 64, 52), (70, 76, 92)
+SHIRTS: tuple[Colour, ...] = ((176, 84, 72), (72, 120, 152), (108, 142, 84), (200, 158, 76), (128, 100, 150))
+
+
+def _figure(person: Person, number: int) -> Figure:
+    """1.73 m tall: the trunk has the person's radius, so that distances are judged by what one keeps away from."""
+    shirt = SHIRTS[number % len(SHIRTS)]
+    parts = (
+        Part("cylinder", 0.55 * person.radius, 0.0, 0.92, TROUSERS, TROUSERS),
+        Part("ellipsoid", person.radius, 0.74, 1.50, shirt, shirt),
+        Part("ellipsoid", 0.10, 1.46, 1.73, SKIN, HAIR),
+    )
+    return Figure(person, number, parts)
+
+
+PAPER: Colour = (248, 246, 240)
+
+
+def _plate(mark: Landmark, number: int) -> Plate:
+    return Plate(mark, *PLATE, number, PAPER)
+
+
+def _zones(world: World) -> Iterator[Zone]:
+    """Zones, and what is closed to the robot by a file of its own."""
+    yield from world.content.zones
+    for part in shapely.get_parts(world.keep_out):
+        if not part.is_empty:
+            yield Zone("keep-out", part)
+
+
+def _polygons(geometry: BaseGeometry) -> tuple[tuple[FloatArray, ...], ...]:
+    parts = (part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon" and not part.is_empty)
+    return tuple(_rings(part) for part in parts)
+
+
+def _rings(polygon: Any) -> tuple[FloatArray, ...]:
+    """Corners of a polygon, rings not closed: counter-clockwise the outer one, clockwise the holes."""
+    turned = shapely.orient_polygons(polygon)
+    return tuple(shapely.get_coordinates(ring)[:-1, :2] for ring in (turned.exterior, *turned.interiors))
+
+
+def _notes(world: World, storey: float) -> Iterator[str]:
+    endless = sum(math.isinf(obstacle.z_max) for obstacle in world.obstacles)
+    if endless or (world.raster is not None and math.isinf(world.raster.z_max)):
+        yield f"obstacles without an upper end are drawn {storey:g} m high"
+    tilted = [o.name or "without a name" for o in world.obstacles if o.solid is not None and not o.solid.is_upright]
+    if tilted:
+        listed = ", ".join([*(printable(name)[:40] for name in tilted[:8]), *["..."] * (len(tilted) > 8)])
+        yield f"pictures show the upright prism round {counted(len(tilted), 'solid')} that are not upright: {listed}"
+    for mark in world.content.landmarks:
+        inside = [
+            o for o in world.obstacles if o.z_min < mark.z < o.z_max and o.polygon.covers(shapely.Point(mark.x, mark.y))
+        ]
+        if inside:
+            yield f"landmark {printable(mark.name) or 'without a name'} is inside an obstacle, which hides it"

@@ -1,0 +1,93 @@
+"""How surfaces look: colours, light, and a texture that lets motion be seen without shimmering.
+
+The texture is a sum of waves, each a cosine with whole numbers of periods on a square tile, so that it repeats without
+a seam and holds no detail finer than its shortest wave. Whoever draws can leave out the waves that a pixel would not
+resolve, so nothing flickers at a distance, where noise with a value of its own in each pixel would. Over it lies a grid
+of thin lines every half metre.
+
+All factors are applied to sRGB values as they are stored: a colour times a factor is what is shown.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+
+Colour = tuple[int, int, int]
+"""Red, green and blue in sRGB, 0 to 255."""
+
+PERIOD = 8.0
+"""Side of the tile, m."""
+LONGEST, SHORTEST = 4.0, 0.16
+"""Wavelengths, m."""
+WAVES = 28
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+ROUGHNESS = 0.5
+"""Amplitudes grow with this power of the wavelength: coarse patches, fine grain."""
+PITCH, LINE = 0.5, 0.02
+"""From one line of the grid to the next, and their width, m."""
+CONTRAST = {"floor": 0.085, "wall": 0.035}
+"""Root mean square of the waves, as a share of the colour."""
+GRID = {"floor": 0.20, "wall": 0.10}
+"""By what share lines are darker."""
+SKIRTING, SKIRTING_SHADE = 0.08, 0.68
+"""Height of the dark strip at the foot of walls, m, and its share of their colour."""
+
+FLOOR: Colour = (158, 147, 132)
+OUTSIDE: Colour = (134, 137, 134)
+WALL: Colour = (222, 215, 202)
+THINGS: tuple[Colour, ...] = (
+    (186, 140, 96),
+    (122, 156, 142),
+    (150, 134, 168),
+    (196, 166, 92),
+    (120, 146, 176),
+    (188, 120, 106),
+)
+ZONES: dict[str, Colour] = {"speed": (196, 120, 60), "keep-out": (150, 70, 110), "one-way": (60, 110, 160)}
+ZONE_SHARE = 0.35
+"""How much of the floor's colour is the zone's."""
+SKY_HORIZON, SKY_ZENITH = (232, 236, 238), (168, 194, 222)
+LIGHT = (0.48, 0.6, 0.64)
+"""Where the light comes from: a unit vector, the same everywhere."""
+AMBIENT, DIFFUSE = 0.84, 0.18
+"""A surface with unit normal n is AMBIENT + DIFFUSE n . LIGHT times its colour, at most 1."""
+
+
+def waves() -> FloatArray:
+    """The waves (WAVES, 4): whole numbers i, j of periods along both sides of the tile, amplitude, phase (rad).
+
+    The texture at (u, v), m, is the sum of ``a cos(2 pi (i u + j v) / PERIOD + phase)``; its mean square is 1.
+    Directions follow the golden angle and wavelengths a geometric series, so that no direction is seen in it.
+    """
+    k = np.arange(WAVES)
+    number = PERIOD / (LONGEST * (SHORTEST / LONGEST) ** (k / (WAVES - 1)))
+    i = np.round(number * np.cos(2.0 * math.pi * GOLDEN * k))
+    j = np.round(number * np.sin(2.0 * math.pi * GOLDEN * k))
+    amplitude = np.hypot(i, j) ** -ROUGHNESS
+    phase = 2.0 * math.pi * (GOLDEN**2 * k * k % 1.0)
+    return np.stack([i, j, amplitude * math.sqrt(2.0 / np.sum(amplitude**2)), phase], axis=1)
+
+
+def description() -> dict[str, Any]:
+    """All of this, JSON-able, for whoever draws the same scene elsewhere."""
+    return {
+        "period": PERIOD,
+        "waves": [[int(i), int(j), float(a), float(phase)] for i, j, a, phase in waves()],
+        "pitch": PITCH,
+        "line": LINE,
+        "contrast": CONTRAST,
+        "grid": GRID,
+        "skirting": [SKIRTING, SKIRTING_SHADE],
+        "floor": list(FLOOR),
+        "outside": list(OUTSIDE),
+        "zone_share": ZONE_SHARE,
+        "sky": [list(SKY_HORIZON), list(SKY_ZENITH)],
+        "light": list(LIGHT),
+        "ambient": AMBIENT,
+        "diffuse": DIFFUSE,
+    }
