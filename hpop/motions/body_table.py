@@ -11,7 +11,9 @@ from hpop.motions.states import States
 from hpop.table import Table
 from hpop.text import shown
 
-NO_BODIES = frozenset({"heading", "joints", "plane", "rigid", "turn-move", "wheels"})  # what else models provide
+NO_BODIES = frozenset(
+    {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}
+)  # what else models provide
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")
 ROTATION = ("wx", "wy", "wz")
@@ -28,7 +30,7 @@ def body_table(model: Model, body: str | None, times: FloatArray, states: States
         columns += [(name, unit, getattr(states, name)) for name, unit in space.items()]
         columns += [(f"{name}_rate", f"{unit}/s", getattr(rates, name)) for name, unit in space.items()]
     else:
-        _check_body(model, body)
+        check_body(model, body, or_else=", or None for its states")
         pose, twist = model.pose(body, states), model.twist(body, states, rates)
         columns += [(name, unit, getattr(pose, name)) for name, unit in POSE.items()]
         columns += [(name, "m/s", column) for name, column in zip(VELOCITY, twist.velocity, strict=True)]
@@ -40,10 +42,11 @@ def body_table(model: Model, body: str | None, times: FloatArray, states: States
     return Table(values, {name: unit for name, unit, _ in columns})
 
 
-def _check_body(model: Model, body: str) -> None:
+def check_body(model: Model, body: str, *, or_else: str = "") -> None:
+    """Raise OptionError for a body that the model does not have."""
     known = sorted(model.provides - NO_BODIES)
     if body not in known:
         raise OptionError(
             f"this robot has no body {shown(body)}.{did_you_mean(body, known)} "
-            f"body is one of {', '.join(known)}, or None for its states"
+            f"body is one of {', '.join(known)}{or_else}"
         )
