@@ -1,0 +1,228 @@
+// Density rasters: how many trajectories cover each pixel, instead of a blot of lines over one another.
+//
+// Lines are walked pixel by pixel into counts and painted at once, by the logarithm of the count. 8,000 lines through
+// five axes take some 20 ms; strokes of a canvas take fifty times that and hide the density.
+
+/** Device pixels to a CSS pixel in which views are drawn: more than 2 costs time and is not seen. */
+export function pixelRatio(): number {
+  return Math.min(Math.max(window.devicePixelRatio || 1, 1), 2);
+}
+
+/** Counts of a grid of pixels; x to the right, y down, pixel (i, j) covers [i, i + 1) x [j, j + 1). */
+export class Raster {
+  readonly counts: Uint32Array;
+
+  constructor(
+    readonly width: number,
+    readonly height: number,
+  ) {
+    this.counts = new Uint32Array(width * height);
+  }
+
+  clear(): void {
+    this.counts.fill(0);
+  }
+
+  /** Takes the counts of a raster of the same size. */
+  copy(other: Raster): void {
+    this.counts.set(other.counts);
+  }
+
+  /** The largest count. */
+  most(): number {
+    let most = 0;
+    for (const count of this.counts) if (count > most) most = count;
+    return most;
+  }
+
+  /**
+   * Adds `weight` to the pixels of a segment: one in each column that it touches where it is wider than high, else one
+   * in each row, so that no column stays white and no pixel counts twice. What lies outside the raster is cut off.
+   */
+  line(x0: number, y0: number, x1: number, y1: number, weight = 1): void {
+    const { width, height } = this;
+    if (!(x0 >= 0 && x0 < width && x1 >= 0 && x1 < width && y0 >= 0 && y0 < height && y1 >= 0 && y1 < height)) {
+      const part = clipped(x0, y0, x1, y1, width, height);
+      if (part === null) return;
+      [x0, y0, x1, y1] = part;
+    }
+    if (Math.abs(x1 - x0) >= Math.abs(y1 - y0)) {
+      if (x0 <= x1) walk(this.counts, x0, y0, x1, y1, 1, width, weight);
+      else walk(this.counts, x1, y1, x0, y0, 1, width, weight);
+    } else if (y0 <= y1) walk(this.counts, y0, x0, y1, x1, width, 1, weight);
+    else walk(this.counts, y1, x1, y0, x0, width, 1, weight);
+  }
+
+  /** Adds `weight` to the pixels whose centres lie within `radius` (pixels) of the middle of the pixel at (x, y). */
+  point(x: number, y: number, radius: number, weight = 1): void {
+    const column = Math.floor(x);
+    const row = Math.floor(y);
+    const reach = Math.floor(radius);
+    for (let dy = -reach; dy <= reach; dy++) {
+      const j = row + dy;
+      if (j < 0 || j >= this.height) continue;
+      const half = Math.floor(Math.sqrt(radius * radius - dy * dy));
+      const first = j * this.width + Math.max(column - half, 0);
+      const last = j * this.width + Math.min(column + half, this.width - 1);
+      for (let at = first; at <= last; at++) this.counts[at]! += weight;
+    }
+  }
+}
+
+/** Walks from a0 to a1 >= a0 along the longer side; b is the other coordinate, strides lead to the next pixel. */
+function walk(
+  counts: Uint32Array,
+  a0: number,
+  b0: number,
+  a1: number,
+  b1: number,
+  along: number,
+  across: number,
+  weight: number,
+): void {
+  const first = Math.trunc(a0);
+  const last = Math.trunc(a1);
+  const slope = a1 > a0 ? (b1 - b0) / (a1 - a0) : 0;
+  let b = b0 + (first + 0.5 - a0) * slope; // at the middle of the pixel; at either end not beyond the segment
+  counts[first * along + Math.trunc(a0 > first + 0.5 ? b0 : a1 < first + 0.5 ? b1 : b) * across]! += weight;
+  for (let a = first + 1; a < last; a++) {
+    b += slope;
+    counts[a * along + Math.trunc(b) * across]! += weight;
+  }
+  if (last > first) counts[last * along + Math.trunc(a1 < last + 0.5 ? b1 : b + slope) * across]! += weight;
+}
+
+const EDGE = 1e-6; // pixels by which what is cut off ends before the raster does
+
+/** The part of a segment within the raster, or null; by the parameters at which it crosses each side (Liang, Barsky). */
+function clipped(
+  x0: number,
+  y0: number,
+  x1: number,
+  y1: number,
+  width: number,
+  height: number,
+): [number, number, number, number] | null {
+  const dx = x1 - x0;
+  const dy = y1 - y0;
+  let from = 0;
+  let to = 1;
+  for (const [step, room] of [
+    [-dx, x0],
+    [dx, width - EDGE - x0],
+    [-dy, y0],
+    [dy, height - EDGE - y0],
+  ] as const) {
+    if (!(room >= 0) && !(step < 0)) return null;
+    if (step < 0) from = Math.max(from, room / step);
+    else if (step > 0) to = Math.min(to, room / step);
+  }
+  if (!(from <= to)) return null;
+  const inside = (value: number, size: number) => Math.min(Math.max(value, 0), size - EDGE);
+  return [
+    inside(x0 + from * dx, width),
+    inside(y0 + from * dy, height),
+    inside(x0 + to * dx, width),
+    inside(y0 + to * dy, height),
+  ];
+}
+
+/** 256 colours, packed as the pixels of an ImageData. */
+export type Ramp = Uint32Array;
+
+/** A ramp through colours written as #rrggbb, evenly. */
+export function rampOf(stops: readonly string[]): Ramp {
+  const table = new Uint8ClampedArray(4 * 256);
+  for (let k = 0; k < 256; k++) {
+    const place = (k / 255) * (stops.length - 1);
+    const before = Math.min(Math.floor(place), Math.max(stops.length - 2, 0));
+    const a = parts(stops[before]!);
+    const b = parts(stops[Math.min(before + 1, stops.length - 1)]!);
+    for (let c = 0; c < 3; c++) table[4 * k + c] = a[c]! + (place - before) * (b[c]! - a[c]!);
+    table[4 * k + 3] = 255;
+  }
+  return new Uint32Array(table.buffer);
+}
+
+function parts(colour: string): number[] {
+  return [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+}
+
+/** What a density is painted with. */
+export interface Inks {
+  /** Of the selected, from one trajectory to the most. */
+  readonly selected: Ramp;
+  /** Of all the others, the context. */
+  readonly context: Ramp;
+}
+
+/** On paper: the more, the darker. The context is lighter than the lightest of the selected. */
+export const LIGHT_INKS: Inks = {
+  selected: rampOf(["#6aa9dc", "#2f78b7", "#0b4a87", "#08244a"]),
+  context: rampOf(["#dcdfe2", "#b4babf"]),
+};
+
+/** In the dark: the more, the lighter. */
+export const DARK_INKS: Inks = {
+  selected: rampOf(["#2f7fc4", "#5caae6", "#a9d6fb", "#f2fbff"]),
+  context: rampOf(["#31363c", "#555d66"]),
+};
+
+/** The inks of the scheme that the reader asked for. */
+export function inks(dark: boolean): Inks {
+  return dark ? DARK_INKS : LIGHT_INKS;
+}
+
+const DIRECT = 4096; // counts below have their colour in a table
+
+/** Colour of each count: the place of log(1 + count) between one and the most. */
+function colours(ramp: Ramp, most: number): (count: number) => number {
+  const low = Math.log(2);
+  const span = Math.log(1 + most) - low;
+  // One line alone is as plain as the densest place of many: the middle of the ramp.
+  const of = (count: number) =>
+    ramp[span > 0 ? Math.min(Math.round((255 * (Math.log(1 + count) - low)) / span), 255) : 128]!;
+  const table = Uint32Array.from({ length: Math.min(most + 1, DIRECT) }, (_, count) => of(count || 1));
+  return (count) => (count < table.length ? table[count]! : of(count));
+}
+
+/** The selected over all, in one picture. The raster of all is filled once a size; that of the selected at each filter. */
+export class Density {
+  readonly all: Raster;
+  readonly selected: Raster;
+  private readonly image: ImageData;
+  private readonly pixels: Uint32Array;
+
+  constructor(width: number, height: number) {
+    this.all = new Raster(width, height);
+    this.selected = new Raster(width, height);
+    this.image = new ImageData(width, height);
+    this.pixels = new Uint32Array(this.image.data.buffer);
+  }
+
+  get width(): number {
+    return this.all.width;
+  }
+
+  get height(): number {
+    return this.all.height;
+  }
+
+  /** Paints the picture at the device pixel (x, y); pixels that no trajectory covers become transparent. */
+  paint(context: CanvasRenderingContext2D, { selected, context: grey }: Inks, x = 0, y = 0): void {
+    const { pixels } = this;
+    const over = this.selected.counts;
+    const under = this.all.counts;
+    const ofSelected = colours(selected, this.selected.most());
+    const ofContext = colours(grey, this.all.most());
+    for (let at = 0; at < pixels.length; at++) {
+      const count = over[at]!;
+      if (count > 0) pixels[at] = ofSelected(count);
+      else {
+        const behind = under[at]!;
+        pixels[at] = behind > 0 ? ofContext(behind) : 0;
+      }
+    }
+    context.putImageData(this.image, x, y);
+  }
+}
