@@ -1,0 +1,280 @@
+// What the user has done: bounds, kept rows, pins, what the mouse is at, wishes, order of axes and rows.
+//
+// One value for the whole page. Views read it and never keep what it holds; they change it by its methods, and hear
+// of the change when the page asks them to draw, once an animation frame.
+import type { Column, Model } from "./model";
+import { History } from "./history";
+import { NO_FILTER, select, type Bound, type Filter } from "./selection";
+import { PINS } from "./theme";
+import { ranked } from "./wishes";
+
+/** data: other rows. filter: other rows selected. axes: order, scale. sort: order of rows. overlay: hover, pins, time. */
+export type Change = "data" | "filter" | "axes" | "sort" | "overlay";
+
+/** What rows are sorted by: a column, the number of the row, or how near it is to the wishes. */
+export type SortKey = number | "row" | "wishes";
+
+export class State {
+  /** (n,) 1 where a row is selected. */
+  selected = new Uint8Array(0);
+  /** How many are. */
+  count = 0;
+  /** Rows under the mouse or the keyboard, the first is at the focus; several where paths lie on each other. */
+  hovered: readonly number[] = [];
+  /** Rows of pins A, B, C; null where there is none. */
+  pins: (number | null)[] = new Array<number | null>(PINS).fill(null);
+  /** Cursor along time, s from the start, common to map and trace. */
+  time: number | null = null;
+  /** Wished values by column, in its unit. */
+  wishes = new Map<number, number>();
+  /** Columns in the order of their axes, hidden ones included. */
+  order: number[] = [];
+  hidden = new Set<number>();
+  flipped = new Set<number>();
+  logs = new Set<number>();
+  sort: { key: SortKey; down: boolean } = { key: "row", down: false };
+  readonly history = new History<Filter>(NO_FILTER);
+  /** The row that was last at the focus: where the keyboard goes on. */
+  last: number | null = null;
+
+  private readonly listeners: ((change: Change) => void)[] = [];
+  private sortedRows: Int32Array | null = null;
+  private ranking: Int32Array | null = null;
+
+  constructor(public model: Model) {
+    this.take(model);
+  }
+
+  listen(listener: (change: Change) => void): void {
+    this.listeners.push(listener);
+  }
+
+  changed(change: Change): void {
+    if (change !== "overlay") this.sortedRows = null;
+    for (const listener of this.listeners) listener(change);
+  }
+
+  // -- rows ---------------------------------------------------------------------------------------------------------
+
+  get filter(): Filter {
+    return this.history.now;
+  }
+
+  /** The row at the focus, or null. */
+  get focus(): number | null {
+    return this.hovered[0] ?? null;
+  }
+
+  /** Says that the mouse or the keyboard is at these rows; none when it left. */
+  hover(rows: readonly number[]): void {
+    if (rows.length === this.hovered.length && rows.every((row, i) => row === this.hovered[i])) return;
+    this.hovered = rows;
+    this.last = rows[0] ?? this.last;
+    this.changed("overlay");
+  }
+
+  /** Moves the cursor along time, s; null takes it away. */
+  at(time: number | null): void {
+    if (time === this.time) return;
+    this.time = time;
+    this.changed("overlay");
+  }
+
+  /** Pins a row at the first free place, or at the last; takes away the pin of a row that has one. */
+  pin(row: number): void {
+    const place = this.pins.indexOf(row);
+    if (place >= 0) this.pins[place] = null;
+    else {
+      const free = this.pins.indexOf(null);
+      this.pins[free >= 0 ? free : PINS - 1] = row;
+    }
+    this.changed("overlay");
+  }
+
+  unpin(place: number): void {
+    this.pins[place] = null;
+    this.changed("overlay");
+  }
+
+  /** Bounds a column, or frees it; `done` is false while it is being dragged, so that history keeps one step. */
+  bound(column: number, bound: Bound | null, done = true): void {
+    const bounds = new Map(this.filter.bounds);
+    if (bound === null) bounds.delete(column);
+    else bounds.set(column, bound);
+    this.filterBy({ bounds, kept: this.filter.kept }, done);
+  }
+
+  /** Goes on with the selected rows alone, or without them; bounds are done with. */
+  keep(which: "selected" | "others"): void {
+    const kept = Uint8Array.from(this.selected);
+    if (which === "others") for (let row = 0; row < kept.length; row++) kept[row] = this.wasKept(row) && !kept[row] ? 1 : 0;
+    this.filterBy({ bounds: new Map(), kept }, true);
+  }
+
+  /** All rows again. */
+  clear(): void {
+    this.filterBy(NO_FILTER, true);
+  }
+
+  back(): void {
+    if (this.history.back()) this.filtered();
+  }
+
+  forward(): void {
+    if (this.history.forward()) this.filtered();
+  }
+
+  // -- axes, order --------------------------------------------------------------------------------------------------
+
+  column(index: number): Column {
+    return this.model.columns[index]!;
+  }
+
+  /** Columns that have an axis, in their order. */
+  get shown(): readonly number[] {
+    return this.order.filter((index) => !this.hidden.has(index));
+  }
+
+  /** Whether a column has a logarithmic scale; only one whose values are all positive can. */
+  isLog(index: number): boolean {
+    return this.logs.has(index) && this.column(index).low > 0;
+  }
+
+  flip(index: number): void {
+    toggle(this.flipped, index);
+    this.changed("axes");
+  }
+
+  log(index: number): void {
+    if (this.column(index).low <= 0) return;
+    toggle(this.logs, index);
+    this.changed("axes");
+  }
+
+  /** Shows an axis or drops it; a bound that nobody sees would be a riddle, so it goes too. */
+  show(index: number, shown: boolean): void {
+    if (shown) this.hidden.delete(index);
+    else this.hidden.add(index);
+    if (!shown && this.filter.bounds.has(index)) this.bound(index, null);
+    this.changed("axes");
+  }
+
+  /** Puts an axis at a place among those shown. */
+  move(index: number, place: number): void {
+    const shown = this.shown.filter((other) => other !== index);
+    const before = shown[place];
+    const order = this.order.filter((other) => other !== index);
+    order.splice(before === undefined ? order.length : order.indexOf(before), 0, index);
+    if (order.every((one, i) => one === this.order[i])) return;
+    this.order = order;
+    this.changed("axes");
+  }
+
+  sortBy(key: SortKey, down: boolean): void {
+    this.sort = { key, down };
+    this.changed("sort");
+  }
+
+  /** Wishes a value of a column, or no more. */
+  wish(index: number, value: number | null): void {
+    if (value === null) this.wishes.delete(index);
+    else this.wishes.set(index, value);
+    this.ranking = null;
+    if (this.wishes.size > 0) this.sort = { key: "wishes", down: false };
+    else if (this.sort.key === "wishes") this.sort = { key: "row", down: false };
+    this.changed("sort");
+  }
+
+  /** All rows, the nearest to the wishes first; null without wishes. */
+  get nearest(): Int32Array | null {
+    if (this.wishes.size === 0 || this.model.n === 0) return null;
+    this.ranking ??= ranked(this.model, this.wishes);
+    return this.ranking;
+  }
+
+  /** The selected rows in the order of the table. */
+  get sorted(): Int32Array {
+    this.sortedRows ??= this.sortedNow();
+    return this.sortedRows;
+  }
+
+  // -- data ---------------------------------------------------------------------------------------------------------
+
+  /** Other data: what still has a meaning stays. Columns are known by their names, pins by their costs. */
+  replace(model: Model): void {
+    const old = this.model;
+    const at = new Map(model.columns.map((column, index) => [column.name, index]));
+    const moved = (index: number): number => at.get(old.columns[index]!.name) ?? -1;
+    const bounds = new Map([...this.filter.bounds].map(([i, bound]) => [moved(i), bound] as const).filter(([i]) => i >= 0));
+    const pins = this.pins.map((row) => (row === null ? null : same(old, row, model)));
+    const several = (set: Set<number>): Set<number> => new Set([...set].map(moved).filter((i) => i >= 0));
+    const [hidden, flipped, logs] = [several(this.hidden), several(this.flipped), several(this.logs)];
+    const order = this.order.map(moved).filter((i) => i >= 0);
+    const wishes = new Map([...this.wishes].map(([i, value]) => [moved(i), value] as const).filter(([i]) => i >= 0));
+    const sort = typeof this.sort.key === "number" ? { ...this.sort, key: moved(this.sort.key) } : this.sort;
+    this.take(model);
+    this.order = [...order, ...this.order.filter((i) => !order.includes(i))];
+    Object.assign(this, { hidden, flipped, logs, pins, wishes });
+    this.sort = sort.key === -1 || (sort.key === "wishes" && wishes.size === 0) ? { key: "row", down: false } : sort;
+    this.history.restart({ bounds, kept: null });
+    this.filtered("data");
+  }
+
+  private take(model: Model): void {
+    this.model = model;
+    this.order = model.columns.map((_, index) => index);
+    this.selected = new Uint8Array(model.n);
+    this.count = select(model, this.filter, this.selected);
+    this.hovered = [];
+    this.last = null;
+    this.time = null;
+    this.ranking = null;
+    this.sortedRows = null;
+  }
+
+  private wasKept(row: number): boolean {
+    return this.filter.kept === null || this.filter.kept[row] === 1;
+  }
+
+  private filterBy(filter: Filter, done: boolean): void {
+    this.history.put(filter, done);
+    this.filtered();
+  }
+
+  private filtered(change: Change = "filter"): void {
+    this.count = select(this.model, this.filter, this.selected);
+    this.changed(change);
+  }
+
+  private sortedNow(): Int32Array {
+    const { key, down } = this.sort;
+    const ranking = key === "wishes" ? this.nearest : null;
+    const rows = new Int32Array(this.count);
+    let next = 0;
+    for (let i = 0; i < this.model.n; i++) {
+      const row = ranking?.[i] ?? i;
+      if (this.selected[row] === 1) rows[next++] = row;
+    }
+    if (typeof key === "number") {
+      const { values } = this.column(key);
+      rows.sort((a, b) => values[a]! - values[b]! || a - b);
+    }
+    return down ? rows.reverse() : rows;
+  }
+}
+
+function toggle(set: Set<number>, index: number): void {
+  if (!set.delete(index)) set.add(index);
+}
+
+/** The row of another front that has the same criteria with the same costs, or null. */
+function same(old: Model, row: number, model: Model): number | null {
+  const pairs: [Float64Array, number][] = [];
+  for (const column of model.columns.slice(0, model.criteria)) {
+    const former = old.columns.find((one) => one.name === column.name);
+    if (former === undefined) return null;
+    pairs.push([column.values, former.values[row]!]);
+  }
+  for (let i = 0; i < model.n; i++) if (pairs.every(([values, value]) => values[i] === value)) return i;
+  return null;
+}
