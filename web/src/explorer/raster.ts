@@ -3,10 +3,7 @@
 // Lines are walked pixel by pixel into counts and painted at once, by the logarithm of the count. 8,000 lines through
 // five axes take some 20 ms; strokes of a canvas take fifty times that and hide the density.
 
-/** Device pixels to a CSS pixel in which views are drawn: more than 2 costs time and is not seen. */
-export function pixelRatio(): number {
-  return Math.min(Math.max(window.devicePixelRatio || 1, 1), 2);
-}
+import type { Rgb, Theme } from "./theme";
 
 /** Counts of a grid of pixels; x to the right, y down, pixel (i, j) covers [i, i + 1) x [j, j + 1). */
 export class Raster {
@@ -130,47 +127,14 @@ function clipped(
 /** 256 colours, packed as the pixels of an ImageData. */
 export type Ramp = Uint32Array;
 
-/** A ramp through colours written as #rrggbb, evenly. */
-export function rampOf(stops: readonly string[]): Ramp {
+/** From one colour to the other, evenly. */
+export function rampOf([first, last]: readonly [Rgb, Rgb]): Ramp {
   const table = new Uint8ClampedArray(4 * 256);
   for (let k = 0; k < 256; k++) {
-    const place = (k / 255) * (stops.length - 1);
-    const before = Math.min(Math.floor(place), Math.max(stops.length - 2, 0));
-    const a = parts(stops[before]!);
-    const b = parts(stops[Math.min(before + 1, stops.length - 1)]!);
-    for (let c = 0; c < 3; c++) table[4 * k + c] = a[c]! + (place - before) * (b[c]! - a[c]!);
+    for (const c of [0, 1, 2] as const) table[4 * k + c] = first[c] + (k / 255) * (last[c] - first[c]);
     table[4 * k + 3] = 255;
   }
   return new Uint32Array(table.buffer);
-}
-
-function parts(colour: string): number[] {
-  return [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
-}
-
-/** What a density is painted with. */
-export interface Inks {
-  /** Of the selected, from one trajectory to the most. */
-  readonly selected: Ramp;
-  /** Of all the others, the context. */
-  readonly context: Ramp;
-}
-
-/** On paper: the more, the darker. The context is lighter than the lightest of the selected. */
-export const LIGHT_INKS: Inks = {
-  selected: rampOf(["#6aa9dc", "#2f78b7", "#0b4a87", "#08244a"]),
-  context: rampOf(["#dcdfe2", "#b4babf"]),
-};
-
-/** In the dark: the more, the lighter. */
-export const DARK_INKS: Inks = {
-  selected: rampOf(["#2f7fc4", "#5caae6", "#a9d6fb", "#f2fbff"]),
-  context: rampOf(["#31363c", "#555d66"]),
-};
-
-/** The inks of the scheme that the reader asked for. */
-export function inks(dark: boolean): Inks {
-  return dark ? DARK_INKS : LIGHT_INKS;
 }
 
 const DIRECT = 4096; // counts below have their colour in a table
@@ -179,7 +143,7 @@ const DIRECT = 4096; // counts below have their colour in a table
 function colours(ramp: Ramp, most: number): (count: number) => number {
   const low = Math.log(2);
   const span = Math.log(1 + most) - low;
-  // One line alone is as plain as the densest place of many: the middle of the ramp.
+  // Where no place has more than one, that one is as plain as the middle of the ramp.
   const of = (count: number) =>
     ramp[span > 0 ? Math.min(Math.round((255 * (Math.log(1 + count) - low)) / span), 255) : 128]!;
   const table = Uint32Array.from({ length: Math.min(most + 1, DIRECT) }, (_, count) => of(count || 1));
@@ -190,39 +154,39 @@ function colours(ramp: Ramp, most: number): (count: number) => number {
 export class Density {
   readonly all: Raster;
   readonly selected: Raster;
+  private readonly canvas: HTMLCanvasElement;
   private readonly image: ImageData;
   private readonly pixels: Uint32Array;
 
-  constructor(width: number, height: number) {
+  /** Sizes in canvas pixels. */
+  constructor(
+    readonly width: number,
+    readonly height: number,
+  ) {
     this.all = new Raster(width, height);
     this.selected = new Raster(width, height);
     this.image = new ImageData(width, height);
     this.pixels = new Uint32Array(this.image.data.buffer);
+    this.canvas = document.createElement("canvas");
+    [this.canvas.width, this.canvas.height] = [width, height];
   }
 
-  get width(): number {
-    return this.all.width;
-  }
-
-  get height(): number {
-    return this.all.height;
-  }
-
-  /** Paints the picture at the device pixel (x, y); pixels that no trajectory covers become transparent. */
-  paint(context: CanvasRenderingContext2D, { selected, context: grey }: Inks, x = 0, y = 0): void {
+  /** Draws the picture over what a canvas shows, from its pixel (x, y); what no trajectory covers is left as it is. */
+  draw(target: CanvasRenderingContext2D, { chosen, context }: Pick<Theme, "chosen" | "context">, x = 0, y = 0): void {
     const { pixels } = this;
     const over = this.selected.counts;
     const under = this.all.counts;
-    const ofSelected = colours(selected, this.selected.most());
-    const ofContext = colours(grey, this.all.most());
+    const ofSelected = colours(rampOf(chosen), this.selected.most());
+    const ofOthers = colours(rampOf(context), this.all.most());
     for (let at = 0; at < pixels.length; at++) {
       const count = over[at]!;
-      if (count > 0) pixels[at] = ofSelected(count);
-      else {
-        const behind = under[at]!;
-        pixels[at] = behind > 0 ? ofContext(behind) : 0;
-      }
+      const others = under[at]!;
+      pixels[at] = count > 0 ? ofSelected(count) : others > 0 ? ofOthers(others) : 0;
     }
-    context.putImageData(this.image, x, y);
+    this.canvas.getContext("2d")!.putImageData(this.image, 0, 0);
+    target.save();
+    target.setTransform(1, 0, 0, 1, 0, 0);
+    target.drawImage(this.canvas, x, y);
+    target.restore();
   }
 }
