@@ -1,0 +1,368 @@
+// What the page is given, `hpop-page` version 1, and what it makes of it: typed arrays, metres, seconds.
+//
+// hpop/view/explorer/payload.py writes it. Numbers of which there are many are in `data`: one zlib stream in base64, of
+// which a `Packed` names a part. A part holds the lowest bytes of all its numbers, then the next ones, and so on
+// (little-endian); `order` says how many times the numbers are to be summed up.
+
+/** Criteria are of performance, comfort, the robot or others around it; a reported value has no class. */
+export type Group = "P" | "C" | "R" | "O" | "";
+
+export interface Column {
+  readonly name: string;
+  /** Name and unit as pictures have them: "length (m)", "turns (count)". */
+  readonly label: string;
+  /** "m", "rad", "1", ... */
+  readonly unit: string;
+  readonly group: Group;
+  /** Step in which values are compared, in the unit; 0 of reported values, which are compared as they are. */
+  readonly quantum: number;
+  /** Whether values are whole numbers by nature. */
+  readonly counts: boolean;
+  /** Reported beside the criteria, not minimised: drawn dashed. */
+  readonly reported: boolean;
+  /** A criterion that no search minimised: its least is the least of those found. */
+  readonly evaluated: boolean;
+  /** (n,) in the unit: the floats that front.json holds, all finite. */
+  readonly values: Float64Array;
+  /** Least and greatest value; both 0 of a front without points. */
+  readonly low: number;
+  readonly high: number;
+}
+
+/** A row with its names, "knee", "least turns", and its look in all pictures of the front. */
+export interface Mark {
+  readonly names: readonly string[];
+  readonly row: number;
+  readonly colour: string;
+  /** On-off pattern, points; empty of an unbroken line. */
+  readonly dashes: readonly number[];
+}
+
+/** Where the camera goes, seen from above: corners of row i are offsets[i] .. offsets[i + 1] of point, x and y. */
+export interface Paths {
+  /** (n + 1,) */
+  readonly offsets: Int32Array;
+  /** Place of each corner among the distinct ones: two paths share a straight run where they share both ends. */
+  readonly point: Int32Array;
+  /** How many distinct corners there are. */
+  readonly points: number;
+  /** m, of each corner. */
+  readonly x: Float64Array;
+  readonly y: Float64Array;
+}
+
+/** A closed polygon: x0, y0, x1, y1, ... in m; the first corner is not repeated. */
+export type Ring = Float64Array;
+
+/** An area of one polygon or more with holes: filled by the even-odd rule. */
+export type Area = readonly Ring[];
+
+export interface Obstacle {
+  readonly area: Area;
+  /** From which height to which, m; infinite where it has no end. */
+  readonly low: number;
+  readonly high: number;
+}
+
+export interface Person {
+  readonly x: number;
+  readonly y: number;
+  /** rad */
+  readonly yaw: number;
+  /** m/s */
+  readonly velocity: readonly [number, number];
+  readonly radius: number;
+  readonly name: string;
+}
+
+export interface Landmark {
+  readonly x: number;
+  readonly y: number;
+  readonly z: number;
+  /** rad; null where it looks the same from all sides. */
+  readonly facing: number | null;
+  readonly name: string;
+}
+
+export interface Zone {
+  readonly kind: "speed" | "keep-out" | "one-way";
+  readonly area: Area;
+  /** m/s, of a speed zone. */
+  readonly limit: number | null;
+  /** Of a one-way zone: x0, y0, x1, y1, ... in m, in the direction that is allowed. */
+  readonly path: Ring | null;
+  readonly name: string;
+}
+
+/** m, m, rad; a heading that is free, or that nobody sees, is null. */
+export interface End {
+  readonly x: number;
+  readonly y: number;
+  readonly yaw: number | null;
+}
+
+export interface World {
+  /** Where the robot must stay. */
+  readonly extent: Area;
+  /** x_min, y_min, x_max, y_max, m: of all there is to draw, and what is shown first. */
+  readonly bounds: readonly [number, number, number, number];
+  readonly view: readonly [number, number, number, number];
+  readonly obstacles: readonly Obstacle[];
+  /** Closed to the robot, invisible to the camera. */
+  readonly closed: Area;
+  readonly people: readonly Person[];
+  /** Conversations: places in `people`. */
+  readonly groups: readonly (readonly number[])[];
+  readonly landmarks: readonly Landmark[];
+  readonly zones: readonly Zone[];
+  readonly start: End;
+  readonly goals: readonly End[];
+  /** Between which heights the camera is, m. */
+  readonly heights: readonly [number, number];
+  /** What the map shows and does not show, in words. */
+  readonly caption: string;
+}
+
+/** What happens along one trajectory as planned: m pieces. */
+export interface Trace {
+  /** (m + 1,) s: when pieces begin, and when the last ends. */
+  readonly t: Float64Array;
+  /** (m + 1,) Where the camera is then, m, and where it looks, rad, continuous. */
+  readonly x: Float64Array;
+  readonly y: Float64Array;
+  readonly yaw: Float64Array;
+  /** One a criterion, in the order of the columns; empty of one that cannot be traced. */
+  readonly along: readonly {
+    /** (m,) What arises in each piece: a second, or the mean or the worst in it, as `words` says. */
+    readonly rate: Float64Array;
+    /** (m + 1,) What it has come to by each time; the last is the cost. */
+    readonly running: Float64Array;
+    /** "m a second", "share at the time", ... */
+    readonly words: string;
+  }[];
+}
+
+export interface Model {
+  readonly title: string;
+  readonly status: string;
+  /** Whether a search goes on and better ones may come. */
+  readonly unfinished: boolean;
+  /** A paragraph for each claim. */
+  readonly certificate: readonly string[];
+  readonly notes: readonly string[];
+  /** Number of rows. */
+  readonly n: number;
+  /** The criteria in the front's order, then what is reported. */
+  readonly columns: readonly Column[];
+  /** How many of the columns are criteria. */
+  readonly criteria: number;
+  readonly marks: readonly Mark[];
+  readonly paths: Paths;
+  readonly world: World;
+  /** By row; not every row has one. */
+  readonly traces: ReadonlyMap<number, Trace>;
+  /** The file of the front, as Python and the command line name it; null where it is not known. */
+  readonly saved: string | null;
+}
+
+interface Packed {
+  readonly type: "int32" | "int16" | "float64";
+  /** Bytes from the beginning of the data. */
+  readonly at: number;
+  readonly count: number;
+  readonly order: number;
+}
+
+/** Rings first .. first + count of the world's. */
+interface PackedArea {
+  readonly first: number;
+  readonly count: number;
+}
+
+interface Along {
+  readonly words: string;
+  readonly rate: { readonly step: number; readonly values: Packed };
+  readonly running: { readonly step: number; readonly values: Packed };
+}
+
+/** As the file has it. Lengths in `Packed` are whole millimetres from the origin, angles milliradians, times ms. */
+interface Payload {
+  readonly schema: "hpop-page";
+  readonly version: 1;
+  readonly title: string;
+  readonly status: string;
+  readonly unfinished: boolean;
+  readonly certificate: readonly string[];
+  readonly notes: readonly string[];
+  readonly count: number;
+  readonly columns: readonly (Omit<Column, "values" | "low" | "high"> & { readonly values: Packed })[];
+  readonly marks: readonly Mark[];
+  readonly saved: string | null;
+  /** m */
+  readonly origin: readonly [number, number];
+  readonly paths: { readonly x: Packed; readonly y: Packed; readonly corners: Packed; readonly counts: Packed };
+  readonly world: Omit<World, "extent" | "obstacles" | "closed" | "zones"> & {
+    readonly rings: { readonly x: Packed; readonly y: Packed; readonly counts: Packed };
+    readonly extent: PackedArea;
+    readonly obstacles: readonly (PackedArea & { readonly z: readonly [number | null, number | null] })[];
+    readonly closed: PackedArea;
+    readonly zones: readonly (Omit<Zone, "area" | "path"> & {
+      readonly area: PackedArea;
+      readonly path: readonly number[] | null;
+    })[];
+  };
+  readonly traces: readonly {
+    readonly row: number;
+    readonly t: Packed;
+    readonly x: Packed;
+    readonly y: Packed;
+    readonly yaw: Packed;
+    readonly along: readonly (Along | null)[];
+  }[];
+  readonly data: string;
+}
+
+export const SCHEMA = "hpop-page";
+export const VERSION = 1;
+
+const ARRAYS = { int32: Int32Array, int16: Int16Array, float64: Float64Array } as const;
+
+/** What a payload says, its arrays unpacked; rejects what is no payload of this version. */
+export async function decode(given: unknown): Promise<Model> {
+  const payload = given as Payload;
+  const { schema, version } = payload as { schema: unknown; version: unknown };
+  if (schema !== SCHEMA || version !== VERSION) {
+    throw new Error(`this page reads ${SCHEMA} version ${VERSION}; its data are something else`);
+  }
+  const bytes = await inflated(payload.data);
+  const numbers = (packed: Packed): Float64Array | Int32Array | Int16Array => unpacked(bytes, packed);
+  const scaled = (packed: Packed, step: number, zero = 0): Float64Array =>
+    Float64Array.from(numbers(packed), (value) => zero + value * step);
+  // Divided, not multiplied: 0.001 is no float, and 2500 mm are 2.5 m.
+  const metres = (packed: Packed, axis: 0 | 1): Float64Array =>
+    Float64Array.from(numbers(packed), (value) => payload.origin[axis] + value / 1000);
+
+  const columns = payload.columns.map((column) => {
+    const values = numbers(column.values) as Float64Array;
+    const [low, high] = rangeOf(values);
+    return { ...column, values, low, high };
+  });
+  const traces = payload.traces.map(({ row, t, x, y, yaw, along }): [number, Trace] => [
+    row,
+    {
+      t: scaled(t, 1e-3),
+      x: metres(x, 0),
+      y: metres(y, 1),
+      yaw: scaled(yaw, 1e-3),
+      along: along.map((one) =>
+        one === null
+          ? { words: "", rate: new Float64Array(0), running: new Float64Array(0) }
+          : {
+              words: one.words,
+              rate: scaled(one.rate.values, one.rate.step),
+              running: scaled(one.running.values, one.running.step),
+            },
+      ),
+    },
+  ]);
+  return {
+    title: payload.title,
+    status: payload.status,
+    unfinished: payload.unfinished,
+    certificate: payload.certificate,
+    notes: payload.notes,
+    n: payload.count,
+    columns,
+    criteria: columns.filter((column) => !column.reported).length,
+    marks: payload.marks,
+    paths: pathsOf(payload, numbers, metres),
+    world: worldOf(payload, numbers, metres),
+    traces: new Map(traces),
+    saved: payload.saved,
+  };
+}
+
+function pathsOf(
+  payload: Payload,
+  numbers: (packed: Packed) => Float64Array | Int32Array | Int16Array,
+  metres: (packed: Packed, axis: 0 | 1) => Float64Array,
+): Paths {
+  const x = metres(payload.paths.x, 0);
+  const y = metres(payload.paths.y, 1);
+  const point = numbers(payload.paths.corners) as Int32Array;
+  return {
+    offsets: sums(numbers(payload.paths.counts)),
+    point,
+    points: x.length,
+    x: Float64Array.from(point, (i) => x[i]!),
+    y: Float64Array.from(point, (i) => y[i]!),
+  };
+}
+
+function worldOf(
+  payload: Payload,
+  numbers: (packed: Packed) => Float64Array | Int32Array | Int16Array,
+  metres: (packed: Packed, axis: 0 | 1) => Float64Array,
+): World {
+  const { rings, ...world } = payload.world;
+  const x = metres(rings.x, 0);
+  const y = metres(rings.y, 1);
+  const offsets = sums(numbers(rings.counts));
+  const ring = (i: number): Ring => {
+    const [begin, end] = [offsets[i]!, offsets[i + 1]!];
+    return Float64Array.from({ length: 2 * (end - begin) }, (_, k) => (k % 2 ? y : x)[begin + (k >> 1)]!);
+  };
+  const area = ({ first, count }: PackedArea): Area => Array.from({ length: count }, (_, k) => ring(first + k));
+  return {
+    ...world,
+    extent: area(world.extent),
+    closed: area(world.closed),
+    obstacles: world.obstacles.map((one) => ({
+      area: area(one),
+      low: one.z[0] ?? -Infinity,
+      high: one.z[1] ?? Infinity,
+    })),
+    zones: world.zones.map((zone) => ({
+      ...zone,
+      area: area(zone.area),
+      path: zone.path && Float64Array.from(zone.path),
+    })),
+  };
+}
+
+async function inflated(base64: string): Promise<Uint8Array> {
+  const packed = Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+function unpacked(bytes: Uint8Array, { type, at, count, order }: Packed): Float64Array | Int32Array | Int16Array {
+  const values = new ARRAYS[type](count);
+  const size = values.BYTES_PER_ELEMENT;
+  const raw = new Uint8Array(values.buffer);
+  for (let plane = 0; plane < size; plane++) {
+    const from = at + plane * count;
+    for (let i = 0; i < count; i++) raw[i * size + plane] = bytes[from + i]!;
+  }
+  for (let sum = 0; sum < order; sum++) {
+    for (let i = 1; i < count; i++) values[i]! += values[i - 1]!; // beyond 32 bits it wraps, as it was taken apart
+  }
+  return values;
+}
+
+/** Running sums (n + 1,) of counts (n,), from 0. */
+function sums(counts: ArrayLike<number>): Int32Array {
+  const offsets = new Int32Array(counts.length + 1);
+  for (let i = 0; i < counts.length; i++) offsets[i + 1] = offsets[i]! + counts[i]!;
+  return offsets;
+}
+
+function rangeOf(values: Float64Array): [number, number] {
+  if (values.length === 0) return [0, 0];
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
+}
