@@ -3,8 +3,6 @@
 // Lines are walked pixel by pixel into counts and painted at once, by the logarithm of the count. 8,000 lines through
 // five axes take some 20 ms; strokes of a canvas take fifty times that and hide the density.
 
-import type { Rgb, Theme } from "./theme";
-
 /** Counts of a grid of pixels; x to the right, y down, pixel (i, j) covers [i, i + 1) x [j, j + 1). */
 export class Raster {
   readonly counts: Uint32Array;
@@ -127,14 +125,43 @@ function clipped(
 /** 256 colours, packed as the pixels of an ImageData. */
 export type Ramp = Uint32Array;
 
-/** From one colour to the other, evenly. */
-export function rampOf([first, last]: readonly [Rgb, Rgb]): Ramp {
+/** A ramp through colours written as #rrggbb, evenly. */
+export function rampOf(stops: readonly string[]): Ramp {
   const table = new Uint8ClampedArray(4 * 256);
+  const colours = stops.map((colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16)));
   for (let k = 0; k < 256; k++) {
-    for (const c of [0, 1, 2] as const) table[4 * k + c] = first[c] + (k / 255) * (last[c] - first[c]);
+    const place = (k / 255) * (stops.length - 1);
+    const before = Math.min(Math.floor(place), stops.length - 2);
+    const [a, b] = [colours[before]!, colours[before + 1]!];
+    for (let c = 0; c < 3; c++) table[4 * k + c] = a[c]! + (place - before) * (b[c]! - a[c]!);
     table[4 * k + 3] = 255;
   }
   return new Uint32Array(table.buffer);
+}
+
+/** What a density is painted with. */
+export interface Inks {
+  /** Of the selected, from one trajectory to the most. */
+  readonly selected: Ramp;
+  /** Of all the others, the context. */
+  readonly context: Ramp;
+}
+
+/** On paper: the more, the darker. The context is lighter than the lightest of the selected. */
+const LIGHT: Inks = {
+  selected: rampOf(["#6aa9dc", "#2f78b7", "#0b4a87", "#08244a"]),
+  context: rampOf(["#dcdfe2", "#b4babf"]),
+};
+
+/** In the dark: the more, the lighter. */
+const DARK: Inks = {
+  selected: rampOf(["#2f7fc4", "#5caae6", "#a9d6fb", "#f2fbff"]),
+  context: rampOf(["#31363c", "#555d66"]),
+};
+
+/** The inks of a scheme. */
+export function inks(dark: boolean): Inks {
+  return dark ? DARK : LIGHT;
 }
 
 const DIRECT = 4096; // counts below have their colour in a table
@@ -171,13 +198,13 @@ export class Density {
     [this.canvas.width, this.canvas.height] = [width, height];
   }
 
-  /** Draws the picture over what a canvas shows, from its pixel (x, y); what no trajectory covers is left as it is. */
-  draw(target: CanvasRenderingContext2D, { chosen, context }: Pick<Theme, "chosen" | "context">, x = 0, y = 0): void {
+  /** Paints the picture over what a canvas shows, from its pixel (x, y); what no trajectory covers is left as it is. */
+  paint(target: CanvasRenderingContext2D, { selected, context }: Inks, x = 0, y = 0): void {
     const { pixels } = this;
     const over = this.selected.counts;
     const under = this.all.counts;
-    const ofSelected = colours(rampOf(chosen), this.selected.most());
-    const ofOthers = colours(rampOf(context), this.all.most());
+    const ofSelected = colours(selected, this.selected.most());
+    const ofOthers = colours(context, this.all.most());
     for (let at = 0; at < pixels.length; at++) {
       const count = over[at]!;
       const others = under[at]!;
