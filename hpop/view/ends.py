@@ -58,6 +58,23 @@ def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[F
     return places[0], np.unique(known.round(SPOT), axis=0)
 
 
+def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
+    """Where the camera starts, seen from above, and all places where it may end: see :func:`end_poses`.
+
+    A heading that the goal leaves free is none. Where that lets the camera be in many places it ends where the
+    trajectories do that were ``found``, or nowhere.
+    """
+    states, poses = _end_states(problem, found), []
+    start, *listed = (problem.model.pose("camera", state) for state in states)
+    if any(np.isnan(pose.x).any() for pose in listed):
+        listed = [problem.model.pose("camera", trajectory.states.take([-1])) for trajectory in found]
+    for pose in (start, *listed):
+        x, y, yaw = (float(np.broadcast_to(column, (1,))[0]) for column in (pose.x, pose.y, pose.yaw))
+        poses.append(EndPose(x, y, None if math.isnan(yaw) else yaw))
+    spots = {(round(pose.x, SPOT), round(pose.y, SPOT), pose.yaw and round(pose.yaw, SPOT)): pose for pose in poses[1:]}
+    return poses[0], tuple(spots.values())
+
+
 def goal_words(problem: Problem, count: int) -> str:
     """What a legend says of so many goals that are drawn."""
     if not isinstance(problem.target, GoalSet):

@@ -24,6 +24,14 @@ def targets_of(problem: Problem) -> FloatArray:
     return np.array(list(places), float).reshape(-1, 3)
 
 
+def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
+    """The places, m, each once, with all that name it."""
+    names: dict[tuple[float, float, float], list[str]] = {}
+    for name, place in _named(problem):
+        names.setdefault(place, []).append(name)
+    return [(", ".join(dict.fromkeys(several)), place) for place, several in names.items()]
+
+
 def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], FloatArray]) -> list[Line2D]:
     """Draw a ring round each, where ``flatten`` has it in the picture; returns the legend entry."""
     places = targets_of(problem)

@@ -22,6 +22,8 @@ export interface Column {
   readonly reported: boolean;
   /** A criterion that no search minimised: its least is the least of those found. */
   readonly evaluated: boolean;
+  /** What a trace shows of it, "m a second", "share at the time"; null of a column that cannot be traced. */
+  readonly along: string | null;
   /** (n,) in the unit: the floats that front.json holds, all finite. */
   readonly values: Float64Array;
   /** Least and greatest value; both 0 of a front without points. */
@@ -108,6 +110,8 @@ export interface World {
   readonly bounds: readonly [number, number, number, number];
   readonly view: readonly [number, number, number, number];
   readonly obstacles: readonly Obstacle[];
+  /** Whether all beyond the extent is obstacle. */
+  readonly outside: boolean;
   /** Closed to the robot, invisible to the camera. */
   readonly closed: Area;
   readonly people: readonly Person[];
@@ -115,6 +119,8 @@ export interface World {
   readonly groups: readonly (readonly number[])[];
   readonly landmarks: readonly Landmark[];
   readonly zones: readonly Zone[];
+  /** What the camera shall look at or a body be at, and which criteria or goals name it; m. */
+  readonly targets: readonly { readonly x: number; readonly y: number; readonly name: string }[];
   readonly start: End;
   readonly goals: readonly End[];
   /** Between which heights the camera is, m. */
@@ -131,15 +137,13 @@ export interface Trace {
   readonly x: Float64Array;
   readonly y: Float64Array;
   readonly yaw: Float64Array;
-  /** One a criterion, in the order of the columns; empty of one that cannot be traced. */
-  readonly along: readonly {
-    /** (m,) What arises in each piece: a second, or the mean or the worst in it, as `words` says. */
+  /** One a column, in their order; null of one that cannot be traced. */
+  readonly along: readonly ({
+    /** (m,) What arises in each piece: a second, or the mean or the worst in it, as `Column.along` says. */
     readonly rate: Float64Array;
     /** (m + 1,) What it has come to by each time; the last is the cost. */
     readonly running: Float64Array;
-    /** "m a second", "share at the time", ... */
-    readonly words: string;
-  }[];
+  } | null)[];
 }
 
 export interface Model {
@@ -165,24 +169,13 @@ export interface Model {
   readonly saved: string | null;
 }
 
-interface Packed {
-  readonly type: "int32" | "int16" | "float64";
-  /** Bytes from the beginning of the data. */
-  readonly at: number;
-  readonly count: number;
-  readonly order: number;
-}
+/** A part of the data: type, where it begins, how many numbers, how many times they are to be summed up. */
+type Packed = readonly [type: "int32" | "int16" | "float64", at: number, count: number, order: number];
 
 /** Rings first .. first + count of the world's. */
 interface PackedArea {
   readonly first: number;
   readonly count: number;
-}
-
-interface Along {
-  readonly words: string;
-  readonly rate: { readonly step: number; readonly values: Packed };
-  readonly running: { readonly step: number; readonly values: Packed };
 }
 
 /** As the file has it. Lengths in `Packed` are whole millimetres from the origin, angles milliradians, times ms. */
@@ -217,7 +210,10 @@ interface Payload {
     readonly x: Packed;
     readonly y: Packed;
     readonly yaw: Packed;
-    readonly along: readonly (Along | null)[];
+    /** Of each column that can be traced, what one of the numbers in `values` is of rate and running value. */
+    readonly steps: readonly (readonly [number, number])[];
+    /** Rate (m,) and running value (m + 1,) of each of these columns. */
+    readonly values: Packed;
   }[];
   readonly data: string;
 }
@@ -236,9 +232,8 @@ export async function decode(given: unknown): Promise<Model> {
   }
   const bytes = await inflated(payload.data);
   const numbers = (packed: Packed): Float64Array | Int32Array | Int16Array => unpacked(bytes, packed);
-  const scaled = (packed: Packed, step: number, zero = 0): Float64Array =>
-    Float64Array.from(numbers(packed), (value) => zero + value * step);
   // Divided, not multiplied: 0.001 is no float, and 2500 mm are 2.5 m.
+  const seconds = (packed: Packed): Float64Array => Float64Array.from(numbers(packed), (value) => value / 1000);
   const metres = (packed: Packed, axis: 0 | 1): Float64Array =>
     Float64Array.from(numbers(packed), (value) => payload.origin[axis] + value / 1000);
 
@@ -247,24 +242,22 @@ export async function decode(given: unknown): Promise<Model> {
     const [low, high] = rangeOf(values);
     return { ...column, values, low, high };
   });
-  const traces = payload.traces.map(({ row, t, x, y, yaw, along }): [number, Trace] => [
-    row,
-    {
-      t: scaled(t, 1e-3),
-      x: metres(x, 0),
-      y: metres(y, 1),
-      yaw: scaled(yaw, 1e-3),
-      along: along.map((one) =>
-        one === null
-          ? { words: "", rate: new Float64Array(0), running: new Float64Array(0) }
-          : {
-              words: one.words,
-              rate: scaled(one.rate.values, one.rate.step),
-              running: scaled(one.running.values, one.running.step),
-            },
-      ),
-    },
-  ]);
+  const traces = payload.traces.map(({ row, t, x, y, yaw, steps, values }): [number, Trace] => {
+    const all = numbers(values);
+    const pieces = t[2] - 1;
+    let begin = 0;
+    const next = (count: number, step: number): Float64Array => {
+      begin += count;
+      return Float64Array.from(all.subarray(begin - count, begin), (value) => value * step);
+    };
+    let place = 0;
+    const along = columns.map((column) => {
+      if (column.along === null) return null;
+      const [rate, running] = steps[place++]!;
+      return { rate: next(pieces, rate), running: next(pieces + 1, running) };
+    });
+    return [row, { t: seconds(t), x: metres(x, 0), y: metres(y, 1), yaw: seconds(yaw), along }];
+  });
   return {
     title: payload.title,
     status: payload.status,
@@ -336,7 +329,7 @@ async function inflated(base64: string): Promise<Uint8Array> {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-function unpacked(bytes: Uint8Array, { type, at, count, order }: Packed): Float64Array | Int32Array | Int16Array {
+function unpacked(bytes: Uint8Array, [type, at, count, order]: Packed): Float64Array | Int32Array | Int16Array {
   const values = new ARRAYS[type](count);
   const size = values.BYTES_PER_ELEMENT;
   const raw = new Uint8Array(values.buffer);

@@ -1,0 +1,1 @@
+"""The explorer of a front: a page in one file, to choose a trajectory from."""

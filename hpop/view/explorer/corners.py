@@ -1,0 +1,150 @@
+"""Where the cameras of a front go, seen from above: the corners of their paths, each distinct place once.
+
+Trajectories of a front share most of their motions, so the camera's path is found once for each motion, and what
+belongs to a trajectory is a list of places. Only corners are kept: along a straight run nothing is to be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.motion_table import MotionTable
+from hpop.motions import Law, Model, States
+from hpop.trajectory import Trajectory
+from hpop.view.paths import positions
+
+PIECES = 12  # a motion along which the camera's path bends is drawn as so many straight pieces at most,
+FEWER = (1, 2, 3, 4, 6)  # or as so many, where the path is
+BENDS = 2e-3  # m: nowhere farther from them
+STRAIGHT = 1e-7  # rad: a place where a path bends by less is no corner
+MILLIMETRES = 1000.0
+FARTHEST = 2**31 - 1  # mm
+
+
+class Corners(NamedTuple):
+    """The corners of n paths.
+
+    places   (P, 2) mm from the origin, each distinct place once, in the order in which paths come there
+    corners  (C,)   places that the paths go through, one path after another
+    counts   (n,)   corners of each path, at least one
+    heights         m, the lowest and the highest of the cameras
+    """
+
+    places: IntArray
+    corners: IntArray
+    counts: IntArray
+    heights: tuple[float, float]
+
+
+def millimetres(points: FloatArray, origin: tuple[float, float]) -> IntArray:
+    """Points (N, 2), m, as whole millimetres from an origin; what is 2,000 km away is put there."""
+    whole: IntArray = np.rint((points - np.array(origin)) * MILLIMETRES).clip(-FARTHEST, FARTHEST).astype(np.int64)
+    return whole
+
+
+def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> Corners:
+    """The corners of the paths of some trajectories of one model, or of none."""
+    if not len(trajectories):
+        nothing = np.zeros(0, dtype=np.int64)
+        return Corners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
+    table = MotionTable.of(trajectories)
+    points, through, owner = _passed(table)
+    heights = float(points[:, 2].min()), float(points[:, 2].max())
+    plane = points[:, :2]
+    grid = millimetres(plane, origin)
+    through, owner = _kept(through, owner, _moves(grid[through], owner))
+    through, owner = _kept(through, owner, _turns(plane[through], owner))
+    keys = grid[through, 0] * (2 * FARTHEST + 2) + grid[through, 1]  # within 64 bits
+    _, first, place = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # by first appearance: near each other, as paths are
+    rank = np.empty(order.size, dtype=np.int64)
+    rank[order] = np.arange(order.size)
+    counts = np.bincount(owner, minlength=len(trajectories))
+    return Corners(grid[through[first[order]]], rank[place.reshape(-1)], counts, heights)
+
+
+def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
+    """Points (G, 3), m, and which of them all trajectories pass one after another (T,), with whose each is (T,)."""
+    ends = positions(table.model.pose("camera", table.states))
+    known, counts = [ends], np.zeros(len(table), dtype=np.int64)
+    begins: IntArray = np.zeros(len(table), dtype=np.int64)
+    size = len(ends)
+    for index, law, start, end in table.by_law():
+        between = _between(table.model, law, start, end)
+        for pieces, bent in _pieces(ends[table.start[index]], between, ends[table.end[index]]):
+            motions, within = index[bent], between[bent][:, PIECES // pieces - 1 :: PIECES // pieces]
+            begins[motions] = size + np.arange(motions.size) * (pieces - 1)
+            counts[motions] = pieces - 1
+            known.append(within.reshape(-1, 3))
+            size += known[-1].shape[0]
+    each = counts[table.motions] + 1  # points of a motion: what lies within, and its end
+    lengths = np.bincount(table.owner, each, minlength=table.counts.size).astype(np.int64) + 1
+    firsts = np.cumsum(lengths) - lengths
+    through = np.empty(int(lengths.sum()), dtype=np.int64)
+    rest = np.ones(through.size, dtype=bool)
+    rest[firsts] = False
+    through[firsts] = table.first
+    piece = np.arange(int(each.sum())) - np.repeat(np.cumsum(each) - each, each)
+    of_motion = np.repeat(table.motions, each)
+    through[rest] = np.where(piece < counts[of_motion], begins[of_motion] + piece, table.end[of_motion])
+    return np.concatenate(known), through, np.repeat(np.arange(lengths.size), lengths)
+
+
+def _between(model: Model, law: Law, start: States, end: States) -> FloatArray:
+    """Where the camera is (M, PIECES - 1, 3), m, between the ends of motions, evenly by the share done."""
+    names = model.space.names
+    if not law.varies.intersection(names):
+        here = positions(model.pose("camera", start))
+        return np.repeat(here[:, None], PIECES - 1, axis=1)
+    found = []
+    for piece in range(1, PIECES):
+        share = np.full(start.size, piece / PIECES)
+        columns = {
+            name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
+            for name in names
+        }
+        found.append(positions(model.pose("camera", States(**columns))))
+    return np.stack(found, axis=1)
+
+
+def _pieces(start: FloatArray, between: FloatArray, end: FloatArray) -> list[tuple[int, BoolArray]]:
+    """In how many pieces, more than one, motions (M,) are drawn, by the fewest that the path does not leave."""
+    line = np.concatenate([start[:, None], between, end[:, None]], axis=1)  # (M, PIECES + 1, 3)
+    left, found = np.ones(len(line), dtype=bool), []
+    for pieces in (*FEWER, PIECES):
+        step = PIECES // pieces
+        knots = line[:, ::step]
+        share = (np.arange(step) / step)[:, None]
+        drawn = knots[:, :-1, None] + share * (knots[:, 1:, None] - knots[:, :-1, None])  # (M, pieces, step, 3)
+        off = np.linalg.norm(drawn.reshape(len(line), PIECES, 3)[..., :2] - line[:, :-1, :2], axis=-1)
+        fits = left & ((off.max(axis=1) < BENDS) | (pieces == PIECES))
+        if pieces > 1:
+            found.append((pieces, fits))
+        left &= ~fits
+    return found
+
+
+def _kept(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
+    return through[kept], owner[kept]
+
+
+def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
+    """Which points (T,) of paths are another place than the one before, or the first of their path."""
+    kept = np.ones(owner.size, dtype=bool)
+    kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
+    return kept
+
+
+def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
+    """Which points (T,) of paths are ends, or places where the path bends or turns back."""
+    kept = np.ones(owner.size, dtype=bool)
+    before, after = points[1:-1] - points[:-2], points[2:] - points[1:-1]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    along = (before * after).sum(axis=1)
+    inner = (owner[1:-1] == owner[:-2]) & (owner[1:-1] == owner[2:])
+    kept[1:-1] = ~inner | (along <= 0.0) | (np.abs(cross) > STRAIGHT * along)
+    return kept
