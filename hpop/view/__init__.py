@@ -15,6 +15,7 @@ matplotlib_folder.provide()
 from hpop.view import notebook
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
+from hpop.view.ride.equirect import render_360, save_360
 from hpop.view.save import save_pictures
 from hpop.view.side import draw_side
 from hpop.view.states import draw_states
@@ -30,5 +31,7 @@ __all__ = [
     "draw_states",
     "draw_trace",
     "draw_where",
+    "render_360",
+    "save_360",
     "save_pictures",
 ]

@@ -20,7 +20,6 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.problem import Problem
 from hpop.text import counted, printable
 from hpop.view.ride import surfaces
-from hpop.view.ride.boxes import boxes
 from hpop.view.ride.surfaces import Colour
 from hpop.world import World
 from hpop.world.content import Landmark, Person, Zone
@@ -234,6 +233,8 @@ class Scene:
         number = len(prisms) + 1
         cells = None
         if world.raster is not None:
+            from hpop.view.ride.boxes import boxes  # a kernel, see hpop.compiled
+
             low, high = _ends(world.raster.heights, storey)
             cells = Cells(boxes(world.raster.cells), world.raster, low, high, number, surfaces.WALL)
             number += 1

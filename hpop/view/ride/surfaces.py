@@ -22,15 +22,15 @@ Colour = tuple[int, int, int]
 
 PERIOD = 8.0
 """Side of the tile, m."""
-LONGEST, SHORTEST = 4.0, 0.16
+LONGEST, SHORTEST = 2.5, 0.12
 """Wavelengths, m."""
-WAVES = 28
+WAVES = 36
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-ROUGHNESS = 0.5
+ROUGHNESS = 0.3
 """Amplitudes grow with this power of the wavelength: coarse patches, fine grain."""
 PITCH, LINE = 0.5, 0.02
 """From one line of the grid to the next, and their width, m."""
-CONTRAST = {"floor": 0.085, "wall": 0.035}
+CONTRAST = {"floor": 0.075, "wall": 0.028}
 """Root mean square of the waves, as a share of the colour."""
 GRID = {"floor": 0.20, "wall": 0.10}
 """By what share lines are darker."""
@@ -56,6 +56,8 @@ LIGHT = (0.48, 0.6, 0.64)
 """Where the light comes from: a unit vector, the same everywhere."""
 AMBIENT, DIFFUSE = 0.84, 0.18
 """A surface with unit normal n is AMBIENT + DIFFUSE n . LIGHT times its colour, at most 1."""
+HAZE = 400.0
+"""At a distance d, in the plane, m, the share d / (d + HAZE) of what is seen is the horizon's colour."""
 
 
 def waves() -> FloatArray:
@@ -90,4 +92,5 @@ def description() -> dict[str, Any]:
         "light": list(LIGHT),
         "ambient": AMBIENT,
         "diffuse": DIFFUSE,
+        "haze": HAZE,
     }

@@ -1,0 +1,552 @@
+"""Kernels that draw a picture all round, column by column: of upright things one ray a column tells all.
+
+A ray in the plane meets edges at distances t. Going outwards, each stretch of floor, each top and each front covers an
+interval of rows that follows from its height and distance; what is nearer has been drawn. A row that is covered in part
+takes so much of the colour: edges that are not upright are smooth without further rays.
+
+But for where rays are looked for, whose result is exact all the same, there are only sums, products, quotients and
+square roots in here, which every machine rounds alike.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.compiled import kernel, lean
+from hpop.view.ride.surfaces import (
+    AMBIENT,
+    CONTRAST,
+    DIFFUSE,
+    FLOOR,
+    GRID,
+    HAZE,
+    LIGHT,
+    LINE,
+    OUTSIDE,
+    PERIOD,
+    PITCH,
+    SKIRTING,
+    SKIRTING_SHADE,
+    SKY_HORIZON,
+    ZONE_SHARE,
+)
+
+PI = math.pi
+NEAR, FAR = 1e-3, 1e6
+"""m"""
+WALL, THING, EXTENT, ZONE = 0, 1, 2, 3
+"""Kinds of items."""
+CYLINDER, ELLIPSOID = 0, 1
+"""Shapes of parts of people."""
+FLOOR_CONTRAST, WALL_CONTRAST = CONTRAST["floor"], CONTRAST["wall"]
+FLOOR_GRID, WALL_GRID = GRID["floor"], GRID["wall"]
+LIGHT_X, LIGHT_Y, LIGHT_Z = LIGHT
+UPWARD, DOWNWARD = AMBIENT + DIFFUSE * LIGHT_Z, AMBIENT - DIFFUSE * LIGHT_Z
+HAZE_RED, HAZE_GREEN, HAZE_BLUE = SKY_HORIZON
+LEAST_LEFT = 1e-4
+"""Share of a row that is no longer drawn."""
+FLATTEST = 1e-9
+"""Sine of the angle between a ray and a plate below which only its edge is seen."""
+STRETCHED = 3.0
+"""How much longer than a pixel's width in the texture its length may be before the texture is smoothed more."""
+
+
+class Tile(NamedTuple):
+    """The texture at levels of ever wider pixels.
+
+    values  all levels, one after the other
+    starts  (L,)  where each begins
+    sizes   (L,)  its side, a power of two
+    widths  (L,)  m  of the pixels for which it was made
+    """
+
+    values: NDArray[np.float32]
+    starts: IntArray
+    sizes: IntArray
+    widths: FloatArray
+
+
+class Things(NamedTuple):
+    """All that is drawn.
+
+    edges    (E, 4)  m  x0, y0, x1, y1: round what is solid counter-clockwise
+    item_of  (E,)
+    items    (I, 7)  kind, low, high, red, green, blue, number
+    parts    (P, 16)  of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of front and back,
+             number, and 0
+    plates   (L, 8)  x, y, z of the middle, normal x, y, width, height, number
+    bitmaps  values of all plates' pictures, level by level
+    places   (L, B, 3)  of each plate and level: where it begins, its width and height in pixels
+    """
+
+    edges: FloatArray
+    item_of: IntArray
+    items: FloatArray
+    parts: FloatArray
+    plates: FloatArray
+    bitmaps: NDArray[np.uint8]
+    places: IntArray
+
+
+class View(NamedTuple):
+    """From where, and on which picture.
+
+    x, y, z     m
+    pixel       rad  from one row or column to the next
+    directions  (N, 2)  unit vectors of all rays, counter-clockwise
+    shift       the ray that the left end of the picture would be
+    per_column  rays of a column
+    slopes      (H,)  of the middles of rows, upwards
+    sky         (H, 3)
+    hard        whether each pixel shows what its middle sees, and nothing else of it
+    """
+
+    x: float
+    y: float
+    z: float
+    pixel: float
+    directions: FloatArray
+    shift: int
+    per_column: int
+    slopes: FloatArray
+    sky: FloatArray
+    hard: bool
+
+
+class Sheet(NamedTuple):
+    """The column that is being drawn.
+
+    summed   (H, 3)  colours so far
+    left     (H,)    share of each row of the present ray that is not drawn
+    numbers  (H,)    what was drawn there
+    """
+
+    summed: FloatArray
+    left: FloatArray
+    numbers: NDArray[np.int32]
+
+
+@lean
+def arctangent(x):
+    """Within 1e-9, from products and quotients alone."""
+    away = abs(x)
+    turned = 0.0
+    if away > 2.414213562373095:
+        turned, away = 0.5 * PI, -1.0 / away
+    elif away > 0.4142135623730951:
+        turned, away = 0.25 * PI, (away - 1.0) / (away + 1.0)
+    q = away * away
+    series = 1 / 13 - q * (1 / 15 - q * (1 / 17 - q * (1 / 19 - q / 21)))
+    series = 1 / 3 - q * (1 / 5 - q * (1 / 7 - q * (1 / 9 - q * (1 / 11 - q * series))))
+    found = turned + away * (1.0 - q * series)
+    return found if x >= 0.0 else -found
+
+
+@lean
+def _row(slope, view):
+    """Where a slope lies in the picture, in rows from its top."""
+    return 0.5 * len(view.slopes) - arctangent(slope) / view.pixel
+
+
+@lean
+def _lines(x, width):
+    """Share of an interval round x that lies on the lines of the grid."""
+    low, high = (x + 0.5 * (LINE - width)) / PITCH, (x + 0.5 * (LINE + width)) / PITCH
+    whole_low, whole_high = math.floor(low), math.floor(high)
+    on_low = whole_low * LINE + min((low - whole_low) * PITCH, LINE)
+    on_high = whole_high * LINE + min((high - whole_high) * PITCH, LINE)
+    return min(max((on_high - on_low) / width, 0.0), 1.0)
+
+
+@lean
+def _texture(u, v, width, tile):
+    """The texture at (u, v), m, as pixels of a width show it; bilinear."""
+    level = 0
+    while level < len(tile.widths) - 1 and tile.widths[level] < width:
+        level += 1
+    size = tile.sizes[level]
+    start, mask, scale = tile.starts[level], size - 1, size / PERIOD
+    x, y = u * scale, v * scale
+    i, j = math.floor(x), math.floor(y)
+    x, y = x - i, y - j
+    left, low = int(i) & mask, int(j) & mask
+    right, high = (left + 1) & mask, start + ((low + 1) & mask) * size
+    low = start + low * size
+    values = tile.values
+    below = values[low + left] + x * (values[low + right] - values[low + left])
+    above = values[high + left] + x * (values[high + right] - values[high + left])
+    return below + y * (above - below)
+
+
+@lean
+def _take(row, top, bottom, number, sheet, view):
+    """Take the share of a row between two heights in the picture that is not drawn yet, for the thing of a number."""
+    left = sheet.left[row]
+    if view.hard:
+        share = 1.0 if left > 0.0 and top <= row + 0.5 < bottom else 0.0
+    else:
+        share = min(min(bottom, row + 1.0) - max(top, float(row)), left)
+    if share <= 0.0:
+        return 0.0
+    sheet.left[row] = left - share
+    sheet.numbers[row] = number
+    return share
+
+
+@lean
+def _add(row, share, red, green, blue, t, sheet):
+    """Add a colour, seen through the haze of a distance t, m."""
+    haze = t / (t + HAZE)
+    sheet.summed[row, 0] += share * (red + haze * (HAZE_RED - red))
+    sheet.summed[row, 1] += share * (green + haze * (HAZE_GREEN - green))
+    sheet.summed[row, 2] += share * (blue + haze * (HAZE_BLUE - blue))
+
+
+@lean
+def _rows(top, bottom, view):
+    """The rows that an interval touches: first, and beyond the last."""
+    return max(math.floor(top), 0), min(math.ceil(bottom), len(view.slopes))
+
+
+@lean
+def _plane(rise, t0, t1, red, green, blue, number, grid, contrast, dx, dy, sheet, view, tile):
+    """Draw a horizontal plane between two distances, ``rise`` m above the camera."""
+    top, bottom = _row(rise / t1, view), _row(rise / t0, view)
+    if rise > 0.0:
+        top, bottom = bottom, top
+    first, beyond = _rows(top, bottom, view)
+    for row in range(first, beyond):
+        if sheet.left[row] <= 0.0:
+            continue
+        share = _take(row, top, bottom, number, sheet, view)
+        if share <= 0.0 or view.hard:
+            continue
+        slope = view.slopes[row]
+        t = min(max(rise / slope, t0), t1) if slope * rise > 0.0 else t1
+        square = t * t + rise * rise
+        long, wide = square / abs(rise) * view.pixel, math.sqrt(square) * view.pixel
+        x, y = view.x + t * dx, view.y + t * dy
+        factor = 1.0
+        if contrast > 0.0:
+            width = max(math.sqrt(long * wide), long / STRETCHED)
+            factor = 1.0 + contrast * _texture(x, y, width, tile)
+        if grid > 0.0:
+            on_x = _lines(x, long * abs(dx) + wide * abs(dy))
+            on_y = _lines(y, long * abs(dy) + wide * abs(dx))
+            factor *= 1.0 - grid * (on_x + on_y - on_x * on_y)
+        _add(row, share, red * factor, green * factor, blue * factor, t, sheet)
+
+
+@lean
+def _front(t, item, edge, dx, dy, sheet, view, tile):
+    """Draw the front of a prism over one of its edges."""
+    low, high = item[1] - view.z, item[2] - view.z
+    top, bottom = _row(high / t, view), _row(low / t, view)
+    first, beyond = _rows(top, bottom, view)
+    along_x, along_y = edge[2] - edge[0], edge[3] - edge[1]
+    length = math.sqrt(along_x * along_x + along_y * along_y)
+    along_x, along_y = along_x / length, along_y / length
+    against = abs(dx * along_y - dy * along_x)
+    shade = min(AMBIENT + DIFFUSE * (along_y * LIGHT_X - along_x * LIGHT_Y), 1.0)
+    u = (view.x + t * dx) * along_x + (view.y + t * dy) * along_y
+    wide = t * view.pixel / max(against, 1e-3)
+    upright = _lines(u, wide)
+    has_skirting = item[0] == WALL and item[1] <= 0.0
+    for row in range(first, beyond):
+        if sheet.left[row] <= 0.0:
+            continue
+        share = _take(row, top, bottom, item[6], sheet, view)
+        if share <= 0.0 or view.hard:
+            continue
+        slope = view.slopes[row]
+        long = t * (1.0 + slope * slope) * view.pixel
+        v = min(max(view.z + t * slope, item[1]), item[2])
+        width = max(math.sqrt(long * wide), max(long, wide) / STRETCHED)
+        level = _lines(v, long)
+        factor = shade * (1.0 + WALL_CONTRAST * _texture(u, v, width, tile))
+        factor *= 1.0 - WALL_GRID * (upright + level - upright * level)
+        if has_skirting:
+            on_it = min(max((SKIRTING - v) / long + 0.5, 0.0), 1.0)
+            factor *= 1.0 - on_it * (1.0 - SKIRTING_SHADE)
+        _add(row, share, item[3] * factor, item[4] * factor, item[5] * factor, t, sheet)
+
+
+@lean
+def _part(t, part, dx, dy, sheet, view):
+    """Draw the slice of a part of a person that a ray meets."""
+    x, y = part[0] - view.x, part[1] - view.y
+    along, aside, radius = dx * x + dy * y, dx * y - dy * x, part[5]
+    depth = math.sqrt(max(radius * radius - aside * aside, 0.0))
+    middle, half = 0.5 * (part[6] + part[7]) - view.z, 0.5 * (part[7] - part[6])
+    if part[4] == CYLINDER:
+        top, bottom = _row((part[7] - view.z) / t, view), _row((part[6] - view.z) / t, view)
+        tall = 0.0
+    else:
+        tall = half * depth / radius  # half height of the slice, an ellipse
+        stretch = depth / tall
+        raised = middle * stretch
+        reach = depth * math.sqrt(max(along * along + raised * raised - depth * depth, 0.0))
+        over = along * along - depth * depth
+        top = _row((along * raised + reach) / over / stretch, view)
+        bottom = _row((along * raised - reach) / over / stretch, view)
+    first, beyond = _rows(top, bottom, view)
+    for row in range(first, beyond):
+        if sheet.left[row] <= 0.0:
+            continue
+        share = _take(row, top, bottom, part[14], sheet, view)
+        if share <= 0.0 or view.hard:
+            continue
+        slope, hit, up = view.slopes[row], t, 0.0
+        if tall > 0.0:
+            a = 1.0 / (depth * depth) + slope * slope / (tall * tall)
+            b = along / (depth * depth) + slope * middle / (tall * tall)
+            c = along * along / (depth * depth) + middle * middle / (tall * tall) - 1.0
+            hit = (b - math.sqrt(max(b * b - a * c, 0.0))) / a
+            up = (slope * hit - middle) / (half * half)
+        nx, ny = (hit * dx - x) / (radius * radius), (hit * dy - y) / (radius * radius)
+        length = math.sqrt(nx * nx + ny * ny + up * up)
+        shade = min(AMBIENT + 1.6 * DIFFUSE * (nx * LIGHT_X + ny * LIGHT_Y + up * LIGHT_Z) / length, 1.1)
+        colour = 8 if nx * part[2] + ny * part[3] > 0.0 else 11
+        _add(row, share, part[colour] * shade, part[colour + 1] * shade, part[colour + 2] * shade, t, sheet)
+
+
+@lean
+def _plate(t, p, dx, dy, sheet, view, things):
+    """Draw what a ray sees of a plate: its picture, or from behind its back."""
+    plate = things.plates[p]
+    low = plate[2] - 0.5 * plate[6] - view.z
+    top, bottom = _row((low + plate[6]) / t, view), _row(low / t, view)
+    first, beyond = _rows(top, bottom, view)
+    across = (view.x + t * dx - plate[0]) * -plate[4] + (view.y + t * dy - plate[1]) * plate[3]
+    is_front = dx * plate[3] + dy * plate[4] < 0.0
+    levels = things.places[p]
+    level = 0
+    while level < len(levels) - 1 and levels[level + 1, 2] * t * view.pixel > plate[6]:
+        level += 1
+    start, columns, rows = levels[level]
+    x = min(max((across / plate[5] + 0.5) * columns - 0.5, 0.0), columns - 1.001)
+    left = int(x)
+    x -= left
+    shade = min(AMBIENT + DIFFUSE * (plate[3] * LIGHT_X + plate[4] * LIGHT_Y), 1.0)
+    for row in range(first, beyond):
+        if sheet.left[row] <= 0.0:
+            continue
+        share = _take(row, top, bottom, plate[7], sheet, view)
+        if share <= 0.0 or view.hard:
+            continue
+        if not is_front:
+            _add(row, share, 150.0 * shade, 140.0 * shade, 126.0 * shade, t, sheet)
+            continue
+        y = min(max((1.0 - (t * view.slopes[row] - low) / plate[6]) * rows - 0.5, 0.0), rows - 1.001)
+        under = int(y)
+        y -= under
+        at = start + 3 * (under * columns + left)
+        for channel in range(3):
+            a = things.bitmaps[at + channel] * (1.0 - x) + things.bitmaps[at + 3 + channel] * x
+            b = things.bitmaps[at + 3 * columns + channel] * (1.0 - x)
+            b += things.bitmaps[at + 3 * columns + 3 + channel] * x
+            sheet.summed[row, channel] += share * shade * (a + y * (b - a))
+
+
+@lean
+def _meets_part(part, dx, dy, view):
+    """Distance, m, at which a ray comes to a part of a person; FAR where it does not, or begins within."""
+    x, y = part[0] - view.x, part[1] - view.y
+    aside = dx * y - dy * x
+    reach = part[5] * part[5] - aside * aside
+    t = dx * x + dy * y - math.sqrt(max(reach, 0.0))
+    return t if reach > 0.0 and t > NEAR else FAR
+
+
+@lean
+def _meets_plate(plate, dx, dy, view):
+    """Distance, m, at which a ray comes to a plate; FAR where it does not."""
+    x, y = plate[0] - view.x, plate[1] - view.y
+    against = dx * plate[3] + dy * plate[4]
+    if abs(against) < FLATTEST:
+        return FAR
+    t = (x * plate[3] + y * plate[4]) / against
+    across = (t * dx - x) * -plate[4] + (t * dy - y) * plate[3]
+    return t if t > NEAR and abs(across) <= 0.5 * plate[5] else FAR
+
+
+@lean
+def _insert(what, t, order, away, count):
+    """Put what is met at a distance t in order, ties by number: the same whatever the order of coming."""
+    k = count
+    while k > 0 and (away[k - 1] > t or (away[k - 1] == t and order[k - 1] > what)):
+        away[k], order[k] = away[k - 1], order[k - 1]
+        k -= 1
+    away[k], order[k] = t, what
+
+
+@lean
+def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
+    """Draw the horizontal planes over a stretch of a ray, in the order in which lines of sight meet them."""
+    items = things.items
+    bound = np.inf
+    while True:  # tops below the camera, the highest first
+        best = -1
+        for k in range(count):
+            top = items[opened[k], 2]
+            is_next = items[opened[k], 0] < EXTENT and top < min(view.z, bound)
+            if is_next and (best < 0 or top > items[best, 2]):
+                best = opened[k]
+        if best < 0:
+            break
+        bound = items[best, 2]
+        item = items[best]
+        red, green, blue = item[3] * UPWARD, item[4] * UPWARD, item[5] * UPWARD
+        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, WALL_CONTRAST, dx, dy, sheet, view, tile)
+    bound = -np.inf
+    while True:  # undersides above it, the lowest first
+        best = -1
+        for k in range(count):
+            under = items[opened[k], 1]
+            is_next = items[opened[k], 0] < EXTENT and under > max(view.z, bound)
+            if is_next and (best < 0 or under < items[best, 1]):
+                best = opened[k]
+        if best < 0:
+            break
+        bound = items[best, 1]
+        item = items[best]
+        red, green, blue = item[3] * DOWNWARD, item[4] * DOWNWARD, item[5] * DOWNWARD
+        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, WALL_CONTRAST, dx, dy, sheet, view, tile)
+    if view.z <= 0.0:
+        return
+    red, green, blue = float(OUTSIDE[0]), float(OUTSIDE[1]), float(OUTSIDE[2])
+    grid = 0.0
+    for k in range(count):
+        if items[opened[k], 0] == EXTENT:
+            red, green, blue = float(FLOOR[0]), float(FLOOR[1]), float(FLOOR[2])
+            grid = FLOOR_GRID
+    for k in range(count):
+        item = items[opened[k]]
+        if item[0] == ZONE:
+            red += ZONE_SHARE * (item[3] - red)
+            green += ZONE_SHARE * (item[4] - green)
+            blue += ZONE_SHARE * (item[5] - blue)
+    red, green, blue = red * UPWARD, green * UPWARD, blue * UPWARD
+    _plane(-view.z, t0, t1, red, green, blue, 0, grid, FLOOR_CONTRAST, dx, dy, sheet, view, tile)
+
+
+@lean
+def _ray(order, away, count, opened, open_count, is_in, dx, dy, highest, things, sheet, view, tile):
+    """Draw along a ray, from near to far, what it meets in that order."""
+    edges = len(things.edges)
+    lowest = len(view.slopes) - 1  # row that is not drawn yet
+    t0 = NEAR
+    for place in range(count + 1):
+        t1 = max(away[place], NEAR) if place < count else FAR
+        if t1 > t0:
+            _stretch(t0, t1, opened, open_count, things, dx, dy, sheet, view, tile)
+            t0 = t1
+        if place == count:
+            break
+        what = order[place]
+        if what >= edges + len(things.parts):
+            _plate(t1, what - edges - len(things.parts), dx, dy, sheet, view, things)
+        elif what >= edges:
+            _part(t1, things.parts[what - edges], dx, dy, sheet, view)
+        else:
+            i = things.item_of[what]
+            is_in[i] ^= True
+            if is_in[i]:
+                opened[open_count] = i
+                open_count += 1
+                if things.items[i, 0] < EXTENT:
+                    _front(t1, things.items[i], things.edges[what], dx, dy, sheet, view, tile)
+            else:
+                k = 0
+                while opened[k] != i:
+                    k += 1
+                open_count -= 1
+                opened[k] = opened[open_count]
+        while lowest >= 0 and sheet.left[lowest] <= LEAST_LEFT:
+            lowest -= 1
+        if lowest + 1 <= _row(max(highest - view.z, 0.0) / t1, view):
+            break  # all that is farther lies lower in the picture than what is left
+
+
+@kernel
+def draw(begin, end, met, things, view, tile):
+    """Draw columns of a picture: colours (C, H, 3), and if ``view.hard`` the numbers (C, H) of what is seen.
+
+    Colours are rounded to whole numbers, halves up. ``met`` is what `rays.crossings` tells.
+    """
+    last, distance, edge, before = met
+    rows, rays = len(view.slopes), len(view.directions)
+    colours = np.empty((end - begin, rows, 3), np.uint8)
+    numbers = np.zeros((end - begin if view.hard else 0, rows), np.int32)
+    sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
+    items = len(things.items)
+    is_in, opened = np.zeros(items, np.bool_), np.empty(items, np.int64)
+    beside = len(things.parts) + len(things.plates)
+    room = 64 + beside
+    order, away = np.empty(room, np.int64), np.empty(room)
+    highest = 0.0
+    for i in range(items):
+        highest = max(highest, things.items[i, 2])
+    for i in range(len(things.parts)):
+        highest = max(highest, things.parts[i, 7])
+    for i in range(len(things.plates)):
+        highest = max(highest, things.plates[i, 2] + things.plates[i, 6])
+    for column in range(begin, end):
+        sheet.summed[:] = 0.0
+        for sub in range(view.per_column):
+            ray = (view.shift - column * view.per_column - sub) % rays
+            dx, dy = view.directions[ray, 0], view.directions[ray, 1]
+            sheet.left[:] = 1.0
+            sheet.numbers[:] = 0
+            count, k = 0, last[ray]
+            while k >= 0:
+                is_in[things.item_of[edge[k]]] ^= True  # met an odd number of times: the camera is in it
+                count, k = count + 1, before[k]
+            if count + beside > room:
+                room = 2 * (count + beside)
+                order, away = np.empty(room, np.int64), np.empty(room)
+            count, k, open_count = 0, last[ray], 0
+            while k >= 0:
+                i = things.item_of[edge[k]]
+                if is_in[i]:
+                    known = False
+                    for j in range(open_count):
+                        known = known or opened[j] == i
+                    if not known:
+                        opened[open_count] = i
+                        open_count += 1
+                _insert(edge[k], distance[k], order, away, count)
+                count, k = count + 1, before[k]
+            for p in range(len(things.parts)):
+                t = _meets_part(things.parts[p], dx, dy, view)
+                if t < FAR:
+                    _insert(len(things.edges) + p, t, order, away, count)
+                    count += 1
+            for p in range(len(things.plates)):
+                t = _meets_plate(things.plates[p], dx, dy, view)
+                if t < FAR:
+                    _insert(len(things.edges) + len(things.parts) + p, t, order, away, count)
+                    count += 1
+            _ray(order, away, count, opened, open_count, is_in, dx, dy, highest, things, sheet, view, tile)
+            k = last[ray]
+            while k >= 0:
+                is_in[things.item_of[edge[k]]] = False
+                k = before[k]
+            for row in range(rows):
+                if sheet.left[row] > 0.0:
+                    for channel in range(3):
+                        sheet.summed[row, channel] += sheet.left[row] * view.sky[row, channel]
+        for row in range(rows):
+            for channel in range(3):
+                value = math.floor(sheet.summed[row, channel] / view.per_column + 0.5)
+                colours[column - begin, row, channel] = min(max(value, 0.0), 255.0)
+        if view.hard:
+            numbers[column - begin] = sheet.numbers
+    return colours, numbers

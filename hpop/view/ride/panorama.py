@@ -1,0 +1,176 @@
+"""Pictures all round from any place in a scene: equirectangular, level, the same bytes in any run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.view.ride import surfaces, tiles
+from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, Things, View, draw
+from hpop.view.ride.rays import crossings
+from hpop.view.ride.scene import Scene
+from hpop.view.ride.turning import turned
+
+Picture = NDArray[np.uint8]
+"""(H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
+
+FINE = 1 << 16
+"""Headings are rounded to so many parts of a column: 5e-8 rad at a width of 2048."""
+STEP = 2.0**-30
+"""Sines and cosines are rounded to multiples of it, so that libraries that differ in the last digit give the same."""
+RAYS = 2
+"""Rays of each column."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panorama:
+    """Draws a scene all round, in pictures of a width.
+
+    scene
+    width  columns, even; there are half as many rows
+
+    Columns are evenly apart in bearing and rows in elevation: column c looks to the bearing (W/2 - c - 1/2) 2 pi / W
+    from ahead, counter-clockwise positive, and row r to the elevation (H/2 - r - 1/2) pi / H. A camera that is turned
+    by a whole number of columns sees the same bytes, shifted.
+    """
+
+    scene: Scene
+    width: int
+
+    def draw(self, position: FloatArray, yaw: float, t: float) -> Picture:
+        """What a level camera at a position (3,), m, sees, that looks to a yaw, rad, at a time, s."""
+        return self._drawn(position, yaw, t, per_column=RAYS, hard=False)[0]
+
+    def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
+        """Which thing of the scene the middle of each pixel (H, W) sees, by its number; 0 for floor and sky."""
+        return self._drawn(position, yaw, t, per_column=1, hard=True)[1]
+
+    def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
+        """What a camera sees whose axes (3, 3), ahead, left and up in its columns, are not level.
+
+        A level picture of twice the size is looked up pixel by pixel, so that hardly any sharpness is lost.
+        """
+        fine = Panorama(self.scene, 2 * self.width)
+        fine.__dict__.update(_standing=self._standing, _pictures=self._pictures)
+        level = fine._drawn(position, 0.0, t, per_column=1, hard=False)[0]
+        out = np.empty((self.width // 2, self.width, 3), np.uint8)
+        columns = _unit(self.width / 2 - np.arange(self.width) - 0.5, self.width)
+        turned(level, columns, _slopes(self.width // 2), np.round(axes / STEP) * STEP, out)
+        return out
+
+    def _drawn(
+        self, position: FloatArray, yaw: float, t: float, *, per_column: int, hard: bool
+    ) -> tuple[Picture, NDArray[np.int32]]:
+        rays, rows = per_column * self.width, self.width // 2
+        x, y, z = (float(value) for value in position)
+        whole, part = divmod(round(yaw / (2.0 * math.pi) * self.width * FINE), FINE)
+        # Ray k looks to (k + offset) 2 pi / rays. The first ray of the picture lies half a ray from its left end.
+        offset = per_column * part / FINE - 0.5
+        directions = _unit(np.arange(rays) + offset, rays)
+        view = View(
+            x,
+            y,
+            z,
+            2.0 * math.pi / self.width,
+            directions,
+            (per_column * whole + rays // 2) % rays,
+            per_column,
+            _slopes(rows),
+            _sky(rows),
+            hard,
+        )
+        things = self._things(x, y, t)
+        met = crossings(things.edges, x, y, directions)
+        colours, numbers = draw(0, self.width, met, things, view, tiles.texture())
+        return np.ascontiguousarray(colours.transpose(1, 0, 2)), np.ascontiguousarray(numbers.T)
+
+    @cached_property
+    def _standing(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Edges (E, 4), the item of each, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
+        edges: list[FloatArray] = []
+        counts: list[int] = []
+        items: list[tuple[float, ...]] = []
+
+        def add(rings: tuple[FloatArray, ...], item: tuple[float, ...]) -> None:
+            around = [np.concatenate([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+            edges.extend(around)
+            counts.append(sum(map(len, around)))
+            items.append(item)
+
+        for prism in self.scene.prisms:
+            kind = WALL if prism.is_wall else THING
+            add(prism.rings, (kind, prism.low, prism.high, *prism.colour, prism.number))
+        if self.scene.cells is not None:
+            cells = self.scene.cells
+            item = (WALL, cells.low, cells.high, *cells.colour, cells.number)
+            for box in cells.corners:
+                add((box,), item)
+        for rings in self.scene.floor:
+            add(rings, (EXTENT, 0.0, 0.0, *surfaces.FLOOR, 0))
+        for area in self.scene.areas:
+            for rings in area.polygons:
+                add(rings, (ZONE, 0.0, 0.0, *area.colour, 0))
+        of = np.repeat(np.arange(len(items)), counts)
+        return np.concatenate([np.empty((0, 4)), *edges]), of, np.array(items, np.float64).reshape(-1, 7)
+
+    @cached_property
+    def _pictures(self) -> tuple[NDArray[np.uint8], IntArray]:
+        return tiles.plates(self.scene.plates)
+
+    def _things(self, x: float, y: float, t: float) -> Things:
+        """What there is at a time; plates without a facing are turned to the camera."""
+        parts: list[tuple[float, ...]] = []
+        for figure in self.scene.figures:
+            person = figure.person
+            placed = (*map(float, person.at(np.float64(t))), math.cos(person.yaw), math.sin(person.yaw))
+            for part in figure.parts:
+                shape = CYLINDER if part.shape == "cylinder" else ELLIPSOID
+                colours = (*part.colour, *part.back)
+                parts.append((*placed, shape, part.radius, part.low, part.high, *colours, figure.number, 0.0))
+        plates: list[tuple[float, ...]] = []
+        for plate in self.scene.plates:
+            mark = plate.landmark
+            if mark.facing is None:
+                away = math.hypot(x - mark.x, y - mark.y) or 1.0
+                normal = ((x - mark.x) / away, (y - mark.y) / away)
+            else:
+                normal = (math.cos(mark.facing), math.sin(mark.facing))
+            plates.append((mark.x, mark.y, mark.z, *normal, plate.width, plate.height, plate.number))
+        edges, item_of, items = self._standing
+        bitmaps, places = self._pictures
+        return Things(edges, item_of, items, _rows_of(parts, 16), _rows_of(plates, 8), bitmaps, places)
+
+
+def _rows_of(rows: list[tuple[float, ...]], columns: int) -> FloatArray:
+    return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
+    """Unit vectors (N, 2) at so many steps of which ``count`` are a whole turn, rounded."""
+    angles = steps * (2.0 * math.pi / count)
+    vectors: FloatArray = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1) / STEP) * STEP
+    return vectors
+
+
+@cache
+def _slopes(rows: int) -> FloatArray:
+    """Tangents (H,) of the elevations of the middles of rows, rounded as shares of their size."""
+    elevations = (rows / 2 - np.arange(rows) - 0.5) * (math.pi / rows)
+    mantissa, exponent = np.frexp(np.tan(elevations))
+    slopes: FloatArray = np.ldexp(np.round(mantissa / STEP) * STEP, exponent)
+    return slopes
+
+
+@cache
+def _sky(rows: int) -> FloatArray:
+    """Colours (H, 3) of rows from the horizon to overhead."""
+    up = np.clip((rows / 2 - np.arange(rows) - 0.5) / (rows / 2), 0.0, 1.0)[:, None]
+    horizon, zenith = np.array(surfaces.SKY_HORIZON, float), np.array(surfaces.SKY_ZENITH, float)
+    sky: FloatArray = horizon + (zenith - horizon) * up * (2.0 - up)
+    return sky
