@@ -1,5 +1,23 @@
+// The page of a front, as `hpop.view.save_explorer` writes it.
 import { addStyle, payloadOf } from "../shared/payload";
+import { mount, type Page } from "./page";
+import { SCHEMA, VERSION } from "./payload";
 import css from "./style.css";
 
+declare global {
+  interface Window {
+    /** The page, for tests, benchmarks, and what a live server sends. */
+    hpop?: Page;
+  }
+}
+
 addStyle(css);
-payloadOf("hpop-explorer", 1);
+mount(document.body, payloadOf(SCHEMA, VERSION), { address: true }).then(
+  (page) => { window.hpop = page; },
+  (error: unknown) => {
+    const words = document.createElement("p");
+    words.textContent = `This page cannot be shown: ${error instanceof Error ? error.message : String(error)}`;
+    document.body.append(words);
+    throw error;
+  },
+);

@@ -1,6 +1,6 @@
 // The straight runs of all paths, each distinct one once: paths of a lattice share most of theirs, so that a map draws
 // and searches hundreds of segments instead of thousands of paths.
-import type { Paths } from "./model";
+import type { Paths } from "./payload";
 
 const FINE = 1000; // points that agree to the millimetre, as the page's data hold them, are one
 const WIDE = 2 ** 26; // millimetres from the origin that a key has room for: 67 km

@@ -2,7 +2,7 @@
 //
 // One value for the whole page. Views read it and never keep what it holds; they change it by its methods, and hear
 // of the change when the page asks them to draw, once an animation frame.
-import type { Column, Model } from "./model";
+import type { Column, Model } from "./payload";
 import { History } from "./history";
 import { NO_FILTER, select, type Bound, type Filter } from "./selection";
 import { PINS } from "./theme";
@@ -13,6 +13,18 @@ export type Change = "data" | "filter" | "axes" | "sort" | "overlay";
 
 /** What rows are sorted by: a column, the number of the row, or how near it is to the wishes. */
 export type SortKey = number | "row" | "wishes";
+
+/** What a link holds. */
+export interface Chosen {
+  readonly filter: Filter;
+  readonly pins: readonly (number | null)[];
+  readonly wishes: ReadonlyMap<number, number>;
+  readonly order: readonly number[];
+  readonly flipped: ReadonlySet<number>;
+  readonly logs: ReadonlySet<number>;
+  readonly hidden: ReadonlySet<number>;
+  readonly sort: { readonly key: SortKey; readonly down: boolean };
+}
 
 export class State {
   /** (n,) 1 where a row is selected. */
@@ -32,7 +44,7 @@ export class State {
   hidden = new Set<number>();
   flipped = new Set<number>();
   logs = new Set<number>();
-  sort: { key: SortKey; down: boolean } = { key: "row", down: false };
+  sort: { readonly key: SortKey; readonly down: boolean } = { key: "row", down: false };
   readonly history = new History<Filter>(NO_FILTER);
   /** The row that was last at the focus: where the keyboard goes on. */
   last: number | null = null;
@@ -89,6 +101,23 @@ export class State {
       this.pins[free >= 0 ? free : PINS - 1] = row;
     }
     this.changed("overlay");
+  }
+
+  /** A click pins; a first tap only looks, for a finger cannot hover. */
+  click(rows: readonly number[], pointer: string): void {
+    const row = rows[0];
+    if (pointer === "touch" && (row === undefined || row !== this.focus)) this.hover(rows);
+    else if (row !== undefined) this.pin(row);
+  }
+
+  /** Pins a row as A, B or C, wherever it was pinned before. */
+  pinAt(place: number, row: number): void {
+    this.pins = this.pins.map((one, i) => (i === place ? row : one === row ? null : one));
+    this.changed("overlay");
+  }
+
+  get pinned(): { pin: number; row: number }[] {
+    return this.pins.flatMap((row, pin) => (row === null ? [] : [{ row, pin }]));
   }
 
   unpin(place: number): void {
@@ -192,10 +221,36 @@ export class State {
     return this.ranking;
   }
 
+  /** The selected row that is nearest to the wishes, or null. */
+  get wished(): number | null {
+    return this.nearest?.find((row) => this.selected[row] === 1) ?? null;
+  }
+
   /** The selected rows in the order of the table. */
   get sorted(): Int32Array {
     this.sortedRows ??= this.sortedNow();
     return this.sortedRows;
+  }
+
+  /** All that a link holds, at once. */
+  restore(chosen: Chosen): void {
+    const { order } = chosen;
+    this.pins = Array.from({ length: PINS }, (_, pin) => chosen.pins[pin] ?? null);
+    this.wishes = new Map(chosen.wishes);
+    this.flipped = new Set(chosen.flipped);
+    this.logs = new Set(chosen.logs);
+    this.hidden = new Set(chosen.hidden);
+    this.sort = chosen.sort;
+    this.order = [...new Set([...order, ...this.firstOrder])];
+    this.ranking = null;
+    this.history.restart(chosen.filter);
+    this.filtered();
+    this.changed("overlay");
+  }
+
+  /** The order of axes that nobody changed. */
+  get firstOrder(): readonly number[] {
+    return grouped(this.model);
   }
 
   // -- data ---------------------------------------------------------------------------------------------------------
@@ -222,7 +277,7 @@ export class State {
 
   private take(model: Model): void {
     this.model = model;
-    this.order = model.columns.map((_, index) => index);
+    this.order = grouped(model);
     this.selected = new Uint8Array(model.n);
     this.count = select(model, this.filter, this.selected);
     this.hovered = [];
@@ -261,6 +316,12 @@ export class State {
     }
     return down ? rows.reverse() : rows;
   }
+}
+
+/** Columns by class, performance first, what is reported last; within a class in the front's order. */
+function grouped({ columns }: Model): number[] {
+  const rank = (index: number): number => (columns[index]!.reported ? 9 : ["P", "C", "R", "O", ""].indexOf(columns[index]!.group));
+  return columns.map((_, index) => index).sort((a, b) => rank(a) - rank(b) || a - b);
 }
 
 function toggle(set: Set<number>, index: number): void {

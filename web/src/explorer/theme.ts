@@ -1,9 +1,6 @@
 // Colours of what is drawn, light and dark. Pins and groups are of Okabe and Ito (2008), as in hpop/view/style.py;
 // a dash repeats each colour, so that print without colour and colour-blind readers lose nothing.
-import type { Group } from "./model";
-
-/** RGB, 0 to 255. */
-export type Rgb = readonly [number, number, number];
+import type { Group } from "./payload";
 
 export interface Theme {
   readonly dark: boolean;
@@ -12,10 +9,6 @@ export interface Theme {
   /** Labels of ticks, what matters less. */
   readonly quiet: string;
   readonly line: string;
-  /** Rows that are not selected: few lines at one place, many. */
-  readonly context: readonly [Rgb, Rgb];
-  /** Rows that are selected: few lines at one place, many. */
-  readonly chosen: readonly [Rgb, Rgb];
   /** What the mouse or the keyboard is at. */
   readonly hover: string;
   /** Round a line that must be seen on others. */
@@ -60,14 +53,6 @@ const LIGHT: Theme = {
   ink: "#16191d",
   quiet: "#5b6570",
   line: "#c9ced4",
-  context: [
-    [226, 229, 233],
-    [190, 196, 203],
-  ],
-  chosen: [
-    [134, 172, 200],
-    [16, 52, 92],
-  ],
   hover: "#000000",
   halo: "rgba(255,255,255,0.9)",
   wall: "#5f6770",
@@ -82,14 +67,6 @@ const DARK: Theme = {
   ink: "#e9edf1",
   quiet: "#a2adb8",
   line: "#3c454f",
-  context: [
-    [40, 46, 53],
-    [74, 83, 93],
-  ],
-  chosen: [
-    [62, 110, 150],
-    [190, 226, 250],
-  ],
   hover: "#ffffff",
   halo: "rgba(10,13,16,0.9)",
   wall: "#8a949e",

@@ -1,5 +1,5 @@
 // Which rows are nearest to wished values: `front.nearest` of hpop, step by step, and an order of all rows by it.
-import type { Column, Model } from "./model";
+import type { Column, Model } from "./payload";
 
 // As in hpop/frontier/choosing.py: scaled values that differ by less are tied, a smaller range is rounding.
 const TIE = 1e-12;

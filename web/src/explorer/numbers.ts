@@ -1,0 +1,57 @@
+// Numbers as people read and type them.
+import type { Column } from "./payload";
+
+const MOST_DECIMALS = 9;
+
+/** Decimals that tell the values of a column apart to a thousandth of their range. */
+export function decimals(column: Column): number {
+  if (column.counts) return 0;
+  const span = column.high - column.low || Math.abs(column.high);
+  if (span === 0) return 0;
+  return Math.min(Math.max(3 - Math.floor(Math.log10(span) + 1e-9), 0), MOST_DECIMALS);
+}
+
+/** A value of a column, for a table: all of a column have as many decimals. */
+export function text(column: Column, value: number): string {
+  return plain(value, decimals(column));
+}
+
+/** A number with so many decimals, or with its power of ten where it has too many digits. */
+export function plain(value: number, places: number): string {
+  if (value !== 0 && (Math.abs(value) >= 1e7 || Math.abs(value) < 10 ** -places / 2)) return short(value);
+  const written = value.toFixed(places);
+  return (Number(written) === 0 ? written.replace("-", "") : written).replace("-", "\u2212");
+}
+
+/** To four figures: 1.235e+9, 0.001235. */
+export function short(value: number): string {
+  return String(Number(value.toPrecision(4))).replace("-", "\u2212");
+}
+
+/** A difference, with its sign. */
+export function signed(column: Column, difference: number): string {
+  const written = text(column, difference);
+  return difference > 0 ? `+${written}` : written;
+}
+
+/** A count of rows: 3,290. */
+export function count(n: number): string {
+  return n.toLocaleString("en-US");
+}
+
+/** A number that somebody typed, or null of anything else. */
+export function parsed(typed: string): number | null {
+  const cleaned = typed.trim().replace(/\u2212/g, "-").replace(/(\d),(?=\d{3}(\D|$))/g, "$1");
+  const value = Number(cleaned);
+  return cleaned !== "" && Number.isFinite(value) ? value : null;
+}
+
+/** The unit as it is said beside a number: nothing of shares and counts. */
+export function unit(column: Column): string {
+  return column.unit === "1" ? "" : column.unit;
+}
+
+/** A value with its name and unit: "length 33.37 m". */
+export function told(column: Column, value: number): string {
+  return `${column.name} ${text(column, value)}${unit(column) && ` ${unit(column)}`}`;
+}

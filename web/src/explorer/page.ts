@@ -1,0 +1,149 @@
+// The page: views in their places, drawn at most once an animation frame; used by a file, a notebook and a live page.
+import { axesView } from "./axes";
+import { copyDialog, helpDialog } from "./dialogs";
+import { make } from "./dom";
+import { fragmentOf, restore } from "./fragment";
+import { headerView, type Actions } from "./header";
+import { keyboard } from "./keyboard";
+import { decode } from "./payload";
+import { pinsPanel } from "./pins";
+import { State, type Change } from "./state";
+import { tableView } from "./table";
+import { onTheme } from "./theme";
+import type { View } from "./view";
+import { wishPanel } from "./wish_panel";
+
+const SETTLED = 250; // ms after the last change at which the address is written: browsers forbid more often
+
+export interface Callbacks {
+  /** Rows that are selected now. */
+  selected?(rows: number[]): void;
+  /** The row at the focus. */
+  hovered?(row: number | null): void;
+  /** Pinned rows, A, B, C. */
+  pinned?(rows: (number | null)[]): void;
+  /** Whether the address of the page holds what was chosen. */
+  readonly address?: boolean;
+}
+
+/** What tests and benchmarks read: how often views were drawn, and how long it took. */
+export interface Counters {
+  /** All views' bases, and overlays, in ms each time. */
+  readonly base: number[];
+  readonly overlay: number[];
+  /** ms after the page began to load at which it was drawn first. */
+  ready: number;
+}
+
+export interface Page {
+  readonly state: State;
+  readonly counters: Counters;
+  /** Other data in the same page: bounds, pins, wishes and axes stay. */
+  update(payload: unknown): Promise<void>;
+}
+
+/** Shows a payload in an element, whose size the page takes. */
+export async function mount(element: HTMLElement, payload: unknown, callbacks: Callbacks = {}): Promise<Page> {
+  const state = new State(await decode(payload));
+  const copy = copyDialog(state);
+  const help = helpDialog();
+  const actions: Actions = { copy: copy.open, help: () => { help.showModal(); } };
+  const table = tableView(state);
+  const views: View[] = [headerView(state, actions), axesView(state), table, wishPanel(state), pinsPanel(state)];
+  const root = make("main", "hpop", [...views.map((view) => view.element), help, copy.element]);
+  element.append(root);
+
+  const counters: Counters = { base: [], overlay: [], ready: 0 };
+  const due = new Set<"renew" | "resize" | "base" | "overlay">();
+  let asked = false;
+
+  function timed(times: number[], draw: (view: View) => void): void {
+    const begin = performance.now();
+    views.forEach(draw);
+    times.push(performance.now() - begin);
+  }
+
+  function frame(): void {
+    asked = false;
+    if (due.has("renew")) {
+      arrange();
+      for (const view of views) view.renew();
+    }
+    if (due.has("renew") || due.has("resize")) for (const view of views) view.resize();
+    if (due.size > (due.has("overlay") ? 1 : 0)) timed(counters.base, (view) => { view.drawBase(); });
+    due.clear();
+    timed(counters.overlay, (view) => { view.drawOverlay(); });
+  }
+
+  function ask(what: "renew" | "resize" | "base" | "overlay"): void {
+    due.add(what);
+    if (!asked) requestAnimationFrame(frame);
+    asked = true;
+  }
+
+  /** Parts that have nothing to show take no room. */
+  function arrange(): void {
+    root.classList.toggle("empty", state.model.n === 0);
+  }
+
+  const heard: Readonly<Record<Change, () => void>> = {
+    data: () => { ask("renew"); },
+    filter: () => { ask("base"); },
+    axes: () => { ask("base"); },
+    sort: () => { ask("base"); },
+    overlay: () => { ask("overlay"); },
+  };
+  state.listen((change) => {
+    heard[change]();
+    if (change === "overlay") {
+      callbacks.hovered?.(state.focus);
+      callbacks.pinned?.([...state.pins]);
+    } else if (change !== "sort" && change !== "axes") {
+      callbacks.selected?.(Array.from(state.selected.keys()).filter((row) => state.selected[row] === 1));
+    }
+  });
+  if (callbacks.address === true) keepAddress(state);
+
+  root.tabIndex = -1;
+  const onKey = keyboard(state, table, actions);
+  (callbacks.address === true ? document : root).addEventListener("keydown", (event) => { onKey(event as KeyboardEvent); });
+  new ResizeObserver(() => { ask("resize"); }).observe(root);
+  onTheme(() => { ask("resize"); });
+  arrange();
+  frameNow();
+  return {
+    state,
+    counters,
+    update: async (other) => { state.replace(await decode(other)); },
+  };
+
+  function frameNow(): void {
+    due.add("resize");
+    frame();
+    counters.ready = performance.now();
+  }
+}
+
+/** Reads the end of the address now and whenever somebody changes it, and writes what is chosen into it. */
+function keepAddress(state: State): void {
+  let written = "";
+  let timer = 0;
+  const read = (): void => {
+    const given = location.hash.replace(/^#/, "");
+    if (given === written) return;
+    written = given;
+    restore(state, given);
+  };
+  const write = (): void => {
+    const fragment = fragmentOf(state);
+    if (fragment === written) return;
+    written = fragment;
+    history.replaceState(null, "", fragment === "" ? location.pathname + location.search : `#${fragment}`);
+  };
+  read();
+  window.addEventListener("hashchange", read);
+  state.listen(() => {
+    window.clearTimeout(timer);
+    timer = window.setTimeout(write, SETTLED);
+  });
+}

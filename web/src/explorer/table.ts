@@ -1,0 +1,182 @@
+// The selected rows as a table: sorted by any column; only the rows in sight are in the document.
+import { headOf, make, panel } from "./dom";
+import { count, text, unit } from "./numbers";
+import type { SortKey, State } from "./state";
+import { PIN_COLOURS, PIN_NAMES } from "./theme";
+import type { View } from "./view";
+
+/** Pixels; the style sheet has the same. */
+const ROW = 24;
+const SPARE = 1; // rows beyond those in sight
+
+interface Head {
+  readonly key: SortKey;
+  readonly cell: HTMLElement;
+}
+
+/** The table also follows the keyboard: `reveal` scrolls to the row at the focus. */
+export interface TableView extends View {
+  reveal(): void;
+  /** Whole rows in sight. */
+  readonly page: number;
+}
+
+export function tableView(state: State): TableView {
+  const head = make("div", "thead", [], { role: "row" });
+  const body = make("div", "tbody", [], { role: "rowgroup" });
+  const grid = make("div", "grid", [head, body], { role: "grid", tabindex: "0", "aria-label": "selected trajectories" });
+  const element = panel("table", "Table", grid);
+  const said = make("span", "hint");
+  headOf(element).append(said);
+  let heads: Head[] = [];
+  let pool: HTMLElement[] = [];
+  let columns: readonly number[] = [];
+  let named = new Map<number, string>();
+
+  function renew(): void {
+    named = new Map(state.model.marks.map((mark) => [mark.row, mark.names.join(", ")]));
+    pool = [];
+    body.replaceChildren();
+  }
+
+  function headCell(key: SortKey, words: string, title: string): Head {
+    const cell = make("button", "th", words, { type: "button", role: "columnheader", title });
+    cell.addEventListener("click", () => {
+      state.sortBy(key, state.sort.key === key && !state.sort.down);
+    });
+    return { key, cell };
+  }
+
+  function buildHead(): void {
+    const wished = state.wishes.size > 0 ? [headCell("wishes", "near", "sort by how near it is to the wishes")] : [];
+    heads = [
+      headCell("row", "row", "sort by the number of the row, as in the front"),
+      ...wished,
+      ...columns.map((index) => {
+        const column = state.column(index);
+        const title = `sort by ${column.label}`;
+        return headCell(index, column.name + (unit(column) && ` (${unit(column)})`), title);
+      }),
+    ];
+    head.replaceChildren(...heads.map((one) => one.cell), make("span", "th name", "", { role: "columnheader", "aria-label": "names" }));
+    grid.style.setProperty("--columns", `56px ${wished.length ? "48px " : ""}repeat(${columns.length}, minmax(72px, 1fr)) minmax(96px, 1.4fr)`);
+    grid.style.setProperty("--least", `${160 + 48 * wished.length + 72 * columns.length}px`);
+    pool = [];
+    body.replaceChildren();
+  }
+
+  function cells(): number {
+    return heads.length + 1;
+  }
+
+  function newRow(): HTMLElement {
+    const row = make("div", "tr", Array.from({ length: cells() }, () => make("span", "td", "", { role: "gridcell" })), { role: "row" });
+    row.addEventListener("pointerenter", (event) => {
+      if (event.pointerType !== "touch") state.hover([Number(row.dataset.row)]);
+    });
+    row.addEventListener("click", (event) => {
+      state.click([Number(row.dataset.row)], (event).pointerType);
+    });
+    return row;
+  }
+
+  /** Fills the rows that are in sight. */
+  function fill(): void {
+    const rows = state.sorted;
+    const first = Math.max(Math.floor(grid.scrollTop / ROW) - SPARE, 0);
+    const many = Math.min(Math.ceil(grid.clientHeight / ROW) + 2 * SPARE, rows.length - first);
+    while (pool.length < many) {
+      const row = newRow();
+      pool.push(row);
+      body.append(row);
+    }
+    pool.forEach((element, i) => {
+      element.hidden = i >= many;
+      if (element.hidden) return;
+      const place = first + i;
+      const row = rows[place]!;
+      element.style.transform = `translateY(${place * ROW}px)`;
+      element.setAttribute("aria-rowindex", String(place + 2));
+      element.id = `hpop-row-${row}`;
+      element.dataset.row = String(row);
+      heads.forEach(({ key }, c) => {
+        const shown = key === "row" ? String(row) : key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
+        const cell = element.children[c]!;
+        if (cell.textContent !== shown) cell.textContent = shown;
+      });
+      const name = named.get(row) ?? "";
+      const last = element.lastElementChild as HTMLElement;
+      last.textContent = name;
+      last.title = name;
+      last.className = "td name";
+    });
+    drawOverlay();
+  }
+
+  let ranks = new Map<number, number>();
+  let ranksOf: Int32Array | null = null;
+  /** How near a row is to the wishes: 1 is the nearest of all. */
+  function rank(row: number): number {
+    if (state.nearest !== ranksOf) {
+      ranksOf = state.nearest;
+      ranks = new Map(Array.from(ranksOf ?? [], (one, i) => [one, i + 1]));
+    }
+    return ranks.get(row) ?? 0;
+  }
+
+  function drawBase(): void {
+    const shown = state.shown;
+    const wished = heads.some((one) => one.key === "wishes") !== state.wishes.size > 0;
+    if (String(shown) !== String(columns) || heads.length === 0 || wished) {
+      columns = shown;
+      buildHead();
+    }
+    for (const { key, cell } of heads) {
+      const sorted = state.sort.key === key ? (state.sort.down ? "descending" : "ascending") : "none";
+      cell.setAttribute("aria-sort", sorted);
+    }
+    body.style.height = `${state.count * ROW}px`;
+    grid.setAttribute("aria-rowcount", String(state.count + 1));
+    said.textContent = state.model.n === 0 ? "no rows" : `${count(state.count)} rows; click one to pin it`;
+    fill();
+  }
+
+  function drawOverlay(): void {
+    const { focus } = state;
+    for (const element of pool) {
+      if (element.hidden) continue;
+      const row = Number(element.dataset.row);
+      const pin = state.pins.indexOf(row);
+      element.classList.toggle("hovered", state.hovered.includes(row));
+      element.setAttribute("aria-selected", String(pin >= 0));
+      element.style.setProperty("--pin", pin < 0 ? "transparent" : PIN_COLOURS[pin]!);
+      element.dataset.pin = pin < 0 ? "" : PIN_NAMES[pin]!;
+    }
+    if (focus === null) grid.removeAttribute("aria-activedescendant");
+    else grid.setAttribute("aria-activedescendant", `hpop-row-${focus}`);
+  }
+
+  function reveal(): void {
+    const place = state.focus === null ? -1 : state.sorted.indexOf(state.focus);
+    if (place < 0) return;
+    const [top, room] = [place * ROW, grid.clientHeight - head.offsetHeight];
+    if (top < grid.scrollTop) grid.scrollTop = top;
+    else if (top + ROW > grid.scrollTop + room) grid.scrollTop = top + ROW - room;
+    fill();
+  }
+
+  grid.addEventListener("scroll", fill, { passive: true });
+  grid.addEventListener("pointerleave", () => { state.hover([]); });
+  renew();
+  return {
+    element,
+    renew,
+    resize: () => undefined,
+    drawBase,
+    drawOverlay,
+    reveal,
+    get page() {
+      return Math.max(Math.floor((grid.clientHeight - ROW) / ROW) - 1, 1);
+    },
+  };
+}
