@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors, verbose_option
-from hpop.cli.results import SAVED
+from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
-from hpop.errors import OutputError, UnknownName
+from hpop.errors import OutputError
 
 if TYPE_CHECKING:
     from hpop.front import Front
@@ -69,8 +67,8 @@ def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...])
     from hpop.verify import lost_trajectories, verify
 
     user_code.register(imports)
-    path, front = _loaded(folder)
-    problem = _problem_of(path, front)
+    path, front = loaded(folder)
+    problem = problem_of(path, front)
     _refuse_faults(path, lost_trajectories(problem, front))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
@@ -134,9 +132,9 @@ def pick(
     if row is not None and at_most:
         raise click.UsageError("--row says which one, --at-most among which: give one of them")
     user_code.register(imports)
-    path, front = _loaded(folder)
+    path, front = loaded(folder)
     if also:
-        front = _with_further(_problem_of(path, front), front, also)
+        front = _with_further(problem_of(path, front), front, also)
     picked = picking.picked(front, at_most, least=least, wish=wish, row=row)
     picking.print_picked(front, picked, saved=path)
     if csv is not None:
@@ -146,15 +144,6 @@ def pick(
         echo(f"  {', '.join(table.headings)}")
 
 
-def _loaded(folder: Path) -> tuple[Path, Front]:
-    """The file of a front, and the front in it."""
-    from hpop.front import Front
-
-    path = folder / SAVED if os.path.isdir(folder) else folder
-    with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
-        return path, Front.load(path)
-
-
 def _refuse_faults(path: Path, faults: list[str]) -> None:
     """List what is wrong with a saved front, if anything is, and end with it."""
     for fault in faults[:MOST_FAULTS]:
@@ -162,16 +151,6 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
     if faults:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
         raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
-
-
-def _problem_of(path: Path, front: Front) -> Problem:
-    """The problem that a saved front answers."""
-    from hpop.problem import Problem
-
-    try:
-        return Problem.from_description(front.problem or {})
-    except UnknownName as error:
-        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
 
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
