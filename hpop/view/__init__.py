@@ -16,6 +16,7 @@ from hpop.view import notebook
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.ride.equirect import render_360, save_360
+from hpop.view.ride.video import save_frames, save_video
 from hpop.view.save import save_pictures
 from hpop.view.side import draw_side
 from hpop.view.states import draw_states
@@ -33,5 +34,7 @@ __all__ = [
     "draw_where",
     "render_360",
     "save_360",
+    "save_frames",
     "save_pictures",
+    "save_video",
 ]

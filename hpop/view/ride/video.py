@@ -1,0 +1,304 @@
+"""Videos all round: what the viewer of a trajectory sees, frame by frame, as MP4 or as PNG frames."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop import __version__
+from hpop.errors import OptionError, OutputError
+from hpop.following import followed
+from hpop.front import Front
+from hpop.frontier.atomic import replacing
+from hpop.options import MOST_WORKERS, real, whole
+from hpop.problem import Problem
+from hpop.status import Progress, ProgressCallback
+from hpop.trajectory import Trajectory
+from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, panorama, png
+from hpop.view.ride.scene import VERSION
+from hpop.view.ride.spherical import mark_spherical
+
+if TYPE_CHECKING:
+    from hpop.view.ride.panorama import Picture
+
+FPS = 30
+SLOWEST, FASTEST = 1.0, 240.0
+"""Frames a second."""
+AHEAD = 2
+"""Frames of each worker that are drawn or wait for being written."""
+VIDEO_BYTES, PNG_BYTES = 0.06, 1.2
+"""Bytes of a pixel, generously: a disk must have so much room before a video is begun."""
+QUALITY = {"crf": "18", "preset": "veryfast"}
+"""Of x264: differences to what was drawn are not seen."""
+AXES = (
+    "equirectangular, sRGB; the middle of the picture is ahead of the camera, its left part to the left, its upper "
+    "edge overhead; metres, x right, y up in the plane, z height, angles counter-clockwise (REP-103)"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A video to be made.
+
+    problem
+    planned  the trajectory
+    run      what the robot does of it
+    rate     frames a second
+    width    pixels
+    workers  threads that draw
+    told     which trajectory of which front it is, JSON-able
+    """
+
+    problem: Problem
+    planned: Trajectory
+    run: Trajectory
+    rate: Fraction
+    width: int
+    workers: int
+    told: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        of: Front | Trajectory,
+        *,
+        row: int | None = None,
+        fps: float = FPS,
+        width: int = WIDTH,
+        workers: int | None = None,
+    ) -> Clip:
+        """What `save_video` makes, its arguments checked."""
+        trajectory, told = _chosen(problem, of, row)
+        rate = Fraction(real("fps", fps, SLOWEST, FASTEST, "a number of frames a second")).limit_denominator(1001)
+        several = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        if workers is not None:
+            several = int(whole("workers", workers, 1, MOST_WORKERS, "threads"))
+        return cls(problem, trajectory, executed(trajectory), rate, checked_width(width), several, told)
+
+    @property
+    def count(self) -> int:
+        """How many frames there are, to the end of the executed trajectory."""
+        return int(self.run.duration * self.rate + 1e-9) + 1
+
+    @property
+    def times(self) -> list[float]:
+        """When each frame is seen, s: k / fps."""
+        return [k * self.rate.denominator / self.rate.numerator for k in range(self.count)]
+
+    def frames(self) -> Iterator[Picture]:
+        """Frames in order, drawn side by side; a few at a time, however long the video is."""
+        drawn = panorama(self.problem, self.width)
+        waiting: deque[Future[Picture]] = deque()
+        with ThreadPoolExecutor(self.workers, "hpop-frame") as pool:
+            try:
+                for t in self.times:
+                    waiting.append(pool.submit(draw_at, drawn, self.run, t))
+                    if len(waiting) > AHEAD * self.workers:
+                        yield waiting.popleft().result()
+                while waiting:
+                    yield waiting.popleft().result()
+            finally:
+                for frame in waiting:
+                    frame.cancel()
+
+    def described(self, file: str) -> dict[str, Any]:
+        """What lies beside the video: all that it takes to know what was seen, and when."""
+        heights = [camera_at(self.run, t).position[2] for t in (0.0, 0.5 * self.run.duration, self.run.duration)]
+        return {
+            "schema": "hpop-360",
+            "version": 1,
+            "file": file,
+            "projection": "equirectangular",
+            "axes": AXES,
+            "field_of_view": {"horizontal": 360, "vertical": 180, "unit": "deg"},
+            "width": self.width,
+            "height": self.width // 2,
+            "frames_per_second": str(self.rate),
+            "frame_times": {"unit": "s", "values": [round(t, 9) for t in self.times]},
+            "camera_height": {"unit": "m", "values": sorted({round(float(z), 6) for z in heights})},
+            "executed": True,
+            "duration": {"unit": "s", "value": self.run.duration},
+            **self.told,
+            "scene_notes": list(panorama(self.problem, self.width).scene.notes),
+            "renderer": f"hpop {__version__}, scene {VERSION}",
+        }
+
+
+def save_video(
+    problem: Problem,
+    of: Front | Trajectory,
+    path: str | os.PathLike[str],
+    *,
+    row: int | None = None,
+    fps: float = FPS,
+    width: int = WIDTH,
+    workers: int | None = None,
+    progress: ProgressCallback | bool | None = None,
+) -> Path:
+    """Write a video all round of a trajectory as it is executed; players know it to be so. Its path.
+
+    Frame k is, before it is encoded (H.264, in MP4), what `render_360` draws at k / fps, byte by byte. Beside it lies
+    ``NAME.mp4.json`` with axes, times of frames, row and costs of the trajectory, and what the front was.
+
+    Parameters
+    ----------
+    of : a front, or a trajectory
+    row : of the front; its knee by default
+    fps : frames a second
+    width : pixels, a multiple of 4; there are half as many rows
+    workers : threads that draw; one for each core by default. The frames are the same with any
+    progress : True shows a line on the terminal; a function is called with each frame
+
+    Raises OutputError where PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room; nothing is
+    then written, and nothing stays after an interruption.
+    """
+    clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
+    av = _encoder()
+    target = Path(path)
+    if target.suffix.lower() != ".mp4":
+        raise OptionError(f"videos are MP4 files, so the name must end in .mp4, got {target.name!r}")
+    with _written(target), followed(progress) as tell:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _check_room(target.parent, clip, VIDEO_BYTES)
+        with replacing(target) as file, replacing(target.with_name(f"{target.name}.json")) as beside:
+            with av.open(file.name, "w", format="mp4") as container:
+                _encode(av, container, clip, tell)
+            with open(file.name, "r+b") as whole_file:
+                mark_spherical(whole_file)
+            beside.write(_json(clip.described(target.name)))
+    return target
+
+
+def save_frames(
+    problem: Problem,
+    of: Front | Trajectory,
+    folder: str | os.PathLike[str],
+    *,
+    row: int | None = None,
+    fps: float = FPS,
+    width: int = WIDTH,
+    workers: int | None = None,
+    progress: ProgressCallback | bool | None = None,
+) -> Path:
+    """Write the frames of a video, as `save_video` has them, as ``frame_00000.png``, ...: no other package is needed.
+
+    The folder must be new or empty: it appears when all frames are there, with ``frames.json`` beside them. Its path.
+    """
+    clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
+    target = Path(folder)
+    with _written(target), followed(progress) as tell:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise OutputError(f"{target} is there already and is not an empty folder; remove it, or choose another")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _check_room(target.parent, clip, PNG_BYTES)
+        partial = Path(mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        try:
+            count = clip.count
+            for k, picture in enumerate(clip.frames()):
+                (partial / f"frame_{k:05}.png").write_bytes(png(picture))
+                _tell(tell, k + 1, count)
+            (partial / "frames.json").write_bytes(_json(clip.described("frame_00000.png")))
+            partial.chmod(0o755)
+            partial.replace(target)
+        except BaseException:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise
+    return target
+
+
+def _chosen(problem: Problem, of: Front | Trajectory, row: int | None) -> tuple[Trajectory, dict[str, Any]]:
+    """The trajectory, and what is told of it."""
+    if not isinstance(of, Front):
+        executed(of)
+        if row is not None:
+            raise OptionError("row says which trajectory of a front; give a front, or leave row out")
+        return of, {"row": None, "costs": problem.evaluate(of), "units": {c.name: c.unit for c in problem.criteria}}
+    if not len(of):
+        raise OptionError(f"the front has no trajectories; its search ended with {of.status!r}")
+    if row is not None:
+        whole("row", row, 0, len(of) - 1, "a trajectory of the front")
+    point = of.knee() if row is None else of[int(row)]
+    costs = json.dumps([list(of.names), list(of.units), of.costs.tolist()], separators=(",", ":"))
+    return point.item, {
+        "row": point.index,
+        "costs": point.costs,
+        "units": dict(zip(of.names, of.units, strict=True)),
+        "front": {
+            "trajectories": len(of),
+            "certificate": of.certificate,
+            "sha256": hashlib.sha256(costs.encode()).hexdigest(),
+            "sha256_of": "[names, units, costs] as JSON without blanks",
+        },
+    }
+
+
+def _encoder() -> Any:
+    """PyAV, or an error that says how to get it, or do without."""
+    try:
+        import av
+    except ImportError as error:
+        raise OutputError(
+            f"videos are encoded by PyAV, the extra hpop[video] ({error}); pip install 'hpop[video]', or write PNG "
+            "frames: hpop.view.save_frames, hpop ride --frames FOLDER"
+        ) from None
+    return av
+
+
+def _encode(av: Any, container: Any, clip: Clip, tell: ProgressCallback | None) -> None:
+    """Write all frames, one after the other."""
+    stream = container.add_stream("libx264", rate=clip.rate, options=QUALITY)
+    stream.width, stream.height, stream.pix_fmt = clip.width, clip.width // 2, "yuv420p"
+    context = stream.codec_context
+    context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709
+    context.color_range = 1  # 16 to 235
+    count = clip.count
+    for k, picture in enumerate(clip.frames()):
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
+        container.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace="ITU709")))
+        _tell(tell, k + 1, count)
+    container.mux(stream.encode(None))
+
+
+def _tell(tell: ProgressCallback | None, done: int, count: int) -> None:
+    if tell is not None:
+        tell(Progress("drawing", detail=f"frame {done:,} of {count:,}"))
+
+
+def _check_room(folder: Path, clip: Clip, per_pixel: float) -> None:
+    """Refuse what the disk may not hold."""
+    needed = clip.count * clip.width * clip.width // 2 * per_pixel
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise OutputError(
+            f"{clip.count:,} frames of {clip.width} x {clip.width // 2} may take {needed / 1e6:,.0f} MB, but "
+            f"{folder} has room for {free / 1e6:,.0f} MB; choose a smaller width, a lower rate, or another disk"
+        )
+
+
+def _json(told: dict[str, Any]) -> bytes:
+    """An object as JSON, a line for each key: it has thousands of times."""
+    lines = (f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in told.items())
+    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+
+
+@contextmanager
+def _written(target: Path) -> Iterator[None]:
+    """Errors of writing, as one message; nothing is left of what was begun."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {target}: {error.strerror or error}; nothing was written") from None
