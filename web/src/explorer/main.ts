@@ -3,6 +3,7 @@ import { addStyle, payloadOf } from "../shared/payload";
 import { mount, type Page } from "./page";
 import { SCHEMA, VERSION } from "./payload";
 import css from "./style.css";
+import viewsCss from "./views.css";
 
 declare global {
   interface Window {
@@ -11,7 +12,7 @@ declare global {
   }
 }
 
-addStyle(css);
+addStyle(css + viewsCss);
 mount(document.body, payloadOf(SCHEMA, VERSION), { address: true }).then(
   (page) => { window.hpop = page; },
   (error: unknown) => {

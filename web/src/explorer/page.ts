@@ -5,11 +5,14 @@ import { make } from "./dom";
 import { fragmentOf, restore } from "./fragment";
 import { headerView, type Actions } from "./header";
 import { keyboard } from "./keyboard";
+import { mapView } from "./map";
+import { matrixView } from "./matrix";
 import { decode } from "./payload";
 import { pinsPanel } from "./pins";
 import { State, type Change } from "./state";
 import { tableView } from "./table";
 import { onTheme } from "./theme";
+import { traceView } from "./trace";
 import type { View } from "./view";
 import { wishPanel } from "./wish_panel";
 
@@ -49,7 +52,16 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   const help = helpDialog();
   const actions: Actions = { copy: copy.open, help: () => { help.showModal(); } };
   const table = tableView(state);
-  const views: View[] = [headerView(state, actions), axesView(state), table, wishPanel(state), pinsPanel(state)];
+  const views: View[] = [
+    headerView(state, actions),
+    axesView(state),
+    mapView(state),
+    matrixView(state),
+    traceView(state),
+    table,
+    wishPanel(state),
+    pinsPanel(state),
+  ];
   const root = make("main", "hpop", [...views.map((view) => view.element), help, copy.element]);
   element.append(root);
 
@@ -107,7 +119,8 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   root.tabIndex = -1;
   const onKey = keyboard(state, table, actions);
   (callbacks.address === true ? document : root).addEventListener("keydown", (event) => { onKey(event as KeyboardEvent); });
-  new ResizeObserver(() => { ask("resize"); }).observe(root);
+  const sizes = new ResizeObserver(() => { ask("resize"); });
+  for (const sized of [root, ...root.querySelectorAll(".plot")]) sizes.observe(sized);
   onTheme(() => { ask("resize"); });
   arrange();
   frameNow();

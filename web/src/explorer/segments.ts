@@ -2,9 +2,6 @@
 // and searches hundreds of segments instead of thousands of paths.
 import type { Paths } from "./payload";
 
-const FINE = 1000; // points that agree to the millimetre, as the page's data hold them, are one
-const WIDE = 2 ** 26; // millimetres from the origin that a key has room for: 67 km
-
 /** Lists of numbers in one array: those of i are items[offsets[i]] .. items[offsets[i + 1] - 1]. */
 export interface Lists {
   readonly offsets: Uint32Array;
@@ -23,60 +20,32 @@ export interface Segments {
 }
 
 /** The distinct segments of paths, whichever way they are gone; turns in place have none. */
-export function segmentsOf(paths: Paths): Segments {
-  const n = paths.offsets.length - 1;
-  const points = new Map<number, number>();
-  const px: number[] = [];
-  const py: number[] = [];
+export function segmentsOf({ offsets, point, points, x, y }: Paths): Segments {
   const known = new Map<number, number>();
-  const tails: number[] = [];
-  const heads: number[] = [];
+  const ends: number[] = []; // the corners of each segment, places in x and y
   const latest: number[] = []; // the row that used a segment last: a row that comes again is counted once
   const used: number[] = []; // segment and row, pair by pair
-  const pointAt = (at: number): number => {
-    const x = Math.round(paths.x[at]! * FINE);
-    const y = Math.round(paths.y[at]! * FINE);
-    const key = (x + WIDE) * 2 * WIDE + (y + WIDE);
-    let id = points.get(key);
-    if (id === undefined) {
-      id = px.length;
-      points.set(key, id);
-      px.push(paths.x[at]!);
-      py.push(paths.y[at]!);
-    }
-    return id;
-  };
-  for (let row = 0; row < n; row++) {
-    const end = paths.offsets[row + 1]!;
-    let before = -1;
-    for (let at = paths.offsets[row]!; at < end; at++) {
-      const here = pointAt(at);
-      if (before >= 0 && before !== here) {
-        const key = Math.min(before, here) * WIDE + Math.max(before, here);
-        let segment = known.get(key);
-        if (segment === undefined) {
-          segment = tails.length;
-          known.set(key, segment);
-          tails.push(before);
-          heads.push(here);
-          latest.push(-1);
-        }
-        if (latest[segment] !== row) {
-          latest[segment] = row;
-          used.push(segment, row);
-        }
+  for (let row = 0; row + 1 < offsets.length; row++) {
+    for (let at = offsets[row]! + 1; at < offsets[row + 1]!; at++) {
+      const [tail, head] = [point[at - 1]!, point[at]!];
+      if (tail === head) continue;
+      const key = Math.min(tail, head) * points + Math.max(tail, head);
+      let segment = known.get(key);
+      if (segment === undefined) {
+        segment = latest.length;
+        known.set(key, segment);
+        ends.push(at - 1, at);
+        latest.push(-1);
       }
-      before = here;
+      if (latest[segment] === row) continue;
+      latest[segment] = row;
+      used.push(segment, row);
     }
   }
-  return {
-    count: tails.length,
-    x0: Float64Array.from(tails, (id) => px[id]!),
-    y0: Float64Array.from(tails, (id) => py[id]!),
-    x1: Float64Array.from(heads, (id) => px[id]!),
-    y1: Float64Array.from(heads, (id) => py[id]!),
-    rows: listsOf(tails.length, used),
-  };
+  const count = latest.length;
+  const of = (values: Float64Array, end: 0 | 1) =>
+    Float64Array.from({ length: count }, (_, segment) => values[ends[2 * segment + end]!]!);
+  return { count, x0: of(x, 0), y0: of(y, 0), x1: of(x, 1), y1: of(y, 1), rows: listsOf(count, used) };
 }
 
 /** Lists of `count` keys, from pairs (key, item) one after the other; the order of pairs is kept. */
@@ -102,7 +71,7 @@ export function usersOf({ count, rows }: Segments, selected: Uint8Array): Uint32
 }
 
 /** Distance from a point to a segment. */
-export function distanceTo(x: number, y: number, x0: number, y0: number, x1: number, y1: number): number {
+function distanceTo(x: number, y: number, x0: number, y0: number, x1: number, y1: number): number {
   const dx = x1 - x0;
   const dy = y1 - y0;
   const square = dx * dx + dy * dy;
@@ -139,7 +108,7 @@ export class SegmentGrid {
   }
 
   /** Segments within `reach` (m) of a point, the nearest first. */
-  near(x: number, y: number, reach: number): { segment: number; distance: number }[] {
+  near(x: number, y: number, reach: number): number[] {
     const { x0, y0, x1, y1 } = this.segments;
     const found = new Map<number, number>();
     const [left, below] = [this.columnOf(x - reach), this.rowOf(y - reach)];
@@ -149,15 +118,12 @@ export class SegmentGrid {
         const cell = j * this.columns + i;
         for (let at = this.lists.offsets[cell]!; at < this.lists.offsets[cell + 1]!; at++) {
           const s = this.lists.items[at]!;
-          if (found.has(s)) continue;
           const distance = distanceTo(x, y, x0[s]!, y0[s]!, x1[s]!, y1[s]!);
           if (distance <= reach) found.set(s, distance);
         }
       }
     }
-    return [...found]
-      .map(([segment, distance]) => ({ segment, distance }))
-      .sort((a, b) => a.distance - b.distance || a.segment - b.segment);
+    return [...found].sort(([s, a], [r, b]) => a - b || s - r).map(([segment]) => segment);
   }
 
   private columnOf(x: number): number {
