@@ -5,7 +5,7 @@ import { createHash } from "node:crypto";
 import { existsSync, mkdirSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { dirname, join, relative, sep } from "node:path";
 import { fileURLToPath } from "node:url";
-import { build } from "esbuild";
+import { build, transform } from "esbuild";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const target = join(here, "..", "hpop", "view", "web");
@@ -29,6 +29,17 @@ function hashOfSources() {
   return hash.digest("hex");
 }
 
+// Style sheets are text in a bundle, without their spaces.
+const styles = {
+  name: "styles",
+  setup(build) {
+    build.onLoad({ filter: /\.css$/ }, async ({ path }) => {
+      const { code } = await transform(readFileSync(path, "utf8"), { loader: "css", minify: true });
+      return { contents: code, loader: "text" };
+    });
+  },
+};
+
 async function bundled({ entry, format }, hash) {
   const result = await build({
     absWorkingDir: here,
@@ -38,7 +49,7 @@ async function bundled({ entry, format }, hash) {
     format,
     target: "es2022",
     charset: "ascii",
-    loader: { ".css": "text" },
+    plugins: [styles],
     legalComments: "inline",
     banner: { js: `/* hpop, sources ${hash} */` },
     write: false,

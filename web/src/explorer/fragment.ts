@@ -2,7 +2,7 @@
 //
 //   b      bounds, NAME:LOW-HIGH, an open end is *        order  names of the axes
 //   pin    rows of A, B, C; empty where there is none     flip, log, hide  names
-//   wish   NAME:VALUE                                     sort   NAME, row or wishes; -NAME for the greatest first
+//   wish   NAME:VALUE                                     sort   NAME, :row or :wishes; -NAME for the greatest first
 //   rows   those kept, as 0-12,17; absent where all are
 // Names are percent-encoded, so that none holds a comma, a colon or an ampersand.
 import type { Bound } from "./selection";
@@ -36,7 +36,7 @@ export function fragmentOf(state: State): string {
     ["flip", names(state.flipped)],
     ["log", names(state.logs)],
     ["hide", names(state.hidden)],
-    ["sort", key === ":row" && !state.sort.down ? "" : (state.sort.down ? "-" : "") + key],
+    ["sort", key === (state.wishes.size > 0 ? ":wishes" : ":row") && !state.sort.down ? "" : (state.sort.down ? "-" : "") + key],
   ];
   return parts.flatMap(([part, text]) => (text === "" ? [] : [`${part}=${text}`])).join("&");
 }
@@ -64,7 +64,7 @@ export function restore(state: State, fragment: string): void {
   }
   const pins = (parts.get("pin") ?? "").split(",").map((text) => (/^\d+$/.test(text) && Number(text) < state.model.n ? Number(text) : null));
   const wishes = new Map(valued("wish").map(([column, text]) => [column, Number(text)] as const).filter(([, value]) => Number.isFinite(value)));
-  const [, minus, key] = /^(-?)(.*)$/.exec(parts.get("sort") ?? "")!;
+  const [, minus, key] = /^(-?)(.*)$/.exec(parts.get("sort") ?? ":wishes")!;
   const sort: SortKey = key === ":wishes" && wishes.size > 0 ? "wishes" : index(key!) >= 0 ? index(key!) : "row";
   state.restore({
     filter: { bounds, kept: keptOf(parts.get("rows"), state.model.n) },

@@ -119,11 +119,18 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   root.tabIndex = -1;
   const onKey = keyboard(state, table, actions);
   (callbacks.address === true ? document : root).addEventListener("keydown", (event) => { onKey(event as KeyboardEvent); });
-  const sizes = new ResizeObserver(() => { ask("resize"); });
-  for (const sized of [root, ...root.querySelectorAll(".plot")]) sizes.observe(sized);
+  const sized = [root, ...root.querySelectorAll(".plot")];
+  const sizes = (): string => sized.map((one) => `${one.clientWidth} ${one.clientHeight}`).join();
+  let drawnAt = "";
+  const watch = new ResizeObserver(() => {
+    if (sizes() !== drawnAt) ask("resize");
+    drawnAt = sizes();
+  });
   onTheme(() => { ask("resize"); });
   arrange();
   frameNow();
+  drawnAt = sizes();
+  for (const one of sized) watch.observe(one);
   return {
     state,
     counters,

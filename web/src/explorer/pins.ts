@@ -15,17 +15,20 @@ export function pinsPanel(state: State): View {
     const { pins, focus, model } = state;
     const placed = state.pinned;
     const looked = focus !== null && !pins.includes(focus) ? focus : null;
-    const rows = [...placed.map(({ row }) => row), ...(looked === null ? [] : [looked])];
+    const { wished } = state;
+    const wish = wished !== null && !pins.includes(wished) && wished !== looked ? wished : null;
+    const rows = [...placed.map(({ row }) => row), ...[wish, looked].filter((row) => row !== null)];
     help.hidden = rows.length > 0;
     help.textContent = model.n === 0 ? "There is nothing to compare." : "Click a line, a point, a path or a row of the table to pin it here; up to three.";
     table.hidden = rows.length === 0;
     if (rows.length === 0) return;
     const heads = placed.map(({ row, pin }) => pinHead(row, pin));
-    if (looked !== null) heads.push(make("th", "looked", [make("span", "", `row ${count(looked)}`), nameOf(looked)], { scope: "col" }));
+    if (wish !== null) heads.push(make("th", "wished", [make("span", "", "nearest"), make("span", "", `row ${count(wish)}`), nameOf(wish)], { scope: "col" }));
+    if (looked !== null) heads.push(make("th", "looked", [make("span", "", looked === wished ? "nearest" : "here"), make("span", "", `row ${count(looked)}`), nameOf(looked)], { scope: "col" }));
     const lines = state.order.map((index) => {
       const column = state.column(index);
       const name = make("th", "", column.name + (unit(column) && ` (${unit(column)})`), { scope: "row", title: column.label });
-      name.style.borderColor = GROUP_COLOURS[column.group];
+      name.style.borderLeftColor = GROUP_COLOURS[column.group];
       const cells = rows.map((row, i) => {
         const value = column.values[row]!;
         const cell = make("td", "", text(column, value), { title: String(value) });

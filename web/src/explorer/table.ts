@@ -1,12 +1,15 @@
 // The selected rows as a table: sorted by any column; only the rows in sight are in the document.
-import { headOf, make, panel } from "./dom";
+import { button, headOf, make, panel } from "./dom";
 import { count, text, unit } from "./numbers";
+import type { Mark } from "./payload";
 import type { SortKey, State } from "./state";
 import { PIN_COLOURS, PIN_NAMES } from "./theme";
 import type { View } from "./view";
 
 /** Pixels; the style sheet has the same. */
 const ROW = 24;
+/** Before the number of a row that has a name. */
+const NAMED = "\u25c6";
 const SPARE = 1; // rows beyond those in sight
 
 interface Head {
@@ -27,7 +30,9 @@ export function tableView(state: State): TableView {
   const grid = make("div", "grid", [head, body], { role: "grid", tabindex: "0", "aria-label": "selected trajectories" });
   const element = panel("table", "Table", grid);
   const said = make("span", "hint");
+  const chips = make("div", "chips");
   headOf(element).append(said);
+  grid.before(chips);
   let heads: Head[] = [];
   let pool: HTMLElement[] = [];
   let columns: readonly number[] = [];
@@ -37,6 +42,16 @@ export function tableView(state: State): TableView {
     named = new Map(state.model.marks.map((mark) => [mark.row, mark.names.join(", ")]));
     pool = [];
     body.replaceChildren();
+    chips.replaceChildren(...state.model.marks.map(chipOf));
+  }
+
+  /** A row with a name, to be found at once. */
+  function chipOf({ names, row }: Mark): HTMLElement {
+    const chip = button(`${NAMED} ${names.join(", ")}`, `row ${row}: pin it, or take its pin away`, () => { state.pin(row); });
+    chip.dataset.row = String(row);
+    chip.addEventListener("pointerenter", () => { state.hover([row]); });
+    chip.addEventListener("pointerleave", () => { state.hover([]); });
+    return chip;
   }
 
   function headCell(key: SortKey, words: string, title: string): Head {
@@ -55,12 +70,13 @@ export function tableView(state: State): TableView {
       ...columns.map((index) => {
         const column = state.column(index);
         const title = `sort by ${column.label}`;
-        return headCell(index, column.name + (unit(column) && ` (${unit(column)})`), title);
+        return headCell(index, column.name.replace(/_/g, "_\u200b") + (unit(column) && ` (${unit(column)})`), title);
       }),
     ];
+    const widths = columns.map((index) => Math.min(Math.max(longest(state.column(index).name) * 7 + 16, 68), 130));
     head.replaceChildren(...heads.map((one) => one.cell), make("span", "th name", "", { role: "columnheader", "aria-label": "names" }));
-    grid.style.setProperty("--columns", `56px ${wished.length ? "48px " : ""}repeat(${columns.length}, minmax(72px, 1fr)) minmax(96px, 1.4fr)`);
-    grid.style.setProperty("--least", `${160 + 48 * wished.length + 72 * columns.length}px`);
+    grid.style.setProperty("--columns", `56px ${wished.length ? "48px " : ""}${widths.map((width) => `minmax(${width}px, 1fr)`).join(" ")} minmax(90px, 1fr)`);
+    grid.style.setProperty("--least", `${160 + 48 * wished.length + widths.reduce((sum, width) => sum + width, 0)}px`);
     pool = [];
     body.replaceChildren();
   }
@@ -100,7 +116,7 @@ export function tableView(state: State): TableView {
       element.id = `hpop-row-${row}`;
       element.dataset.row = String(row);
       heads.forEach(({ key }, c) => {
-        const shown = key === "row" ? String(row) : key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
+        const shown = key === "row" ? (named.has(row) ? `${NAMED} ${row}` : String(row)) : key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
         const cell = element.children[c]!;
         if (cell.textContent !== shown) cell.textContent = shown;
       });
@@ -152,6 +168,9 @@ export function tableView(state: State): TableView {
       element.style.setProperty("--pin", pin < 0 ? "transparent" : PIN_COLOURS[pin]!);
       element.dataset.pin = pin < 0 ? "" : PIN_NAMES[pin]!;
     }
+    for (const chip of chips.children as Iterable<Element> as Iterable<HTMLElement>) {
+      chip.setAttribute("aria-pressed", String(state.pins.includes(Number(chip.dataset.row))));
+    }
     if (focus === null) grid.removeAttribute("aria-activedescendant");
     else grid.setAttribute("aria-activedescendant", `hpop-row-${focus}`);
   }
@@ -179,4 +198,9 @@ export function tableView(state: State): TableView {
       return Math.max(Math.floor((grid.clientHeight - ROW) / ROW) - 1, 1);
     },
   };
+}
+
+/** Letters of the longest part of a name that is not broken. */
+function longest(name: string): number {
+  return Math.max(...name.split(/[_ ]/).map((part) => part.length)) + (name.includes("_") ? 1 : 0);
 }
