@@ -37,6 +37,7 @@ export function tableView(state: State): TableView {
   let pool: HTMLElement[] = [];
   let columns: readonly number[] = [];
   let named = new Map<number, string>();
+  let sortedBy = "";
 
   function renew(): void {
     named = new Map(state.model.marks.map((mark) => [mark.row, mark.names.join(", ")]));
@@ -147,8 +148,11 @@ export function tableView(state: State): TableView {
       columns = shown;
       buildHead();
     }
+    const { key: by, down } = state.sort;
+    if (`${by} ${down}` !== sortedBy) grid.scrollTop = 0;
+    sortedBy = `${by} ${down}`;
     for (const { key, cell } of heads) {
-      const sorted = state.sort.key === key ? (state.sort.down ? "descending" : "ascending") : "none";
+      const sorted = by === key ? (down ? "descending" : "ascending") : "none";
       cell.setAttribute("aria-sort", sorted);
     }
     body.style.height = `${state.count * ROW}px`;
