@@ -28,7 +28,7 @@ def test_the_first_block_of_the_readme_plans_and_draws(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(blocks("README.md")[0], "README.md", "exec"), {})
     written = {path.name for path in (tmp_path / "out/museum").iterdir()}
-    assert {"front.json", "map.png", "front.png", "trace.png", "where.png"} <= written
+    assert {"front.json", "front.html", "map.png", "front.png", "trace.png", "where.png"} <= written
     assert {path.name for path in tmp_path.iterdir()} == {"out"}  # which git ignores in a clone
 
 

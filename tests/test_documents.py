@@ -144,6 +144,7 @@ def test_the_readmes_commands_plan_show_and_pick(tmp_path: Path, monkeypatch: py
     assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
     assert {path.name for path in (tmp_path / "out/museum").iterdir()} == {
         "front.json",
+        "front.html",
         "museum.yaml",
         "museum.geojson",
     }

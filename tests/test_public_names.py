@@ -90,6 +90,7 @@ hpop.view.draw_side
 hpop.view.draw_states
 hpop.view.draw_trace
 hpop.view.draw_where
+hpop.view.save_explorer
 hpop.view.save_pictures
 hpop.world.Box
 hpop.world.Cylinder

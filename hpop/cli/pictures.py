@@ -78,8 +78,9 @@ class PicturesBeside:
         self._process.kill()
         self._process.wait()
         self._process = None
-        for half in self.folder.glob(".*.png.*.tmp"):
-            half.unlink(missing_ok=True)
+        for ending in (".png", ".html"):
+            for half in self.folder.glob(f".*{ending}.*.tmp"):
+                half.unlink(missing_ok=True)
 
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
@@ -87,17 +88,16 @@ def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str
     from hpop import garbage
 
     garbage.seldom()
-    from hpop.cli import user_code
+    from hpop.cli import results, user_code
     from hpop.front import Front
     from hpop.problem import Problem
-    from hpop.view import save_pictures
 
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     user_code.register(imports)
-    front = Front.load(folder / "front.json")
+    front = Front.load(folder / results.SAVED)
     problem = Problem.from_description(front.problem or {})
-    save_pictures(problem, front, folder, map_alone=which == "map", max_memory=max_memory)
+    results.draw(problem, front, folder, map_alone=which == "map", max_memory=max_memory)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The folder that `hpop plan` writes and `hpop show` reads: a front, and its pictures."""
+"""The folder that `hpop plan` writes and `hpop show` reads: a front, its pictures and the page to choose from."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
-PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png")
+PAGE = "front.html"
+PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", PAGE)
 
 
 @contextmanager
@@ -102,7 +103,7 @@ def _holder(out: Path) -> str:
 
 
 def save(front: Front, out: Path) -> None:
-    """Write the front, elsewhere if need be; pictures of an earlier one would contradict it."""
+    """Write the front, elsewhere if need be; pictures and the page of an earlier one would contradict it."""
     try:
         with output_errors(f"cannot write to {out}", "choose another --out"):
             out.mkdir(parents=True, exist_ok=True)
@@ -119,13 +120,23 @@ def save(front: Front, out: Path) -> None:
         raise OutputError(f"{error}; the front is saved in {rescue / SAVED}") from None
 
 
+def save_page(problem: Problem, front: Front, saved: Path) -> Path:
+    """Write the page to choose from beside the file of a front."""
+    from hpop.view import save_explorer
+
+    return save_explorer(problem, front, saved.with_name(PAGE), saved=saved)
+
+
 def draw(
     problem: Problem, front: Front, out: Path, *, map_alone: bool = False, max_memory: int | None = None
 ) -> list[str]:
-    """Names of the pictures drawn; they come last, and whatever goes wrong with them, the front is saved."""
+    """Names of what is drawn, the map or all pictures and the page; whatever goes wrong with it, the front is saved."""
     try:
         from hpop.view import save_pictures
 
-        return [path.name for path in save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory)]
+        drawn = save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory)
+        if not map_alone:
+            drawn.append(save_page(problem, front, out / SAVED))
+        return [path.name for path in drawn]
     except Exception as error:
         raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors, verbose_option
 from hpop.cli.front_file import loaded, problem_of
+from hpop.cli.results import PAGE
 from hpop.cli.terminal import echo
 from hpop.errors import OutputError
 
@@ -56,10 +58,12 @@ also_option = click.option(
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @also_option
+@click.option("--web", is_flag=True, help=f"Write {PAGE}, to choose from in a browser, beside the front.")
+@click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser.")
 @verbose_option
 @imports_option
 @user_errors
-def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...]) -> None:
+def show(folder: Path, also: list[str], web: bool, opens: bool, verbose: bool, imports: tuple[str, ...]) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop import following
     from hpop.cli import report, user_code
@@ -78,6 +82,11 @@ def show(folder: Path, also: list[str], verbose: bool, imports: tuple[str, ...])
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
     echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+    if web or opens:
+        page = results.save_page(problem, more, path)
+        echo(f"written: {page}, to choose from in a browser")
+        if opens:
+            _open(page)
 
 
 @click.command()
@@ -142,6 +151,18 @@ def pick(
         table.to_csv(csv)
         echo(f"written to {csv}: the camera every 0.1 s of the executed trajectory, {len(table):,} rows of")
         echo(f"  {', '.join(table.headings)}")
+
+
+def _open(page: Path) -> None:
+    """Open a page in the user's browser, or say that there is none."""
+    import webbrowser
+
+    try:
+        opened = webbrowser.open(page.absolute().as_uri())
+    except (webbrowser.Error, OSError):
+        opened = False
+    if not opened:
+        echo(f"no browser was found to open it; open {page} in one yourself", err=True)
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:

@@ -1,5 +1,7 @@
 """Pictures of a problem and its front: the map, the front itself, one trajectory in time and on the map.
 
+Beside them a page, the explorer, to choose a trajectory from in a browser.
+
 What is drawn is a ``matplotlib.figure.Figure`` that no global state knows of:
 ``draw_map(problem, front).savefig("map.pdf")``; a notebook shows it as the last value of a cell, and small pictures
 of worlds, problems and fronts once this package is imported. With ``ax=`` each draws in a figure of yours.
@@ -13,6 +15,7 @@ from hpop import matplotlib_folder
 matplotlib_folder.provide()
 
 from hpop.view import notebook
+from hpop.view.explorer.save import save_explorer
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.ride.equirect import render_360, save_360
@@ -34,6 +37,7 @@ __all__ = [
     "draw_where",
     "render_360",
     "save_360",
+    "save_explorer",
     "save_frames",
     "save_pictures",
     "save_video",

@@ -77,8 +77,9 @@ def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def no_pictures(coarse: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are tested elsewhere and take a second each."""
+    """Pictures and the page are tested elsewhere; pictures take a second each."""
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
+    monkeypatch.setattr(hpop.view, "save_explorer", lambda problem, front, path, **options: Path(path))
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
 
 

@@ -76,4 +76,4 @@ def test_a_folder_whose_name_is_no_utf8_keeps_its_front_and_gets_its_pictures(ru
     assert len(front) > 1
     assert os.fsencode(front.problem["world"]["path"]).endswith(NOT_UTF8 + b"/map.yaml")
     drawn = sorted(path.name for path in (run.folder / "out").iterdir())
-    assert drawn == ["front.json", "front.png", "map.png", "trace.png", "where.png"]
+    assert drawn == ["front.html", "front.json", "front.png", "map.png", "trace.png", "where.png"]

@@ -35,7 +35,7 @@ def test_plan_writes_the_front_and_pictures_and_prints_both(plan: Callable[..., 
     result = plan(room)
     assert result.exit_code == 0
     written = {path.name for path in (room / "out").iterdir()}
-    assert written == {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+    assert written == {"front.json", "front.html", "map.png", "front.png", "trace.png", "where.png"}
     front = Front.load(room / "out" / "front.json")
     assert front.status == "complete"
     assert verify(Problem.from_description(front.problem or {}), front) == []
@@ -99,7 +99,7 @@ def test_no_path_says_what_separates_and_still_writes_the_front_and_the_map(
     write(room, ("radius: 0.2", "radius: 0.3"))
     result = plan(room)
     assert result.exit_code == 6
-    assert {path.name for path in (room / "out").iterdir()} == {"front.json", "map.png"}
+    assert {path.name for path in (room / "out").iterdir()} == {"front.json", "front.html", "map.png"}
     assert "no path: " in result.stdout
     assert len(Front.load(room / "out" / "front.json")) == 0
     assert run("show", room / "out").exit_code == 0

@@ -164,7 +164,7 @@ def test_another_process_draws_what_is_saved(saved: Path) -> None:
         pictures.start()
         assert pictures._process is not None
         assert pictures._process.wait() == 0
-    names = {"front.json", "map.png", "front.png", "trace.png", "where.png"}
+    names = {"front.json", "front.html", "map.png", "front.png", "trace.png", "where.png"}
     assert {path.name for path in saved.iterdir()} == names
 
 

@@ -22,15 +22,17 @@ from hpop.view.explorer.packed import Packer
 from hpop.view.style import label
 
 MOST_PIECES = 160  # of a trajectory: a screen tells hardly more apart
-STEPS = 2**15 - 1  # that the largest rate of a criterion is told in
-TRACES = 12  # rows that are traced, those with a name among them
+STEPS = 2**14 - 1  # that the largest value of a criterion is told in, so that differences have 16 bits
+ADDS: dict[str, str] = {"time-mean": "mean", "max": "max"}  # what else adds up, with memory or without, is a sum
+TRACES, ONE_IN, MOST = 10, 400, 30  # rows that are traced: so many, one in so many more, and so many at most
 THOUSANDTHS = 1000.0  # s, rad
 
 
-def traced_rows(front: Front, named: Sequence[int], most: int = TRACES) -> list[int]:
-    """Rows to trace: those with a name, then others evenly over the front, the first of these in its middle."""
+def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
+    """Rows to trace: those with a name, then others evenly over the front."""
     rows = list(dict.fromkeys(named))
-    middles = (np.arange(max(0, most - len(rows))) + 0.5) * len(front) / max(1, most - len(rows))
+    others = max(0, min(TRACES + len(front) // ONE_IN, MOST, len(front)) - len(rows))
+    middles = (np.arange(others) + 0.5) * len(front) / max(1, others)
     return [*rows, *(row for row in dict.fromkeys(middles.astype(int).tolist()) if row not in rows)]
 
 
@@ -60,16 +62,14 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
     places = millimetres(np.stack([x, y], axis=1), origin)
-    several = [several for column in range(len(found.criteria)) for several in _along(found, column, ends)]
-    steps = [_step(values) for values in several]
-    counts = [np.rint(values / step) for values, step in zip(several, steps, strict=True)]
+    several = [_along(found, column, ends) for column in range(len(found.criteria))]
     return {
         "t": packer.integers(np.rint(found.times[ends] * THOUSANDTHS), order=1),
         "x": packer.integers(places[:, 0], order=2),
         "y": packer.integers(places[:, 1], order=2),
         "yaw": packer.integers(np.rint(np.unwrap(yaw) * THOUSANDTHS), order=1),
-        "steps": [list(pair) for pair in zip(steps[::2], steps[1::2], strict=True)],
-        "values": packer.short(np.concatenate([np.zeros(0), *counts])),
+        "steps": [step for step, _ in several],
+        "values": packer.short(np.concatenate([np.zeros(0), *(values for _, values in several)])),
     }
 
 
@@ -78,17 +78,24 @@ def _ends(pieces: int) -> IntArray:
     return np.unique(np.linspace(0, pieces, min(pieces, MOST_PIECES) + 1).round().astype(np.int64))
 
 
-def _along(found: Trace, column: int, ends: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Rate (m,) and running value (m+1,) of a criterion, of pieces that are taken together between some ends (m+1,)."""
+def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
+    """What a criterion is in pieces taken together between some ends (m+1,), as whole numbers (m,) of a step.
+
+    Of a sum, and with memory, by how much it grows in each; of a mean and a worst moment what it is in each.
+    """
     criterion = found.criteria[column]
     rate, running, lasts = found.rate[:, column], found.running[:, column], found.pieces.durations
+    if criterion.aggregate not in ADDS:
+        reached = np.concatenate([[0.0], running])[ends]
+        step = _step(reached)
+        return step, np.diff(np.rint(reached / step))
     if criterion.aggregate == "max":
         joined = np.maximum.reduceat(rate, ends[:-1])
     else:
         total, time = np.add.reduceat(rate * lasts, ends[:-1]), np.add.reduceat(lasts, ends[:-1])
         joined = np.divide(total, time, out=np.zeros_like(total), where=time > 0)
-    first = 0.0 if criterion.aggregate in ("sum", "trajectory") else running[0]
-    return joined, np.concatenate([[first], running])[ends]
+    step = _step(joined)
+    return step, np.rint(joined / step)
 
 
 def words(criterion: Criterion) -> str:

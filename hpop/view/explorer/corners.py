@@ -17,8 +17,8 @@ from hpop.motions import Law, Model, States
 from hpop.trajectory import Trajectory
 from hpop.view.paths import positions
 
-PIECES = 12  # a motion along which the camera's path bends is drawn as so many straight pieces at most,
-FEWER = (1, 2, 3, 4, 6)  # or as so many, where the path is
+PIECES = 24  # a motion along which the camera's path bends is drawn as so many straight pieces at most,
+FEWER = (1, 2, 3, 4, 6, 8, 12)  # or as so many, where the path is
 BENDS = 2e-3  # m: nowhere farther from them
 STRAIGHT = 1e-7  # rad: a place where a path bends by less is no corner
 MILLIMETRES = 1000.0

@@ -28,14 +28,11 @@ SCHEMA = "hpop-page"
 VERSION = 1
 
 
-def payload(
-    problem: Problem, front: Front, *, title: str | None = None, saved: str | None = None, traces: int = along.TRACES
-) -> dict[str, Any]:
+def payload(problem: Problem, front: Front, *, title: str | None = None, saved: str | None = None) -> dict[str, Any]:
     """All that the page shows of a front.
 
     title   else how many trajectories there are
     saved   the file of the front, as Python code that the page writes shall name it
-    traces  rows whose rates along time are told, at least those with a name
     """
     packer = Packer()
     origin = math.floor(problem.world.bounds[0]), math.floor(problem.world.bounds[1])
@@ -53,7 +50,7 @@ def payload(
         problem, front, drawn.places / MILLIMETRES + np.array(origin), heights, packer, origin
     )
     criteria = along.columns_of(problem, front)
-    rows = along.traced_rows(front, [mark.row for mark in named], traces)
+    rows = along.traced_rows(front, [mark.row for mark in named])
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -100,6 +97,7 @@ def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer)
             "reported": place >= len(front.names),
             "evaluated": column.name in evaluated,
             "along": None if criterion is None else along.words(criterion),
+            "adds": "sum" if criterion is None else along.ADDS.get(criterion.aggregate, "sum"),
             "values": packer.floats(table[:, place]),
         }
         for place, (column, quantum, group, criterion) in enumerate(

@@ -24,6 +24,8 @@ export interface Column {
   readonly evaluated: boolean;
   /** What a trace shows of it, "m a second", "share at the time"; null of a column that cannot be traced. */
   readonly along: string | null;
+  /** How its rate along a trajectory makes up the running value. */
+  readonly adds: "sum" | "mean" | "max";
   /** (n,) in the unit: the floats that front.json holds, all finite. */
   readonly values: Float64Array;
   /** Least and greatest value; both 0 of a front without points. */
@@ -210,9 +212,9 @@ interface Payload {
     readonly x: Packed;
     readonly y: Packed;
     readonly yaw: Packed;
-    /** Of each column that can be traced, what one of the numbers in `values` is of rate and running value. */
-    readonly steps: readonly (readonly [number, number])[];
-    /** Rate (m,) and running value (m + 1,) of each of these columns. */
+    /** Of each column that can be traced, how much one in `values` is. */
+    readonly steps: readonly number[];
+    /** Of each of these columns (m,): by how much a sum grows in each piece, or the mean or the worst in it. */
     readonly values: Packed;
   }[];
   readonly data: string;
@@ -244,19 +246,16 @@ export async function decode(given: unknown): Promise<Model> {
   });
   const traces = payload.traces.map(({ row, t, x, y, yaw, steps, values }): [number, Trace] => {
     const all = numbers(values);
-    const pieces = t[2] - 1;
-    let begin = 0;
-    const next = (count: number, step: number): Float64Array => {
-      begin += count;
-      return Float64Array.from(all.subarray(begin - count, begin), (value) => value * step);
-    };
+    const times = seconds(t);
+    const pieces = times.length - 1;
     let place = 0;
     const along = columns.map((column) => {
       if (column.along === null) return null;
-      const [rate, running] = steps[place++]!;
-      return { rate: next(pieces, rate), running: next(pieces + 1, running) };
+      const own = all.subarray(place * pieces, (place + 1) * pieces);
+      const step = steps[place++]!;
+      return alongOf(Float64Array.from(own, (value) => value * step), times, column.adds);
     });
-    return [row, { t: seconds(t), x: metres(x, 0), y: metres(y, 1), yaw: seconds(yaw), along }];
+    return [row, { t: times, x: metres(x, 0), y: metres(y, 1), yaw: seconds(yaw), along }];
   });
   return {
     title: payload.title,
@@ -273,6 +272,25 @@ export async function decode(given: unknown): Promise<Model> {
     traces: new Map(traces),
     saved: payload.saved,
   };
+}
+
+/** Rate (m,) and running value (m + 1,) of what a criterion is in each piece (m,). */
+function alongOf(
+  values: Float64Array,
+  t: Float64Array,
+  adds: Column["adds"],
+): { readonly rate: Float64Array; readonly running: Float64Array } {
+  const running = new Float64Array(t.length);
+  if (adds !== "sum") running[0] = values[0] ?? 0;
+  let [total, time] = [0, 0];
+  const rate = values.map((value, i) => {
+    const lasts = t[i + 1]! - t[i]!;
+    total += adds === "sum" ? value : value * lasts;
+    time += lasts;
+    running[i + 1] = adds === "sum" ? total : adds === "max" ? Math.max(running[i]!, value) : total / (time || 1);
+    return adds === "sum" ? (lasts > 0 ? value / lasts : 0) : value;
+  });
+  return { rate, running };
 }
 
 function pathsOf(

@@ -1,0 +1,60 @@
+"""Write the explorer of a front to a file, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from hpop.errors import OutputError
+from hpop.front import Front
+from hpop.frontier.atomic import replacing
+from hpop.problem import Problem
+from hpop.view.explorer.payload import payload
+from hpop.view.single_page import single_page
+
+SCRIPT = "explorer.js"
+
+
+def save_explorer(
+    problem: Problem,
+    front: Front,
+    path: str | os.PathLike[str],
+    *,
+    title: str | None = None,
+    saved: str | os.PathLike[str] | None = None,
+) -> Path:
+    """Write a page to choose a trajectory from: axes, map, table and traces, linked; returns its path.
+
+    One file, which any current browser opens from the disk, and which asks nothing of any network. The folder is made
+    if it is missing; a page that is there is replaced.
+
+    Parameters
+    ----------
+    problem : Problem
+        World, model, start and goal.
+    front : Front
+        Its trajectories; none, one or thousands: 8,000 are a page of 2 MB at most.
+    path : path
+        The file, such as "front.html".
+    title : str, optional
+        What the page is called; by default how many trajectories there are.
+    saved : path, optional
+        The file that holds the front, for the Python code that the page writes of a choice.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written, or its folder not be made; nothing is then half-written.
+    """
+    target = Path(path)
+    given = payload(problem, front, title=title, saved=None if saved is None else os.fspath(saved))
+    page = single_page(SCRIPT, given["title"], given).encode(errors="backslashreplace")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(target) as file:
+            file.write(page)
+    except OSError as error:
+        raise OutputError(
+            f"the explorer cannot be written to {target}: {error.strerror or error}; choose another file"
+        ) from error
+    return target
