@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 
-.PHONY: demo test proof mutants fuzz bench reference web lint pythons clean
+.PHONY: demo test proof mutants fuzz bench reference docs web lint pythons clean
 
 demo: $(READY)
 	$(BIN)/hpop demo
@@ -46,6 +46,12 @@ bench: $(TOOLS)
 
 reference: $(TOOLS)
 	$(BIN)/python docs/make_reference.py
+
+# The documentation site in out/docs: pictures by running the examples, the pages, and whether every link leads somewhere.
+docs: $(TOOLS)
+	$(BIN)/python docs/make_pictures.py
+	$(BIN)/python -m sphinx -W --keep-going -n -q -d out/doctrees docs out/docs
+	$(BIN)/python docs/check_site.py out/docs
 
 # The scripts of the pages, bundled from web/ with node, and committed: to install hpop or test it needs no node.
 web:

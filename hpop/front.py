@@ -133,9 +133,9 @@ class Front(frontier.Front[Trajectory]):
     ) -> None:
         """Write the front with its trajectories and the problem's description to a JSON file.
 
-        States and motions that several trajectories share are written once (:meth:`hpop.motion_table.MotionTable
-        .describe`). The files of the world are named by their whole paths, and as seen from the front's folder: moved
-        together, the front and its map are found again.
+        States and motions that several trajectories share are written once
+        (:meth:`hpop.motion_table.MotionTable.describe`). The files of the world are named by their whole paths, and as
+        seen from the front's folder: moved together, the front and its map are found again.
 
         Parameters
         ----------
