@@ -31,7 +31,7 @@ VERSION = 1
 def payload(problem: Problem, front: Front, *, title: str | None = None, saved: str | None = None) -> dict[str, Any]:
     """All that the page shows of a front.
 
-    title   else how many trajectories there are
+    title   else what is traded
     saved   the file of the front, as Python code that the page writes shall name it
     """
     packer = Packer()
@@ -75,10 +75,11 @@ def payload(problem: Problem, front: Front, *, title: str | None = None, saved: 
 
 
 def _title(front: Front) -> str:
-    """How many trajectories there are, or that there are none."""
+    """What is traded, or that there is nothing to trade."""
     if not len(front):
         return "No path from start to goal" if front.status == Status.NO_PATH else "No path found"
-    return f"{len(front):,} trajector{'y' if len(front) == 1 else 'ies'}, none better than another in everything"
+    *several, last = front.names
+    return f"Trade-offs between {', '.join(several)} and {last}" if several else f"The least {last}"
 
 
 def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer) -> list[dict[str, Any]]:

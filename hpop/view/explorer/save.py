@@ -37,7 +37,7 @@ def save_explorer(
     path : path
         The file, such as "front.html".
     title : str, optional
-        What the page is called; by default how many trajectories there are.
+        What the page is called; by default which costs are traded.
     saved : path, optional
         The file that holds the front, for the Python code that the page writes of a choice.
 
