@@ -1,7 +1,8 @@
 // The scatter matrix: each pair of columns, as a density of points; a rectangle bounds both columns of its cell.
 import { endsOf } from "./brush";
-import { headOf, make, panel } from "./dom";
+import { button, headOf, make, panel } from "./dom";
 import { plain } from "./numbers";
+import type { Column } from "./payload";
 import { Density, inks, type Raster } from "./raster";
 import { Scale } from "./scale";
 import type { State } from "./state";
@@ -9,7 +10,7 @@ import { PIN_COLOURS, PIN_NAMES, theme, type Theme } from "./theme";
 import { clear, fit, layersIn, type View } from "./view";
 
 const MOST_COLUMNS = 6; // in a triangle; of more, a chosen pair
-const LEAST_CELL = 56; // CSS pixels
+const LEAST_CELL = 40; // CSS pixels
 const LEFT = 64; // for the names and ends of rows
 const BOTTOM = 36; // for those of columns
 const GAP = 8; // between cells
@@ -49,7 +50,12 @@ export function matrixView(state: State): View {
   ]);
   const note = make("p", "note", "Pairs need two columns.");
   const element = panel("matrix", "Pairs", note, plot);
-  headOf(element).append(choice);
+  const toggle = button("", "", () => {
+    alone = !alone;
+    drawBase();
+    drawOverlay();
+  });
+  headOf(element).append(choice, toggle);
   const layers = layersIn(plot);
 
   let cells: Cell[] = [];
@@ -58,6 +64,7 @@ export function matrixView(state: State): View {
   let places = new Map<number, Float32Array>();
   let squares = new Map<Cell, Squares>();
   let chosen: [number, number] | null = null;
+  let alone = false; // whether one pair is shown though there is room for all
   let filledFor = ""; // what the raster of all points was filled for
   let drag: { cell: Cell; x: number; y: number; started: boolean } | null = null;
 
@@ -186,7 +193,11 @@ export function matrixView(state: State): View {
     const { width, height } = layers;
     const across = (width - LEFT - GAP) / (shown.length - 1) - GAP;
     const up = (height - BOTTOM - GAP) / (shown.length - 1) - GAP;
-    const whole = shown.length <= MOST_COLUMNS && Math.min(across, up) >= LEAST_CELL;
+    const room = shown.length <= MOST_COLUMNS && Math.min(across, up) >= LEAST_CELL;
+    const whole = room && !(alone && shown.length > 2);
+    toggle.hidden = !room || shown.length < 3;
+    toggle.textContent = alone ? "All pairs" : "One pair";
+    toggle.title = alone ? "Show each pair of columns" : "Show one pair larger";
     choice.hidden = whole || shown.length < 3;
     note.hidden = shown.length > 1;
     cells = [];
@@ -308,7 +319,7 @@ function drawFrame(
   const ends = (index: number) => {
     const column = state.column(index);
     const { equal, flipped } = scales.get(index)!;
-    const [low, high] = [rounded(column.low), rounded(column.high)];
+    const [low, high] = [rounded(column, column.low), rounded(column, column.high)];
     return equal ? (["", low, ""] as const) : flipped ? ([high, "", low] as const) : ([low, "", high] as const);
   };
   const draw = (words: string, at: [number, number], align: CanvasTextAlign) => {
@@ -411,8 +422,8 @@ function drawPin(context: CanvasRenderingContext2D, x: number, y: number, place:
 }
 
 /** To three figures, with all digits before the point. */
-function rounded(value: number): string {
-  return plain(value, Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value) || 100))));
+function rounded({ counts }: Column, value: number): string {
+  return plain(value, counts ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value) || 100))));
 }
 
 /** As much of a text as has room. */

@@ -1,7 +1,7 @@
 // The list of what lies under the mouse on the map, where trajectories lie on each other: Tab goes to the next.
 import type { Model } from "./payload";
 
-const SHOWN = 6; // entries at once
+const SHOWN = 4; // entries at once
 
 export interface Picks {
   readonly element: HTMLElement;

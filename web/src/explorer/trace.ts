@@ -10,11 +10,11 @@ import { clear, fit, layersIn, type View } from "./view";
 
 const LEFT = 44; // CSS pixels for the ticks of a strip
 const RIGHT = 12;
-const HEAD = 17; // above a strip, for its name
+const HEAD = 22; // above a strip, for its name
 const FOOT = 18; // below a strip, for seconds
 const LEAST_WIDTH = 150; // of a strip
 const LEAST_HEIGHT = 84; // of a strip; lower ones are put side by side instead
-const PIXELS_A_TICK = 70;
+const PIXELS_A_TICK = 52;
 const SMALL = "11px system-ui, sans-serif";
 const STEPS = 100; // of the keyboard from the beginning to the end
 
@@ -84,9 +84,9 @@ export function traceView(state: State): View {
       return key;
     });
     if (others.length > 0) {
-      const { size } = state.model.traces;
-      const kept = size === 0 ? "this file holds none" : `this file holds those of ${size} rows`;
-      words.push(`No trace is stored of ${others.map(named).join("; ")}: ${kept}.`);
+      const rows = [...state.model.traces.keys()].sort((a, b) => a - b);
+      const stored = rows.length === 0 ? "This file holds none." : `Rows that have one: ${rows.join(", ")}.`;
+      words.push(`No trace is stored of ${others.map(named).join("; ")}. ${stored}`);
     }
     if (shown.length + others.length === 0) words.push("Point at a trajectory, or pin one, to see what arises along it.");
     note.replaceChildren(...words);
