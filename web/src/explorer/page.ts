@@ -11,7 +11,7 @@ import { decode } from "./payload";
 import { pinsPanel } from "./pins";
 import { State, type Change } from "./state";
 import { tableView } from "./table";
-import { onTheme } from "./theme";
+import { onTheme, setPrinting } from "./theme";
 import { traceView } from "./trace";
 import type { View } from "./view";
 import { wishPanel } from "./wish_panel";
@@ -65,6 +65,9 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   const root = make("main", "hpop", [...views.map((view) => view.element), help, copy.element]);
   element.append(root);
 
+  const sized = [root, ...root.querySelectorAll(".plot, .axes-scroll")];
+  const sizes = (): string => sized.map((one) => `${one.clientWidth} ${one.clientHeight}`).join();
+  let drawnAt = ""; // the sizes for which canvases were fitted
   const counters: Counters = { base: [], overlay: [], ready: 0 };
   const due = new Set<"renew" | "resize" | "base" | "overlay">();
   let asked = false;
@@ -81,7 +84,10 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
       arrange();
       for (const view of views) view.renew();
     }
-    if (due.has("renew") || due.has("resize")) for (const view of views) view.resize();
+    if (due.has("renew") || due.has("resize")) {
+      drawnAt = sizes();
+      for (const view of views) view.resize();
+    }
     if (due.size > (due.has("overlay") ? 1 : 0)) timed(counters.base, (view) => { view.drawBase(); });
     due.clear();
     timed(counters.overlay, (view) => { view.drawOverlay(); });
@@ -119,17 +125,20 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   root.tabIndex = -1;
   const onKey = keyboard(state, table, actions);
   (callbacks.address === true ? document : root).addEventListener("keydown", (event) => { onKey(event as KeyboardEvent); });
-  const sized = [root, ...root.querySelectorAll(".plot")];
-  const sizes = (): string => sized.map((one) => `${one.clientWidth} ${one.clientHeight}`).join();
-  let drawnAt = "";
   const watch = new ResizeObserver(() => {
     if (sizes() !== drawnAt) ask("resize");
-    drawnAt = sizes();
   });
   onTheme(() => { ask("resize"); });
+  for (const [event, printing] of [["beforeprint", true], ["afterprint", false]] as const) {
+    window.addEventListener(event, () => {
+      setPrinting(printing);
+      root.classList.toggle("printing", printing);
+      due.add("resize");
+      frame();
+    });
+  }
   arrange();
   frameNow();
-  drawnAt = sizes();
   for (const one of sized) watch.observe(one);
   return {
     state,

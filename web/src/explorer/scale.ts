@@ -74,7 +74,7 @@ export class Scale {
   /** At most so many ticks on round numbers. */
   ticks(most: number): number[] {
     const { low, high, counts } = this.column;
-    if (this.equal) return [low];
+    if (this.equal) return []; // both ends say it
     return this.log ? logTicks(low, high, most) : niceTicks(low, high, most, counts);
   }
 }

@@ -157,7 +157,7 @@ export function tableView(state: State): TableView {
     }
     body.style.height = `${state.count * ROW}px`;
     grid.setAttribute("aria-rowcount", String(state.count + 1));
-    said.textContent = state.model.n === 0 ? "no rows" : `${count(state.count)} rows; click one to pin it`;
+    said.textContent = state.model.n === 0 ? "no rows" : `${count(state.count)} ${state.count === 1 ? "row" : "rows"}; click one to pin it`;
     fill();
   }
 

@@ -77,15 +77,19 @@ const DARK: Theme = {
 };
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
-const print = window.matchMedia("print");
+let onPaper = false;
 
 /** The colours of now. Paper is white in print. */
 export function theme(): Theme {
-  return dark.matches && !print.matches ? DARK : LIGHT;
+  return dark.matches && !onPaper ? DARK : LIGHT;
+}
+
+/** Says that the page is printed, or no more. */
+export function setPrinting(printing: boolean): void {
+  onPaper = printing;
 }
 
 /** Tells when the colours change. */
 export function onTheme(changed: () => void): void {
   dark.addEventListener("change", changed);
-  print.addEventListener("change", changed);
 }
