@@ -19,6 +19,7 @@ from hpop.view.explorer.save import save_explorer
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.ride.equirect import render_360, save_360
+from hpop.view.ride.page import save_ride
 from hpop.view.ride.video import save_frames, save_video
 from hpop.view.save import save_pictures
 from hpop.view.side import draw_side
@@ -40,5 +41,6 @@ __all__ = [
     "save_explorer",
     "save_frames",
     "save_pictures",
+    "save_ride",
     "save_video",
 ]

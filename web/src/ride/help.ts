@@ -1,0 +1,65 @@
+// What the page can do, in words, and its options: those that change what is seen are off, and the log tells of them.
+import { button, element } from "./dom";
+
+export interface Option {
+  readonly label: string;
+  readonly title: string;
+  readonly get: () => boolean;
+  readonly set: (on: boolean) => void;
+}
+
+const KEYS: readonly (readonly [string, string])[] = [
+  ["Space", "play, stop"],
+  ["1 2 3 …, X", "ride along this trajectory; along the next"],
+  ["← →, Home, End", "a second back or on (with Shift five); start, end"],
+  ["↑ ↓", "faster, slower"],
+  ["T", "compare at equal time, or at equal progress"],
+  ["drag, double click, R", "look around; look ahead again"],
+  ["F", "the view alone, or with map and criteria"],
+  ["N", "blind: no numbers and names, and back"],
+  ["V, Esc", "into the headset; out of it at once"],
+];
+
+export function helpDialog(options: readonly Option[], notes: readonly string[], saveLog: () => void): HTMLDialogElement {
+  const dialog = element("dialog");
+  dialog.append(element("h2", "", "The ride"));
+  dialog.append(
+    element(
+      "p",
+      "",
+      "You see what the robot’s camera sees. The robot carries you; where you look is up to you. " +
+        "Equal progress: as much of the way done, a radian of turning counted as half a metre.",
+    ),
+  );
+  const keys = element("dl");
+  for (const [key, what] of KEYS) keys.append(element("dt", "", key), element("dd", "", what));
+  dialog.append(keys, element("h3", "", "Options, off by default; the log tells of them"));
+  for (const option of options) {
+    const label = element("label");
+    const box = element("input");
+    box.type = "checkbox";
+    box.checked = option.get();
+    box.addEventListener("change", () => {
+      option.set(box.checked);
+    });
+    label.title = option.title;
+    label.append(box, ` ${option.label}`);
+    dialog.append(label);
+  }
+  if (notes.length > 0) {
+    dialog.append(element("h3", "numbers", "Notes"));
+    const list = element("ul", "numbers");
+    list.append(...notes.map((note) => element("li", "", note)));
+    dialog.append(list);
+  }
+  const row = element("p");
+  row.append(
+    button("Save the log", "What was done here and when, as a file", saveLog),
+    " ",
+    button("Close", "Back to the ride", () => {
+      dialog.close();
+    }),
+  );
+  dialog.append(row);
+  return dialog;
+}

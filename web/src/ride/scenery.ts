@@ -1,0 +1,200 @@
+// All that stands in the world, as objects of three: ground, zones, obstacles, people, landmarks, the robot's own links.
+import {
+  type BufferGeometry,
+  CanvasTexture,
+  Group,
+  LinearFilter,
+  LinearMipmapLinearFilter,
+  Mesh as Drawn,
+  NoColorSpace,
+  type Object3D,
+  PlaneGeometry,
+  Quaternion,
+  type ShaderMaterial,
+  SphereGeometry,
+  Vector3,
+} from "three";
+import { bodyToThree, positionToThree } from "./axes";
+import type { Cells, Landmark, Person, Point, Prism, Ride } from "./model";
+import { type Look, Triangles } from "./shapes";
+import { Materials } from "./surfaces";
+import type { Track } from "./track";
+
+/** How far beyond the map the ground goes on, m. */
+const BEYOND = 2000;
+/** Pixels of a plate's picture. */
+const PICTURE = { width: 512, height: 320 };
+/** A camera lower than this is on no floor, m. */
+const ON_FLOOR = 1e-3;
+
+export class Scenery {
+  readonly root = new Group();
+  readonly materials: Materials;
+  private readonly ground: Drawn[] = [];
+  private readonly people: { person: Person; object: Object3D }[] = [];
+  private readonly turning: { mark: Landmark; object: Object3D }[] = [];
+  private readonly links: Drawn[] = [];
+  private readonly from = new Vector3();
+  private readonly turned = new Quaternion();
+
+  constructor(ride: Ride) {
+    const { scene } = ride;
+    this.materials = new Materials(scene.surfaces);
+    const { floor, zones, solids, people } = this.materials;
+    const sky = this.add(new SphereGeometry(1, 32, 16), this.materials.sky, -10);
+    sky.name = "sky";
+    this.ground.push(this.add(outside(ride), floor, -3), this.add(floors(ride), floor, -2), this.add(areas(ride), zones, 1));
+    this.add(obstacles(ride), solids, 0);
+    for (const person of scene.people) {
+      const body = new Triangles();
+      for (const part of person.parts) body.part(part, person.number);
+      const object = this.add(body.geometry(), people, 0);
+      object.rotation.y = person.yaw;
+      this.people.push({ person, object });
+    }
+    for (const mark of scene.landmarks) this.plate(mark);
+    for (const link of ride.links) {
+      const body = new Triangles();
+      body.mesh(link);
+      this.links.push(this.add(body.geometry(), people, 0));
+    }
+  }
+
+  /** Puts everything where it is at a time of a track, as seen from a place of three. */
+  show(track: Track, t: number, eye: Vector3): void {
+    for (const { person, object } of this.people) {
+      object.position.set(person.x + person.velocity[0] * t, 0, -(person.y + person.velocity[1] * t));
+    }
+    for (const { object } of this.turning) {
+      object.rotation.y = Math.atan2(eye.x - object.position.x, eye.z - object.position.z);
+    }
+    this.links.forEach((object, k) => {
+      track.link(k, t, this.from, this.turned);
+      object.position.copy(positionToThree(this.from));
+      object.quaternion.copy(bodyToThree(this.turned));
+    });
+    for (const object of this.ground) object.visible = eye.y > ON_FLOOR;
+  }
+
+  private add(geometry: BufferGeometry, material: ShaderMaterial, order: number): Drawn {
+    const object = new Drawn(geometry, material);
+    object.frustumCulled = false;
+    object.renderOrder = order;
+    this.root.add(object);
+    return object;
+  }
+
+  private plate(mark: Landmark): void {
+    const picture = new CanvasTexture(written(mark));
+    picture.colorSpace = NoColorSpace;
+    picture.minFilter = LinearMipmapLinearFilter;
+    picture.magFilter = LinearFilter;
+    picture.anisotropy = 8;
+    const object = this.add(new PlaneGeometry(mark.width, mark.height), this.materials.plate(picture, mark.number), 0);
+    object.position.set(mark.x, mark.z, -mark.y);
+    if (mark.facing === null) this.turning.push({ mark, object });
+    else object.rotation.y = mark.facing + Math.PI / 2;
+  }
+}
+
+function outside({ scene }: Ride): BufferGeometry {
+  const far: readonly Point[] = [[-BEYOND, -BEYOND], [BEYOND, -BEYOND], [BEYOND, BEYOND], [-BEYOND, BEYOND]];
+  const [x, y] = scene.floor[0]?.[0]?.[0] ?? [0, 0];
+  const made = new Triangles();
+  const look: Look = { contrast: scene.surfaces.contrast.floor, grid: 0, skirting: false };
+  made.level([far.map(([dx, dy]): Point => [x + dx, y + dy])], 0, true, scene.surfaces.outside, look, 0);
+  return made.geometry();
+}
+
+function floorLook({ scene }: Ride): Look {
+  return { contrast: scene.surfaces.contrast.floor, grid: scene.surfaces.grid.floor, skirting: false };
+}
+
+function floors(ride: Ride): BufferGeometry {
+  const made = new Triangles();
+  for (const rings of ride.scene.floor) made.level(rings, 0, true, ride.scene.surfaces.floor, floorLook(ride), 0);
+  return made.geometry();
+}
+
+function areas(ride: Ride): BufferGeometry {
+  const made = new Triangles();
+  for (const zone of ride.scene.zones) {
+    for (const rings of zone.polygons) made.level(rings, 0, true, zone.colour, floorLook(ride), 0);
+  }
+  return made.geometry();
+}
+
+/** Prisms, cells and what is not upright, in one piece. */
+function obstacles(ride: Ride): BufferGeometry {
+  const made = new Triangles();
+  const { contrast, grid } = ride.scene.surfaces;
+  for (const prism of ride.scene.prisms) {
+    if (prism.solid === undefined) upright(made, prism, { contrast: contrast.wall, grid: grid.wall, skirting: false });
+  }
+  if (ride.scene.cells !== null) {
+    for (const ring of boxes(ride.scene.cells)) {
+      const cells = { ...ride.scene.cells, rings: [ring], is_wall: true };
+      upright(made, cells, { contrast: contrast.wall, grid: grid.wall, skirting: false });
+    }
+  }
+  for (const solid of ride.solids) made.mesh(solid);
+  return made.geometry();
+}
+
+function upright(made: Triangles, prism: Pick<Prism, "rings" | "z" | "colour" | "is_wall" | "number">, look: Look): void {
+  const { rings, colour, number } = prism;
+  const [low, high] = prism.z;
+  // The ground hides what is under it, but keeps no depth of its own: of what goes on below it nothing is drawn.
+  const foot = high > 0 ? Math.max(low, 0) : low;
+  made.walls(rings, foot, high, colour, { ...look, skirting: prism.is_wall && low <= 0 }, number);
+  made.level(rings, high, true, colour, { ...look, grid: 0 }, number);
+  if (low > 0) made.level(rings, low, false, colour, { ...look, grid: 0 }, number);
+}
+
+/** Corners of boxes of cells, m, counter-clockwise. */
+function boxes(cells: Cells): Point[][] {
+  const [x, y, yaw] = cells.origin;
+  const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+  const placed = (column: number, row: number): Point => {
+    const [u, v] = [column * cells.resolution, row * cells.resolution];
+    return [x + c * u - s * v, y + s * u + c * v];
+  };
+  return cells.boxes.map(([x0, y0, x1, y1]) => [placed(x0, y0), placed(x1, y0), placed(x1, y1), placed(x0, y1)]);
+}
+
+/** The name of a landmark on paper, as large as it fits. */
+function written(mark: Landmark): HTMLCanvasElement {
+  const canvas = document.createElement("canvas");
+  canvas.width = PICTURE.width;
+  canvas.height = PICTURE.height;
+  const pen = canvas.getContext("2d")!;
+  pen.fillStyle = `rgb(${mark.colour.join(",")})`;
+  pen.fillRect(0, 0, canvas.width, canvas.height);
+  pen.strokeStyle = "#6b5d49";
+  pen.lineWidth = 14;
+  pen.strokeRect(7, 7, canvas.width - 14, canvas.height - 14);
+  pen.fillStyle = "#2b2b2b";
+  pen.textAlign = "center";
+  pen.textBaseline = "middle";
+  const name = mark.name === "" ? "\u2605" : mark.name;
+  const [lines, size] = laidOut(pen, name);
+  lines.forEach((line, i) => {
+    pen.fillText(line, canvas.width / 2, canvas.height / 2 + (i - (lines.length - 1) / 2) * 1.15 * size, canvas.width - 50);
+  });
+  return canvas;
+}
+
+/** A text in the largest letters in which its lines fit a plate. */
+function laidOut(pen: CanvasRenderingContext2D, name: string): [string[], number] {
+  for (let size = 110; ; size -= 6) {
+    pen.font = `600 ${size}px system-ui, sans-serif`;
+    const lines: string[] = [];
+    for (const word of name.split(/\s+/)) {
+      const longer = lines.length > 0 ? `${lines.at(-1)!} ${word}` : word;
+      if (lines.length > 0 && pen.measureText(longer).width <= PICTURE.width - 60) lines[lines.length - 1] = longer;
+      else lines.push(word);
+    }
+    const fits = lines.every((line) => pen.measureText(line).width <= PICTURE.width - 60);
+    if ((fits && lines.length * 1.15 * size <= PICTURE.height - 40) || size <= 32) return [lines.slice(0, 6), size];
+  }
+}

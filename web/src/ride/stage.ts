@@ -1,0 +1,147 @@
+// What is drawn and from where: the scene, a rig that carries the camera's pose, and in it the viewer's head, which the
+// viewer alone turns. Over the view lie a fade and, where it is asked for, a vignette.
+import {
+  Group,
+  Mesh,
+  PerspectiveCamera,
+  PlaneGeometry,
+  Quaternion,
+  Scene,
+  ShaderMaterial,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { cameraToThree, levelled, positionToThree } from "./axes";
+import type { Point, Ride } from "./model";
+import { Scenery } from "./scenery";
+import type { Track } from "./track";
+
+const NEAR = 0.02;
+const FAR = 4000;
+/** Vertical angle of the view where the robot's camera sees all round, rad, and the least horizontal one. */
+const TALL = 1.2;
+const LEAST_WIDE = 1.15;
+/** s from black to the full view, and back. */
+const FADE = 0.5;
+const OVERLAY = 0.05;
+
+const COVER_VERTEX = /* glsl */ `
+varying vec2 vUv;
+void main() {
+  vUv = uv - 0.5;
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+}
+`;
+const COVER = /* glsl */ `
+uniform float dark;
+uniform float narrow;
+varying vec2 vUv;
+void main() {
+  float edge = narrow * smoothstep(0.06, 0.16, length(vUv));
+  gl_FragColor = vec4(0.0, 0.0, 0.0, max(dark, edge));
+}
+`;
+
+export class Stage {
+  readonly renderer: WebGLRenderer;
+  readonly scene = new Scene();
+  readonly rig = new Group();
+  readonly head = new PerspectiveCamera(60, 1, NEAR, FAR);
+  readonly scenery: Scenery;
+  /** Whether the view keeps upright though the camera tilts; it changes what is seen. */
+  level = false;
+  /** 0 to 1: how far the margins of the view are darkened. */
+  narrow = 0;
+  /** Whether anything has changed since the last picture. */
+  stale = true;
+  private readonly cover: ShaderMaterial;
+  private readonly eye = new Vector3();
+  private readonly turned = new Quaternion();
+  private dark = 0;
+  private darker = 0;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    private readonly ride: Ride,
+  ) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true });
+    this.renderer.xr.enabled = true;
+    this.renderer.xr.setReferenceSpaceType("local");
+    this.scenery = new Scenery(ride);
+    this.cover = new ShaderMaterial({
+      uniforms: { dark: { value: 0 }, narrow: { value: 0 } },
+      vertexShader: COVER_VERTEX,
+      fragmentShader: COVER,
+      transparent: true,
+      depthTest: false,
+      depthWrite: false,
+    });
+    const cover = new Mesh(new PlaneGeometry(1, 1), this.cover);
+    cover.position.z = -OVERLAY;
+    cover.frustumCulled = false;
+    cover.renderOrder = 100;
+    this.head.add(cover);
+    this.rig.add(this.head);
+    this.scene.add(this.scenery.root, this.rig);
+  }
+
+  /** Fits the picture to the canvas; how wide and tall the robot's camera sees of it, as shares, or null. */
+  resize(): Point | null {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (width === 0 || height === 0 || this.renderer.xr.isPresenting) return null;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    const aspect = width / height;
+    const fov = this.ride.field_of_view;
+    const half = (angle: number): number => Math.tan(Math.min(angle, 2.6) / 2);
+    let tall = Math.max(half(TALL), half(LEAST_WIDE) / aspect);
+    if (fov !== null && fov[0] < Math.PI) tall = 1.06 * Math.max(half(fov[1]), half(fov[0]) / aspect);
+    this.head.aspect = aspect;
+    this.head.fov = (360 / Math.PI) * Math.atan(tall);
+    this.head.updateProjectionMatrix();
+    this.stale = true;
+    return fov !== null && fov[0] < Math.PI ? [half(fov[0]) / (tall * aspect), half(fov[1]) / tall] : null;
+  }
+
+  /** Carries the rig to where the camera is at a time of a track, and puts all that moves in its place. */
+  place(track: Track, t: number): void {
+    track.pose(t, this.eye, this.turned);
+    this.rig.position.copy(positionToThree(this.eye));
+    this.rig.quaternion.copy(cameraToThree(this.turned));
+    if (this.level) levelled(this.rig.quaternion);
+    this.scenery.show(track, t, this.rig.position);
+    this.stale = true;
+  }
+
+  /** Begins to fade, to black or from it. */
+  fade(to: "black" | "view", from?: "black"): void {
+    if (from === "black") this.dark = 1;
+    this.darker = to === "black" ? 1 : 0;
+  }
+
+  /** Shows the view at once. */
+  light(): void {
+    this.dark = this.darker = 0;
+    this.stale = true;
+  }
+
+  /** Whether the view is black, or about to be. */
+  get isDark(): boolean {
+    return this.darker === 1;
+  }
+
+  /** Draws, if there is anything new to draw. */
+  draw(seconds: number): void {
+    if (this.dark !== this.darker) {
+      const step = seconds / FADE;
+      this.dark = this.darker > this.dark ? Math.min(this.dark + step, 1) : Math.max(this.dark - step, 0);
+      this.stale = true;
+    }
+    if (!this.stale && !this.renderer.xr.isPresenting) return;
+    this.cover.uniforms["dark"]!.value = this.dark;
+    this.cover.uniforms["narrow"]!.value = this.narrow;
+    this.cover.visible = this.dark > 0 || this.narrow > 0;
+    this.renderer.render(this.scene, this.head);
+    this.stale = false;
+  }
+}
