@@ -104,6 +104,9 @@ hpop.view.draw_states
 hpop.view.draw_trace
 hpop.view.draw_where
 hpop.view.save_explorer
+hpop.view.render_360
+hpop.view.save_360
+hpop.view.save_frames
 hpop.view.save_pictures
 hpop.view.save_video
 hpop.world.Box

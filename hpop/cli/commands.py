@@ -24,6 +24,7 @@ from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_o
 from hpop.cli.looking import look, new
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
+from hpop.cli.riding import ride
 from hpop.cli.saved import pick, show
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import OptionError, OutputError
@@ -162,6 +163,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
 
 main.add_command(show)
 main.add_command(pick)
+main.add_command(ride)
 main.add_command(look)
 main.add_command(new)
 

@@ -23,6 +23,7 @@ from hpop.errors import OptionError, OutputError
 from hpop.following import followed
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
+from hpop.named_rows import named_rows
 from hpop.options import MOST_WORKERS, real, whole
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback
@@ -76,7 +77,7 @@ class Clip:
         problem: Problem,
         of: Front | Trajectory,
         *,
-        row: int | None = None,
+        row: int | str | None = None,
         fps: float = FPS,
         width: int = WIDTH,
         workers: int | None = None,
@@ -143,7 +144,7 @@ def save_video(
     of: Front | Trajectory,
     path: str | os.PathLike[str],
     *,
-    row: int | None = None,
+    row: int | str | None = None,
     fps: float = FPS,
     width: int = WIDTH,
     workers: int | None = None,
@@ -157,7 +158,7 @@ def save_video(
     Parameters
     ----------
     of : a front, or a trajectory
-    row : of the front; its knee by default
+    row : of the front: a number, "knee" or "least NAME"; the knee by default
     fps : frames a second
     width : pixels, a multiple of 4; there are half as many rows
     workers : threads that draw; one for each core by default. The frames are the same with any
@@ -188,7 +189,7 @@ def save_frames(
     of: Front | Trajectory,
     folder: str | os.PathLike[str],
     *,
-    row: int | None = None,
+    row: int | str | None = None,
     fps: float = FPS,
     width: int = WIDTH,
     workers: int | None = None,
@@ -220,19 +221,17 @@ def save_frames(
     return target
 
 
-def _chosen(problem: Problem, of: Front | Trajectory, row: int | None) -> tuple[Trajectory, dict[str, Any]]:
+def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> tuple[Trajectory, dict[str, Any]]:
     """The trajectory, and what is told of it."""
     if not isinstance(of, Front):
         executed(of)
         if row is not None:
             raise OptionError("row says which trajectory of a front; give a front, or leave row out")
         return of, {"row": None, "costs": problem.evaluate(of), "units": {c.name: c.unit for c in problem.criteria}}
-    if not len(of):
-        raise OptionError(f"the front has no trajectories; its search ended with {of.status!r}")
-    if row is not None:
-        whole("row", row, 0, len(of) - 1, "a trajectory of the front")
-    point = of.knee() if row is None else of[int(row)]
-    costs = json.dumps([list(of.names), list(of.units), of.costs.tolist()], separators=(",", ":"))
+    (chosen,) = named_rows(of, ["knee" if row is None else row])
+    point = chosen.point
+    costs = dict(zip(of.names, of.costs.T.tolist(), strict=True))
+    digest = hashlib.sha256(json.dumps(costs, separators=(",", ":")).encode())
     return point.item, {
         "row": point.index,
         "costs": point.costs,
@@ -240,8 +239,8 @@ def _chosen(problem: Problem, of: Front | Trajectory, row: int | None) -> tuple[
         "front": {
             "trajectories": len(of),
             "certificate": of.certificate,
-            "sha256": hashlib.sha256(costs.encode()).hexdigest(),
-            "sha256_of": "[names, units, costs] as JSON without blanks",
+            "sha256": digest.hexdigest(),
+            "sha256_of": "points.costs of the front's file, as JSON without blanks",
         },
     }
 

@@ -1,5 +1,6 @@
 """Videos all round: frames are what pictures of their times are, players know the projection, nothing half-written."""
 
+import hashlib
 import json
 import math
 import os
@@ -95,7 +96,10 @@ def test_what_lies_beside_says_what_was_seen_and_when(video, front):
     assert told["camera_height"]["values"] == [1.2]
     assert told["front"]["trajectories"] == 2
     assert "3 m high" in told["scene_notes"][0]
-    assert len(told["front"]["sha256"]) == 64
+    front.save(video.with_name("front.json"))
+    saved = json.loads(video.with_name("front.json").read_text())["points"]["costs"]
+    digest = hashlib.sha256(json.dumps(saved, separators=(",", ":")).encode()).hexdigest()
+    assert told["front"]["sha256"] == digest
 
 
 def test_frames_as_pictures_need_no_encoder(problem, goes, tmp_path):
@@ -153,7 +157,7 @@ def test_without_an_encoder_the_way_out_is_told(problem, goes, tmp_path, monkeyp
 
 
 def test_what_cannot_be_filmed_is_told(problem, front, goes, tmp_path):
-    with pytest.raises(OptionError, match="row must be a trajectory of the front from 0 to 1, got 2"):
+    with pytest.raises(OptionError, match="no row 2: the front has rows 0 to 1"):
         save_video(problem, front, tmp_path / "it.mp4", row=2)
     with pytest.raises(OptionError, match="row says which trajectory of a front"):
         save_video(problem, goes, tmp_path / "it.mp4", row=1)
