@@ -1,7 +1,8 @@
 """Write what follows from the code, so that it is kept in one place.
 
 ``criteria_reference.md`` has every criterion that comes with hpop, from the registry and the docstrings,
-``glossary.md`` the words of ``hpop explain``; ``scenario.schema.json`` is what ``hpop schema`` prints.
+``formats_reference.md`` every export format, ``glossary.md`` the words of ``hpop explain``; ``scenario.schema.json`` is
+what ``hpop schema`` prints.
 
 Run it after one of these has changed: ``make reference``, or ``python docs/make_reference.py``.
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from hpop.cli import glossary
-from hpop.registry import GROUPS, criteria
+from hpop.registry import GROUPS, criteria, formats
 from hpop.scenario import json_schema
 
 DOCS = Path(__file__).parent
@@ -44,6 +45,22 @@ def reference() -> str:
         if members:
             names = ", ".join(f"`{cls.name}`" for cls in members)
             parts += [f"## {letter}: {group}\n\n{names}\n", *map(entry, members)]
+    return "\n".join(parts)
+
+
+FORMATS = """# Export formats
+
+Written by `make reference` from the formats themselves; do not edit. [For other programs](export.md) says how they are used.
+"""
+
+
+def formats_reference() -> str:
+    """The whole page on export formats."""
+    known: dict[str, Any] = {name: one for name, one in formats.items() if one.__module__.startswith("hpop.")}
+    rows = [{"format": f"`{name}`", "ending": f"`{one.suffix}`", "axes": one.axes} for name, one in known.items()]
+    parts = [FORMATS, table(rows), ""]
+    for name, one in known.items():
+        parts.append(f"## `{name}`\n\n{text(inspect.cleandoc(one.__doc__))}\n")
     return "\n".join(parts)
 
 
@@ -109,7 +126,12 @@ def text(docstring: str) -> str:
     return "\n\n".join(paragraphs)
 
 
-PAGES = {"criteria_reference.md": reference, "glossary.md": glossary.page, "scenario.schema.json": schema}
+PAGES = {
+    "criteria_reference.md": reference,
+    "formats_reference.md": formats_reference,
+    "glossary.md": glossary.page,
+    "scenario.schema.json": schema,
+}
 
 if __name__ == "__main__":
     for name, write in PAGES.items():

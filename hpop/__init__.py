@@ -12,6 +12,7 @@ from hpop.lazy import on_first_use
 if TYPE_CHECKING:
     from hpop import errors as errors
     from hpop import examples as examples
+    from hpop import export as export
     from hpop import frontier as frontier
     from hpop import search as search
     from hpop import testing as testing
@@ -46,7 +47,7 @@ _HOMES = {
     "model": "hpop.models.base",
 }
 
-_MODULES = ("errors", "examples", "frontier", "search", "testing", "view")  # each after ``import hpop`` alone
+_MODULES = ("errors", "examples", "export", "frontier", "search", "testing", "view")  # each after ``import hpop`` alone
 
 __all__ = [
     "Criterion",

@@ -15,14 +15,14 @@ from hpop.options import LEAST, MOST, real
 from hpop.trajectory import MOST_ROWS, Trajectory
 
 SLOWEST = 20.0  # Hz: at a lower rate yaw is looked at more often, so that no turn between two samples is lost
-NEXT = 1e-6  # of a step: a last step that is not longer is none
+NEXT = 0.01  # of a step: the last one is at least so long, and another may be longer by that
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Poses:
     """A body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
 
-    times        (N,)    s      from 0, strictly increasing; the last is the end of the trajectory
+    times        (N,)    s      from 0, strictly increasing also in whole ns; the last is the end of the trajectory
     positions    (N, 3)  m      x, y, z
     quaternions  (N, 4)  1      x, y, z, w: they turn the axes of the world to those of the body, x ahead, y left, z up.
                                 Unit; w >= 0 in the first; each is on the side of the one before it, q · q_before >= 0
@@ -78,7 +78,12 @@ def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", p
     frequency = real("rate", rate, LEAST, MOST, "a number of poses a second, in Hz,")
     check_body(trajectory.model, body)
     run = trajectory if planned else trajectory.execution()
-    times = _times(run.duration, frequency)
+    return poses_at(run, _times(run.duration, frequency), body=body, planned=planned)
+
+
+def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planned: bool = False) -> Poses:
+    """Where a body is at times (N,), s, of a trajectory that is taken as it is: planned, or an execution."""
+    check_body(run.model, body)
     states, rates = run.at(times), run.rates(times)[0]
     pose, twist = run.model.pose(body, states), run.model.twist(body, states, rates)
     ahead = _stacked(pose.ahead, times.size)
@@ -150,7 +155,7 @@ def _times(duration: float, rate: float) -> FloatArray:
 def _continuous(run: Trajectory, body: str, times: FloatArray, pose: Pose) -> FloatArray:
     """Yaw (N,), rad, without jumps by whole turns, which arms have: what is in between is looked at as well."""
     steps = np.diff(times)
-    several = ceil(SLOWEST * steps.max(initial=0.0) - NEXT)
+    several = ceil(SLOWEST * steps.max(initial=0.0) - 2.0 * NEXT)
     if several <= 1:
         return np.unwrap(np.broadcast_to(pose.yaw, times.shape))
     within = np.arange(several) / several

@@ -1,4 +1,6 @@
-"""Names of criteria, planners, models, goals, readers: a decorator at home, an entry point abroad, loaded on first use.
+"""Names of criteria, planners, models, goals, readers and formats: found at home, or by an entry point abroad.
+
+At home a decorator registers them; each is loaded on first use.
 
 A plugin package declares, for example::
 
@@ -127,6 +129,7 @@ planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners",
 goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
 models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
 readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers", "hpop.readers", MapError)
+formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.formats", OptionError)
 
 
 def made(registry: Registry[type], spec: Any) -> Any:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from hpop.registry import criteria, goals, models, planners, readers
+from hpop.registry import criteria, formats, goals, models, planners, readers
 from tests.hulls import Hull
 from tests.warm import Warm
 
@@ -69,7 +69,7 @@ def shared_data() -> Callable[[str], Path]:
 @pytest.fixture
 def registered_as_before() -> Iterator[None]:
     """What a test registers of its own is gone after it: other tests list what there is."""
-    registries = (criteria, goals, models, planners, readers)
+    registries = (criteria, formats, goals, models, planners, readers)
     before = [dict(registry.own()) for registry in registries]
     yield
     for registry, own in zip(registries, before, strict=True):

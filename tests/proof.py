@@ -35,6 +35,8 @@ PARTS = {
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],
     "motions": ["tests/motions"],
+    "export": ["tests/export"],
+    "browser": ["tests/browser"],
     "testing": ["tests/testing"],
     "package": [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py"))] + ["hpop"],
 }

@@ -26,6 +26,11 @@ hpop.errors.OptionError
 hpop.examples.copied
 hpop.examples.museum
 hpop.examples.path
+hpop.export.Exported
+hpop.export.Frames
+hpop.export.export_format
+hpop.export.save
+hpop.export.write
 hpop.front.Point
 hpop.frontier.Front
 hpop.frontier.FrontError
@@ -82,6 +87,7 @@ hpop.planners.roadmap.Roadmap
 hpop.planners.search.Graph
 hpop.planners.search.pareto_paths
 hpop.planners.trust.judge
+hpop.poses.poses
 hpop.problem.Problem
 hpop.randomness
 hpop.registry.readers
@@ -130,7 +136,9 @@ hpop.world.visibility
 PUBLIC = [*NAMES.split(), *(f"hpop.{name}" for name in hpop.__all__)]
 IMPORTED = re.compile(r"^\s*(?:>>> )?from (hpop[\w.]*) import (\([^)]*\)|[^\n#`]+)", re.MULTILINE)
 DOTTED = re.compile(r"\bhpop((?:\.[A-Za-z_]\w*)+)\b")
-GROUPS = {f"hpop.{kind}" for kind in ("criteria", "goals", "models", "planners", "readers")}  # of entry points
+GROUPS = {
+    f"hpop.{kind}" for kind in ("criteria", "formats", "goals", "models", "planners", "readers")
+}  # of entry points
 
 
 def mentioned() -> set[str]:
@@ -151,7 +159,7 @@ def test_a_public_name_is_where_it_was(name: str) -> None:
     assert pkgutil.resolve_name(name) is not None
 
 
-@pytest.mark.parametrize("name", ["errors", "frontier", "search", "testing", "view"])
+@pytest.mark.parametrize("name", ["errors", "export", "frontier", "search", "testing", "view"])
 def test_a_module_is_there_after_importing_hpop_alone(name: str) -> None:
     assert name in dir(hpop)
     assert hpop.__getattr__(name) is pkgutil.resolve_name(f"hpop.{name}")

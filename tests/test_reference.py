@@ -21,7 +21,9 @@ def script():
     return module
 
 
-@pytest.mark.parametrize("page", ["criteria_reference.md", "glossary.md", "scenario.schema.json"])
+@pytest.mark.parametrize(
+    "page", ["criteria_reference.md", "formats_reference.md", "glossary.md", "scenario.schema.json"]
+)
 def test_what_is_written_from_the_code_is_up_to_date(script, page):
     assert (script.DOCS / page).read_text(encoding="utf-8") == script.PAGES[page](), "something changed: make reference"
 

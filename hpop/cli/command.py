@@ -21,7 +21,7 @@ imports_option = click.option(
     "imports",
     metavar="FILE_OR_MODULE",
     multiple=True,
-    help="Python of your own, FILE.py or a module, for criteria, planners, models, goals, readers in it. Repeatable.",
+    help="Python of your own, FILE.py or a module: criteria, planners, models, goals, readers, formats. Repeatable.",
 )
 
 verbose_option = click.option(

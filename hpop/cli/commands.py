@@ -1,4 +1,4 @@
-"""The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``explain``, ``schema``, ...
+"""The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``export``, ``explain``, ...
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
 usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
@@ -21,6 +21,7 @@ import click
 from hpop import __version__, examples
 from hpop.cli import results
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
+from hpop.cli.exporting import export
 from hpop.cli.looking import look, new
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
@@ -164,6 +165,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
 main.add_command(show)
 main.add_command(pick)
 main.add_command(ride)
+main.add_command(export)
 main.add_command(look)
 main.add_command(new)
 
@@ -237,14 +239,25 @@ def planners(imports: tuple[str, ...]) -> None:
 
 
 @main.command()
+@imports_option
+@user_errors
+def formats(imports: tuple[str, ...]) -> None:
+    """List the formats of `hpop export`: how their files are called, their axes, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_formats()
+
+
+@main.command()
 @click.argument("word", required=False)
 @imports_option
 @user_errors
 def explain(word: str | None, imports: tuple[str, ...]) -> None:
     """Say what a printed word means.
 
-    A WORD is also the name of a criterion, planner, robot, goal or reader. Without one those that are explained are
-    listed.
+    A WORD is also the name of a criterion, planner, robot, goal, reader or export format. Without one those that are
+    explained are listed.
     """
     from hpop.cli import user_code
     from hpop.cli.explain import explained, known

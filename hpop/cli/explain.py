@@ -1,4 +1,4 @@
-"""``hpop explain``: what a printed word means, and what a criterion, planner, robot, goal or reader of that name is."""
+"""``hpop explain``: what a printed word means, and what a criterion, planner, ... of that name is."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
     registry.models,
     registry.goals,
     registry.readers,
+    registry.formats,
 )
 
 

@@ -1,4 +1,4 @@
-"""What is registered, printed: criteria, models, goals and planners, their parameters, what they need or provide."""
+"""What is registered, printed: criteria, models, goals, planners, formats; their parameters, needs and axes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def print_criteria(console: Console | None = None) -> None:
 
 def declared(item: Any) -> str:
     """What a registered type says of itself, on one line: of a criterion its unit, and what it requires; its fields."""
-    parts = [_fields(item)] if dataclasses.is_dataclass(item) else []
+    parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
         parts = ["" if item.unit == "1" else item.unit, item.aggregate, requires, *parts]
@@ -64,6 +64,15 @@ def print_planners(console: Console | None = None) -> None:
         _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
 
 
+def print_formats(console: Console | None = None) -> None:
+    """Print the export formats, how their files are called, and their axes."""
+    console = console or Console()
+    console.print("Formats of `hpop export`: name, ending of its files, axes")
+    formats: dict[str, Any] = dict(registry.formats)
+    for name, each in formats.items():
+        _print_entry(console, name, each.suffix, f"{_first_line(each)} Axes: {each.axes}.")
+
+
 def _provided(cls: type) -> str:
     """What a robot with its defaults provides, in words; nothing of one that has none."""
     try:
@@ -89,7 +98,7 @@ def _default(field: dataclasses.Field[Any]) -> str:
     return "..." if field.default is dataclasses.MISSING else repr(field.default)
 
 
-def _first_line(cls: type) -> str:
+def _first_line(cls: Any) -> str:
     """First paragraph of a docstring, on one line, without markup."""
     text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
     return re.sub(r":\w+:`|`", "", text)

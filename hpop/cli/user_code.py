@@ -20,14 +20,14 @@ from hpop.criteria.base import Criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place, unknown_name
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
-from hpop.registry import Registry, criteria, goals, models, needed, planners, readers
+from hpop.registry import Registry, criteria, formats, goals, models, needed, planners, readers
 
-REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers)
+REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
 FORM = "give FILE.py, or MODULE as seen from this folder"
 
 
 def register(specs: Iterable[str]) -> None:
-    """Import files (``FILE.py``) and modules, for the criteria, planners, models, goals and readers that they register.
+    """Import files (``FILE.py``) and modules, for the criteria, planners, models, ... that they register.
 
     Raises OwnCodeError where one cannot be imported or registers nothing, and the registry's own error where what it
     registers is declared wrongly or has a name that is taken; both with file and line.
@@ -38,7 +38,7 @@ def register(specs: Iterable[str]) -> None:
         if not any(item not in before or f"{item.__module__}.".startswith(inside) for item in _registered()):
             raise OwnCodeError(
                 f"{spec} ({getattr(module, '__file__', None) or 'no file'}) registers no criterion, planner, model, "
-                "goal or reader; declare one, such as a class with @hpop.criterion"
+                "goal, reader or format; declare one, such as a class with @hpop.criterion"
             )
     for registry in REGISTRIES:
         own = registry.own()

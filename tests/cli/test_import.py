@@ -147,7 +147,7 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
         ("def f():\n    return {}['x']\nf()\n", "own.py", 14, "own.py, line 2: KeyError: 'x'"),
         ("raise SystemExit\n", "own.py", 14, "own.py, line 1: SystemExit; what it does as a program"),
         ("from . import ways\n", "own.py", 14, "give PACKAGE.MODULE"),
-        ("import hpop.criteria\n", "own.py", 14, "registers no criterion, planner, model, goal or reader"),
+        ("import hpop.criteria\n", "own.py", 14, "registers no criterion, planner, model, goal, reader or format"),
         (WAY.replace("my_way", "turns"), "own.py", 8, "own.py, line 4: criterion name 'turns' is taken by hpop."),
         (WAY.replace('"C"', '"X"'), "own.py", 8, "own.py, line 4: criterion 'my_way' (Way): group must be one of"),
         (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),

@@ -1,0 +1,82 @@
+"""``hpop export``: trajectories of a saved front as files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.front_file import loaded, problem_of
+from hpop.cli.terminal import echo
+
+
+def _listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
+    """Names and numbers of several options, each with some between commas."""
+    names = [name.strip() for text in given for name in text.split(",")]
+    if not all(names):
+        raise click.BadParameter("expected some between commas, such as knee,3", context, option)
+    return names
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--rows",
+    metavar="ROW,ROW",
+    multiple=True,
+    callback=_listed,
+    default=["knee"],
+    help="Trajectories: numbers of `hpop show`, knee, or names of criteria for the least in them. [knee]",
+)
+@click.option(
+    "--format",
+    "formats",
+    metavar="NAME,NAME",
+    multiple=True,
+    callback=_listed,
+    default=["csv"],
+    help="Formats, such as tum,unity-csv,mcap,glb; `hpop formats` lists them. [csv]",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder for the files. [FOLDER/export]")
+@click.option("--rate", type=float, default=20.0, metavar="HZ", help="Poses a second. [20]")
+@click.option("--planned", is_flag=True, help="As planned; else what the robot does, from rest to rest.")
+@click.option("--body", default="camera", metavar="NAME", help="camera, base or tool. [camera]")
+@click.option("--frame-id", default="map", metavar="NAME", help="Frame of the world, in ROS and Nav2. [map]")
+@click.option("--base-frame", default="base_link", metavar="NAME", help="Frame of the base. [base_link]")
+@click.option("--camera-frame", default="camera_link", metavar="NAME", help="Frame of the camera. [camera_link]")
+@imports_option
+@user_errors
+def export(
+    folder: Path,
+    rows: list[str],
+    formats: list[str],
+    out: Path | None,
+    rate: float,
+    planned: bool,
+    body: str,
+    frame_id: str,
+    base_frame: str,
+    camera_frame: str,
+    imports: tuple[str, ...],
+) -> None:
+    """Write trajectories of the front in a FOLDER that `hpop plan` wrote, for other programs.
+
+    Files are called after the rows, such as knee_70.tum. knee_70.about.json says their costs, and the axes of each
+    file. Earlier files of these names give way.
+    """
+    from hpop.cli import user_code
+    from hpop.export import Frames, save
+    from hpop.export.writing import named_format
+
+    user_code.register(imports)
+    frames = Frames(frame_id, base_frame, camera_frame)
+    shows_world = any(each.world for each in list(map(named_format, formats)))
+    path, front = loaded(folder)
+    problem = problem_of(path, front) if shows_world else None
+    out = path.parent / "export" if out is None else out
+    written = save(
+        problem, front, out, rows=rows, formats=formats, rate=rate, body=body, planned=planned, frames=frames
+    )
+    echo(f"written to {out}: {', '.join(file.name for file in written)}")

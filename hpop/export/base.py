@@ -1,0 +1,175 @@
+"""What an export format is: a function from a trajectory's poses to the content of a file, and what it declares.
+
+    @export_format("tum", suffix=".tum", axes="right-handed, z up, m; quaternion x, y, z, w; t in s from the start")
+    def tum(given: Exported) -> bytes:
+        ...
+
+It gives out bytes, or files of a folder by name; who calls it writes them, whole or not at all. The same trajectory
+gives the same bytes: no clock, no chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+import numpy as np
+
+from hpop import __version__
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import OptionError
+from hpop.poses import Poses, poses
+from hpop.registry import formats
+from hpop.text import HARMFUL, printable, shown
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+Content = bytes | Mapping[str, bytes]
+"""Of a file, or of the files of a folder by name."""
+PROGRAM = f"hpop {__version__}"
+LONGEST = 200  # characters of a frame's name
+
+
+class Format(Protocol):
+    """An export format, as the decorator declares it.
+
+    name     in the registry
+    suffix   of the names of its files
+    axes     frame, handedness, units, order of the columns and time base, on one line
+    world    whether it shows the problem's world
+    """
+
+    name: str
+    suffix: str
+    axes: str
+    world: bool
+    __doc__: str | None
+
+    def __call__(self, given: Exported, /) -> Content: ...
+
+
+def export_format(
+    name: str, *, suffix: str, axes: str, world: bool = False
+) -> Callable[[Callable[[Exported], Content]], Format]:
+    """Register a function as an export format under a name."""
+
+    def declare(function: Callable[[Exported], Content]) -> Format:
+        made = cast(Any, function)
+        made.name, made.suffix, made.axes, made.world = name, suffix, axes, world
+        formats.add(name, made)
+        return cast(Format, made)
+
+    return declare
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of frames, for formats that name them: of the world, and of bodies that move in it."""
+
+    world: str = "map"
+    base: str = "base_link"
+    camera: str = "camera_link"
+
+    def __post_init__(self) -> None:
+        names = [getattr(self, one.name) for one in fields(self)]
+        for name in names:
+            if not isinstance(name, str) or not 0 < len(name) <= LONGEST or HARMFUL.search(name) or " " in name:
+                raise OptionError(f"a frame is a name without blanks, such as map or base_link; got {shown(name)}")
+            if name.startswith("/"):
+                raise OptionError(f"a frame's name begins without a slash, as tf2 asks; got {shown(name)}")
+        if len(set(names)) < len(names):
+            raise OptionError(f"the frames of world, base and camera are three; got {', '.join(names)}")
+
+    def of(self, body: str) -> str:
+        """The frame of a body: of one that has none here its own name."""
+        return {"base": self.base, "camera": self.camera}.get(body, body)
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A trajectory as formats are given it.
+
+    trajectory  as planned
+    rate        Hz
+    body        whose poses are asked for
+    planned     whether they are those of the plan; else of what the robot does
+    frames      their names
+    row         of a front, or None
+    name        what it was asked for as, such as "knee", or ""
+    costs       value by criterion, reported ones too, and their ``units`` by name
+    claim       what is claimed of the front
+    problem     whose world is shown, or None
+    """
+
+    trajectory: Trajectory
+    rate: float = 20.0
+    body: str = "camera"
+    planned: bool = False
+    frames: Frames = field(default_factory=Frames)
+    row: int | None = None
+    name: str = ""
+    costs: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    claim: str = ""
+    problem: Problem | None = None
+
+    @cached_property
+    def poses(self) -> Poses:
+        """Of the body that is asked for."""
+        return self.of(self.body)
+
+    def of(self, body: str) -> Poses:
+        """Of any body, at the same times."""
+        return poses(self.trajectory, rate=self.rate, body=body, planned=self.planned)
+
+    @cached_property
+    def run(self) -> Trajectory:
+        """The trajectory that is written: as planned, or as executed."""
+        return self.trajectory if self.planned else self.trajectory.execution()
+
+    @property
+    def has_base(self) -> bool:
+        """Whether the robot has a base."""
+        return "base" in self.trajectory.model.provides
+
+    @property
+    def title(self) -> str:
+        """What it is called: "knee (row 70)", "row 3", or "trajectory"."""
+        if self.row is None:
+            return printable(self.name) or "trajectory"
+        return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Costs in words, by printable name with the unit: {"length (m)": "33.5"}."""
+        headings = {
+            name: name if (unit := self.units.get(name, "1")) == "1" else f"{name} ({unit})" for name in self.costs
+        }
+        return {printable(headings[name]): repr(float(value)) for name, value in self.costs.items()}
+
+    def statement(self, axes: str, what: str = "") -> list[str]:
+        """What a file says of itself, in lines of printable text; ``what`` it is, if not poses at the rate."""
+        how = "as planned" if self.planned else "as executed"
+        what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
+        lines = [f"{self.title}: {what}; by {PROGRAM}", axes]
+        if self.costs:
+            lines.append("costs: " + ", ".join(f"{name} = {value}" for name, value in self.values.items()))
+        return lines
+
+
+def nanoseconds(times: FloatArray) -> IntArray:
+    """Times (N,), s, in whole nanoseconds.
+
+    >>> nanoseconds(np.array([0.1, 0.9999999999])).tolist()
+    [100000000, 1000000000]
+    """
+    return np.rint(np.asarray(times) * 1e9).astype(np.int64)
+
+
+def rows_of_text(table: FloatArray, separator: str) -> str:
+    """A table (N, k) as lines, each number in the shortest form that reads back as the same."""
+    return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())

@@ -1,0 +1,167 @@
+"""A scene with an animated camera, as binary glTF."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray
+from hpop.export.base import PROGRAM, Exported, export_format
+from hpop.export.meshes import Mesh, meshes_of
+from hpop.export.turning import product
+from hpop.poses import on_one_side
+
+AXES = (
+    "right-handed, x right, y up, z towards the viewer (glTF), m; the world's (x, y, z) is (x, z, -y); "
+    "rotations x, y, z, w; the camera looks along its -z, its y is up; times in s from the start, float32"
+)
+FLOAT, WHOLE = 5126, 5125  # float32 and uint32, as glTF counts them
+VERTICES, INDICES = 34962, 34963
+SEEN = (math.radians(90.0), math.radians(60.0))  # of a camera that sees all round: its picture in a viewer
+NEAR = 0.05  # m
+Y_UP = np.array([-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])  # turns z up into y up
+OUT_OF_CAMERA = np.array([0.5, -0.5, -0.5, 0.5])  # axes of a glTF camera (right, up, back) in those of a body
+
+
+@export_format("glb", suffix=".glb", axes=AXES, world=True)
+def glb(given: Exported) -> bytes:
+    """Binary glTF 2.0 of the world and an animated camera, for Blender, three.js and other viewers.
+
+    Right-handed, y up, m: the world's (x, y, z) is (x, z, -y). A node (``camera_link``) has the poses as translation
+    and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. Another body is a node
+    of its own frame, x ahead, y left, z up. Times are float32 seconds from the start, strictly increasing: of several
+    poses in one step of a float32 the last is kept. Obstacles are prisms, walls without an upper end a storey high;
+    people who walk are animated too. ``asset.extras`` has the costs, and what is not drawn as it is.
+    """
+    file = _File()
+    seen, body = given.poses, given.frames.of(given.body)
+    times = seen.times.astype(np.float32)
+    last = np.append(np.diff(times) > 0.0, True)
+    turned = np.tile(Y_UP, (len(seen), 1))
+    rotations = product(turned, seen.quaternions)
+    is_camera = given.body == "camera"
+    if is_camera:
+        rotations = product(rotations, np.tile(OUT_OF_CAMERA, (len(seen), 1)))
+    places, rotations = y_up(seen.positions)[last], on_one_side(rotations)[last]
+    node: dict[str, Any] = {"name": body, "translation": places[0].tolist(), "rotation": rotations[0].tolist()}
+    if is_camera:
+        node["camera"] = 0
+        file.document["cameras"] = [_camera(given)]
+    file.document["nodes"].append(node)
+    clock = file.accessor(times[last][:, None], "SCALAR", bounds=True)
+    file.animate(0, clock, "translation", file.accessor(places, "VEC3"))
+    file.animate(0, clock, "rotation", file.accessor(rotations, "VEC4"))
+    notes: list[str] = []
+    if given.problem is not None:
+        from hpop.view.ride.scene import Scene
+
+        scene = Scene.of(given.problem)
+        notes = list(scene.notes)
+        _add(file, list(meshes_of(scene)), float(times[-1]))
+    file.document["animations"][0]["name"] = given.title
+    told = {"statement": given.statement(AXES), "costs": dict(given.costs), "units": dict(given.units), "notes": notes}
+    file.document["asset"] = {"version": "2.0", "generator": PROGRAM, "extras": told}
+    file.document["scenes"] = [{"name": given.title, "nodes": list(range(len(file.document["nodes"])))}]
+    return file.written()
+
+
+def y_up(vectors: FloatArray) -> FloatArray:
+    """Places and directions (..., 3) of the world in the frame of glTF."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([x, z, -y], axis=-1) + 0.0  # no -0.0
+
+
+def linear(colour: tuple[int, int, int]) -> list[float]:
+    """A colour as glTF has it: linear light, 0 to 1."""
+    stored = np.array(colour) / 255.0
+    light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    return [*np.round(light, 6).tolist(), 1.0]
+
+
+def _camera(given: Exported) -> dict[str, Any]:
+    """What the camera sees at once."""
+    across, upwards = getattr(given.trajectory.model, "field_of_view", None) or SEEN
+    across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
+    ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
+    perspective = {"yfov": upwards, "znear": NEAR, "aspectRatio": ratio}
+    return {"name": given.frames.camera, "type": "perspective", "perspective": perspective}
+
+
+def _add(file: _File, meshes: list[Mesh], lasts: float) -> None:
+    """Meshes of a world, each a node."""
+    document, colours = file.document, dict[tuple[int, int, int], int]()
+    document["meshes"], document["materials"] = [], []
+    for mesh in meshes:
+        if mesh.colour not in colours:
+            colours[mesh.colour] = len(document["materials"])
+            look = {"baseColorFactor": linear(mesh.colour), "metallicFactor": 0.0, "roughnessFactor": 0.9}
+            document["materials"].append({"pbrMetallicRoughness": look})
+        corners = y_up(mesh.corners).reshape(-1, 3)
+        attributes = {
+            "POSITION": file.accessor(corners, "VEC3", target=VERTICES, bounds=True),
+            "NORMAL": file.accessor(np.repeat(y_up(mesh.normals), 3, axis=0), "VEC3", target=VERTICES),
+        }
+        primitive = {"attributes": attributes, "material": colours[mesh.colour]}
+        document["nodes"].append({"name": mesh.name, "mesh": len(document["meshes"])})
+        document["meshes"].append({"name": mesh.name, "primitives": [primitive]})
+        if any(mesh.velocity) and lasts > 0.0:
+            way = np.array([[0.0, 0.0, 0.0], [lasts * mesh.velocity[0], lasts * mesh.velocity[1], 0.0]])
+            clock = file.accessor(np.array([[0.0], [lasts]]), "SCALAR", bounds=True)
+            file.animate(len(document["nodes"]) - 1, clock, "translation", file.accessor(y_up(way), "VEC3"))
+    for empty in [key for key in ("meshes", "materials") if not document[key]]:
+        del document[empty]
+
+
+class _File:
+    """A binary glTF file as it grows: its JSON, and the numbers in its buffer."""
+
+    def __init__(self) -> None:
+        self.document: dict[str, Any] = {
+            "asset": {},
+            "scene": 0,
+            "scenes": [],
+            "nodes": [],
+            "accessors": [],
+            "bufferViews": [],
+            "animations": [{"channels": [], "samplers": []}],
+        }
+        self._buffer = bytearray()
+
+    def accessor(self, values: NDArray[Any], kind: str, *, target: int | None = None, bounds: bool = False) -> int:
+        """Keep rows (N, k) as float32; the number of their accessor."""
+        numbers = np.ascontiguousarray(values, dtype="<f4")
+        view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._buffer), "byteLength": numbers.nbytes}
+        if target is not None:
+            view["target"] = target
+        self._buffer += numbers.tobytes()
+        self.document["bufferViews"].append(view)
+        made: dict[str, Any] = {
+            "bufferView": len(self.document["bufferViews"]) - 1,
+            "componentType": FLOAT,
+            "count": len(numbers),
+            "type": kind,
+        }
+        if bounds:
+            made |= {"min": numbers.min(axis=0).tolist(), "max": numbers.max(axis=0).tolist()}
+        self.document["accessors"].append(made)
+        return len(self.document["accessors"]) - 1
+
+    def animate(self, node: int, times: int, path: str, values: int) -> None:
+        """Let a property of a node go through values at times."""
+        (animation,) = self.document["animations"]
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+        animation["samplers"].append({"input": times, "output": values, "interpolation": "LINEAR"})
+
+    def written(self) -> bytes:
+        """The file: header, chunk of JSON, chunk of numbers, each a multiple of four bytes."""
+        self.document["buffers"] = [{"byteLength": len(self._buffer)}]
+        text = json.dumps(self.document, allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks += struct.pack("<I4s", len(self._buffer), b"BIN\0") + bytes(self._buffer)
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -1,0 +1,231 @@
+"""Trajectories written for other programs: one by the ending of a name, or rows of a front in several formats."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from hpop.errors import OptionError, OutputError
+from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
+from hpop.front import Front
+from hpop.frontier import strict_json
+from hpop.frontier.atomic import replacing
+from hpop.named_rows import NamedRow, named_rows
+from hpop.registry import formats as registered
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+ABOUT = ".about.json"
+MARK = "metadata.yaml"  # a folder without it is none of ours, and stays
+
+
+def write(
+    trajectory: Trajectory,
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    problem: Problem | None = None,
+    rate: float = 20.0,
+    body: str = "camera",
+    planned: bool = False,
+    frames: Frames | None = None,
+) -> Path:
+    """Write a trajectory to a file, whole or not at all; an earlier file of that name gives way.
+
+    Parameters
+    ----------
+    path : its ending says the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
+    format : name of a format, where the ending does not say it
+    problem : whose world is shown, by formats that show one
+    rate : poses a second
+    body : "camera", "base" or "tool", as far as the robot has them
+    planned : the trajectory as planned; else what the robot does of it, from rest to rest
+    frames : names of frames, for formats that name them
+
+    Raises OptionError for an ending that says no format and for what a format cannot write, UnknownName for a name of
+    no format, OutputError where the file cannot be written or an extra is not installed.
+    """
+    target = _checked(path)
+    if not isinstance(trajectory, Trajectory):
+        raise OptionError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
+    chosen = format_of(target) if format is None else named_format(format)
+    given = Exported(trajectory, rate, body, planned, Frames() if frames is None else frames, problem=problem)
+    _put(target, _content(chosen, given))
+    return target
+
+
+def save(
+    problem: Problem | None,
+    front: Front,
+    folder: str | os.PathLike[str],
+    *,
+    rows: Sequence[int | str] = ("knee",),
+    formats: Sequence[str] = ("csv",),
+    rate: float = 20.0,
+    body: str = "camera",
+    planned: bool = False,
+    frames: Frames | None = None,
+) -> list[Path]:
+    """Write rows of a front in some formats to a folder; the paths of what was written.
+
+    Files are called ``knee_70.tum``, ``row_3.unity.csv``. Beside those of a row lies ``knee_70.about.json``: its costs,
+    what is claimed of the front, and the axes of each file. Each file is whole or not there; earlier ones give way.
+
+    Parameters
+    ----------
+    problem : that the front answers, whose world is shown; None where no format shows one
+    rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.named_rows.named_rows`)
+    formats : names of formats (``hpop formats`` lists them)
+
+    Others as of :func:`write`. Raises as that does, and OptionError or UnknownName for a row that is not there.
+    """
+    target = _checked(folder)
+    if isinstance(formats, str) or not isinstance(formats, Sequence):
+        raise OptionError(f"formats is a list of names, such as ['tum', 'glb'], got {shown(formats)}")
+    chosen = [named_format(name) for name in dict.fromkeys(formats)]
+    if problem is None and (scenes := [each.name for each in chosen if each.world]):
+        raise OptionError(f"{', '.join(scenes)} shows the world: give the problem that the front answers")
+    written = []
+    for row in named_rows(front, rows):
+        given = _given(problem, front, row, rate, body, planned, Frames() if frames is None else frames)
+        with _output_errors(target):
+            target.mkdir(parents=True, exist_ok=True)
+        own = []
+        for each in chosen:
+            path = target / f"{row.stem}{each.suffix}"
+            _put(path, _content(each, given))
+            own.append((path, each))
+        about = target / f"{row.stem}{ABOUT}"
+        _put(about, _about(front, given, own))
+        written += [*(path for path, _ in own), about]
+    return written
+
+
+def named_format(name: str) -> Format:
+    """The export format of a name; UnknownName where there is none."""
+    return cast(Format, registered[name])
+
+
+def format_of(path: Path) -> Format:
+    """The export format that the ending of a file's name says: the longest that fits."""
+    known = {each.suffix: each for each in map(named_format, registered)}
+    fitting = [suffix for suffix in known if path.name.lower().endswith(suffix)]
+    if not fitting:
+        endings = ", ".join(f"{suffix} ({each.name})" for suffix, each in known.items())
+        raise OptionError(
+            f"{shown(path.name)} does not end as the files of a format do; give format=, or one of {endings}"
+        )
+    return known[max(fitting, key=len)]
+
+
+def _given(
+    problem: Problem | None, front: Front, row: NamedRow, rate: float, body: str, planned: bool, frames: Frames
+) -> Exported:
+    names, units = (*front.names, *front.reported_names), (*front.units, *front.reported_units)
+    return Exported(
+        row.point.trajectory,
+        rate,
+        body,
+        planned,
+        frames,
+        row=row.number,
+        name=row.name,
+        costs={**row.point.costs, **row.point.reported},
+        units=dict(zip(names, units, strict=True)),
+        claim=f"{front.status}; {front.certificate}",
+        problem=problem,
+    )
+
+
+def _content(chosen: Format, given: Exported) -> Content:
+    """What a format makes of a trajectory."""
+    try:
+        return chosen(given)
+    except ImportError as error:  # of an extra, which says how to install it
+        raise OutputError(f"{error}") from None
+
+
+def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:
+    """What lies beside the files of a row."""
+    told: dict[str, Any] = {
+        "schema": "hpop-export",
+        "version": 1,
+        "program": PROGRAM,
+        "row": given.row,
+        "rows": len(front),
+        "name": given.name,
+        "costs": dict(given.costs),
+        "units": dict(given.units),
+        "status": front.status,
+        "certificate": front.certificate,
+        "robot": getattr(given.trajectory.model, "name", type(given.trajectory.model).__name__),
+        "body": given.body,
+        "planned": given.planned,
+        "rate": float(given.rate),
+        "duration": given.run.duration,
+        "poses": len(given.poses),
+        "frames": vars(given.frames),
+        "files": [{"file": path.name, "format": each.name, "axes": each.axes} for path, each in files],
+    }
+    return "".join([*strict_json.pieces(told), "\n"]).encode()
+
+
+def _checked(path: Any) -> Path:
+    """A path, where it is one."""
+    if not isinstance(path, str | os.PathLike) or not os.fspath(path) or not isinstance(os.fspath(path), str):
+        raise OptionError(f"expected a path to write to, such as 'out/knee.tum', got {shown(path)}")
+    return Path(path)
+
+
+@contextmanager
+def _output_errors(path: Path) -> Iterator[None]:
+    """Errors of writing, as one message."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in a name
+        said = getattr(error, "strerror", None) or error
+        raise OutputError(f"cannot write {shown(str(path), 400)}: {said}; choose another place") from None
+
+
+def _put(path: Path, content: Content) -> None:
+    """Write a file or a folder of files, whole or not at all."""
+    with _output_errors(path):
+        if isinstance(content, bytes):
+            with replacing(path) as file:
+                file.write(content)
+        else:
+            _put_folder(path, content)
+
+
+def _put_folder(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write a folder, which takes the place of an earlier one of the same kind."""
+    if os.path.lexists(path) and not (path / MARK).is_file():
+        raise OutputError(f"{shown(str(path), 400)} is there, and no bag; remove it, or choose another name")
+    half = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
+    old = half.with_suffix(".old")
+    try:
+        half.mkdir()
+        for name, content in files.items():
+            with (half / name).open("xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+        if path.exists():
+            path.rename(old)
+        half.rename(path)
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        for rest in (half, old):
+            with suppress(FileNotFoundError):
+                shutil.rmtree(rest)

@@ -1,0 +1,104 @@
+"""`hpop export` and `hpop formats`: the files that Python writes, and mistakes that end in one message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from hpop.export import save
+from hpop.front import Front
+from hpop.registry import formats
+from hpop.scenario import load_scenario
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, write_map, write) -> Path:
+    """A folder with the front of a room."""
+    place = tmp_path_factory.mktemp("room")
+    write_map(place)
+    write(place)
+    scenario = load_scenario(place / "room.yaml")
+    (place / "out").mkdir()
+    scenario.problem.solve(scenario.planners).save(place / "out/front.json")
+    return place / "out"
+
+
+def test_it_writes_what_python_writes(run: Run, folder: Path, tmp_path: Path) -> None:
+    options = ["--rows", "knee,0", "--rows", "length", "--format", "tum,glb", "--format", "csv", "--rate", "5"]
+    result = run("export", folder, *options, "--planned", "--body", "base", "--out", tmp_path / "cli")
+    assert result.exit_code == 0, result.output
+    front = Front.load(folder / "front.json")
+    problem = load_scenario(folder.parent / "room.yaml").problem
+    written = save(
+        problem,
+        front,
+        tmp_path / "python",
+        rows=["knee", 0, "length"],
+        formats=["tum", "glb", "csv"],
+        rate=5,
+        planned=True,
+        body="base",
+    )
+    assert f"written to {tmp_path / 'cli'}: {written[0].name}, " in result.output.replace("\n", " ")
+    for path in written:
+        assert (tmp_path / "cli" / path.name).read_bytes() == path.read_bytes()
+    assert len(list((tmp_path / "cli").iterdir())) == len(written)
+
+
+def test_by_default_it_is_the_knee_as_csv_beside_the_front(run: Run, folder: Path) -> None:
+    knee = Front.load(folder / "front.json").knee().index
+    assert run("export", folder).exit_code == 0
+    assert run("export", folder / "front.json").exit_code == 0
+    names = {path.name for path in (folder / "export").iterdir()}
+    assert names == {f"knee_{knee}.csv", f"knee_{knee}.about.json"}
+
+
+def test_streams_need_no_map(run: Run, folder: Path, tmp_path: Path) -> None:
+    """A front that was moved alone: its map is not there, which only what shows the world asks for."""
+    (tmp_path / "front.json").write_bytes((folder / "front.json").read_bytes())
+    moved = (tmp_path / "front.json").read_text().replace("map.yaml", "gone.yaml")
+    (tmp_path / "front.json").write_text(moved)
+    assert run("export", tmp_path, "--format", "tum,nav2-yaml").exit_code == 0
+    assert run("export", tmp_path, "--format", "glb").exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (["--rows", "99"], 10, "no row 99: the front has row 0 alone"),
+        (["--rows", "kneee"], 7, "no row is called 'kneee'. Did you mean 'knee'"),
+        (["--format", "tumm"], 7, "unknown format 'tumm'. Did you mean 'tum'"),
+        (["--rate", "0"], 10, "rate must be a number of poses a second, in Hz"),
+        (["--body", "tool"], 10, "this robot has no body 'tool'"),
+        (["--frame-id", "/map"], 10, "a frame's name begins without a slash"),
+    ],
+)
+def test_mistakes_are_told(run: Run, refused, folder: Path, tmp_path: Path, options, code: int, said: str) -> None:
+    refused(run("export", folder, *options, "--out", tmp_path / "out"), code, said)
+    assert not list(tmp_path.rglob("*.csv"))
+
+
+def test_nothing_between_commas_is_told(run: Run, folder: Path) -> None:
+    result = run("export", folder, "--rows", "knee,")
+    assert result.exit_code == 2
+    assert "expected some between commas, such as knee,3" in result.stderr
+
+
+def test_a_folder_without_a_front_is_told(run: Run, refused, tmp_path: Path) -> None:
+    refused(
+        run("export", tmp_path), 12, "front.json: No such file or directory; give the folder that `hpop plan` wrote"
+    )
+    (tmp_path / "front.json").write_text("{}")
+    refused(run("export", tmp_path), 12, "front.json")
+
+
+def test_formats_are_listed_with_their_axes(run: Run) -> None:
+    text = " ".join(run("formats").output.split())
+    for name, each in formats.items():
+        assert f"{name} {each.suffix} " in text
+        assert f"Axes: {' '.join(each.axes.split())}." in text

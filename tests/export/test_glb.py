@@ -1,0 +1,113 @@
+"""three's own loader and pygltflib open what is written as glTF: the camera is where it was, the world is as large."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+
+import hpop
+from hpop.export import write
+from hpop.trajectory import Trajectory
+from tests.export.given import DRIVE, ODD, POSES, problem, robots, through
+from tests.export.readers import GLTF, accessor
+
+THREE = Path(__file__).resolve().parents[2] / "web/node_modules/three"
+
+
+def loaded(path, times):
+    """What three makes of a file."""
+    node = shutil.which("node")
+    if node is None or not THREE.is_dir():
+        pytest.skip("no node, or no modules in web/: npm ci")
+    script = Path(__file__).with_name("read_glb.mjs")
+    asked = json.dumps(times.tolist())
+    done = subprocess.run([node, script, THREE, path, asked], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_three_finds_the_camera_where_it_was_and_looking_where_it_looked(tmp_path):
+    seen = hpop.PanTilt(field_of_view=(math.radians(100), math.radians(70)))
+    trajectory = through(seen, (1, 1, 0, 0, 0), (2, 1, 1, 1, 0.3), (2, 1, 1, -2, -0.4))
+    run = trajectory.execution()
+    times = np.linspace(0.0, run.duration, 25)
+    path = write(trajectory, tmp_path / "any.glb", rate=60, problem=problem())
+    found = loaded(path, times)
+    assert found["duration"] == pytest.approx(run.duration, rel=1e-6)
+    pose = seen.pose("camera", run.at(times))
+    for name, vector in (("position", (pose.x, pose.y, pose.z)), ("ahead", pose.ahead), ("up", pose.up)):
+        asked = np.stack(np.broadcast_arrays(*vector, times)[:3], axis=1) @ GLTF.T
+        np.testing.assert_allclose([one[name] for one in found["seen"]], asked, atol=2e-3)  # between keys it is linear
+    assert found["fov"] == pytest.approx(70.0)
+    assert found["aspect"] == pytest.approx(math.tan(math.radians(50)) / math.tan(math.radians(35)))
+    walked = [(one["people"][0], t) for one, t in zip(found["seen"], times.tolist(), strict=True)]
+    for (x, y, z), t in walked:
+        assert (x, y, z) == pytest.approx((-0.5 * t, 0.0, -0.25 * t), abs=1e-5)
+    boxes = {mesh["name"]: (mesh["low"], mesh["high"]) for mesh in found["meshes"]}
+    low, high = boxes["wall"]
+    assert (low, high) == (pytest.approx([0, 0, -6]), pytest.approx([8, 3, 0]))
+    table = next(box for name, box in boxes.items() if name.startswith("</script>"))
+    assert table == (pytest.approx([5, 0.7, -3]), pytest.approx([6, 0.75, -2]))
+
+
+@pytest.mark.parametrize("robot", ["differential drive", "stays"])
+def test_the_file_is_what_the_standard_asks_for(robot, tmp_path):
+    path = write(robots()[robot], tmp_path / "any.glb", problem=problem())
+    file = pygltflib.GLTF2().load(path)
+    assert file.asset.version == "2.0"
+    assert path.stat().st_size % 4 == 0
+    for view in file.bufferViews:
+        assert view.byteOffset % 4 == 0
+        assert view.byteOffset + view.byteLength <= file.buffers[0].byteLength
+    for one in file.animations[0].samplers:
+        times = accessor(file, one.input)
+        assert (np.diff(times.ravel()) > 0).all()
+        assert file.accessors[one.input].min == times.min(axis=0).tolist()
+        assert file.accessors[one.input].max == times.max(axis=0).tolist()
+        assert len(accessor(file, one.output)) == len(times)
+    targets = [(channel.target.node, channel.target.path) for channel in file.animations[0].channels]
+    assert len(set(targets)) == len(targets)
+    for mesh in file.meshes:
+        (primitive,) = mesh.primitives
+        corners = accessor(file, primitive.attributes.POSITION)
+        normals = accessor(file, primitive.attributes.NORMAL)
+        assert file.accessors[primitive.attributes.POSITION].min == corners.min(axis=0).tolist()
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+        faces = corners.reshape(-1, 3, 3)
+        across = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        assert (np.einsum("ti,ti->t", across, normals[::3]) > 0).all()  # counter-clockwise seen from outside
+    names = [node.name for node in file.nodes]
+    assert names[0] == "camera_link"
+    assert not any(letter in name for name in names for letter in "\n\x1b\u202e")
+
+
+def test_a_trajectory_alone_is_a_camera_without_a_world(tmp_path):
+    file = pygltflib.GLTF2().load(write(robots()["pan-tilt"], tmp_path / "any.glb"))
+    assert len(file.nodes) == 1
+    assert not file.meshes
+    assert file.cameras[0].perspective.yfov == pytest.approx(math.radians(60))
+
+
+def test_times_that_one_float32_cannot_tell_apart_are_kept_once(tmp_path):
+    stays = Trajectory.from_poses(DRIVE, POSES[:1]).with_hold(at=0, seconds=900.0)
+    after = Trajectory(DRIVE, stays.states, stays.kinds).with_hold(
+        at=1, seconds=1e-5
+    )  # at 900 s a float32 has steps of 6e-5 s
+    file = pygltflib.GLTF2().load(write(after, tmp_path / "any.glb", rate=20.0))
+    times = accessor(file, file.animations[0].samplers[0].input).ravel()
+    assert (np.diff(times) > 0).all()
+    assert times[-1] == np.float32(after.duration)
+
+
+def test_costs_and_what_is_not_drawn_as_it_is_are_in_the_file(tmp_path):
+    path = write(robots()["stays"], tmp_path / "any.glb", problem=problem())
+    extras = pygltflib.GLTF2().load(path).asset.extras
+    assert "obstacles without an upper end are drawn 3 m high" in extras["notes"]
+    assert ODD.encode() not in path.read_bytes()
