@@ -50,7 +50,8 @@ def reference() -> str:
 
 FORMATS = """# Export formats
 
-Written by `make reference` from the formats themselves; do not edit. [For other programs](export.md) says how they are used.
+Written by `make reference` from the formats themselves; do not edit. [For other programs](export.md) says how they are
+used.
 """
 
 
