@@ -45,7 +45,7 @@ WALL, THING, EXTENT, ZONE = 0, 1, 2, 3
 """Kinds of items."""
 CYLINDER, ELLIPSOID = 0, 1
 """Shapes of parts of people."""
-FLOOR_CONTRAST, WALL_CONTRAST = CONTRAST["floor"], CONTRAST["wall"]
+FLOOR_CONTRAST, OUTSIDE_CONTRAST, WALL_CONTRAST = CONTRAST["floor"], CONTRAST["outside"], CONTRAST["wall"]
 FLOOR_GRID, WALL_GRID = GRID["floor"], GRID["wall"]
 LIGHT_X, LIGHT_Y, LIGHT_Z = LIGHT
 UPWARD, DOWNWARD = AMBIENT + DIFFUSE * LIGHT_Z, AMBIENT - DIFFUSE * LIGHT_Z
@@ -422,11 +422,11 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
     if view.z <= 0.0:
         return
     red, green, blue = float(OUTSIDE[0]), float(OUTSIDE[1]), float(OUTSIDE[2])
-    grid = 0.0
+    grid, contrast = 0.0, OUTSIDE_CONTRAST
     for k in range(count):
         if items[opened[k], 0] == EXTENT:
             red, green, blue = float(FLOOR[0]), float(FLOOR[1]), float(FLOOR[2])
-            grid = FLOOR_GRID
+            grid, contrast = FLOOR_GRID, FLOOR_CONTRAST
     for k in range(count):
         item = items[opened[k]]
         if item[0] == ZONE:
@@ -434,7 +434,7 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
             green += ZONE_SHARE * (item[4] - green)
             blue += ZONE_SHARE * (item[5] - blue)
     red, green, blue = red * UPWARD, green * UPWARD, blue * UPWARD
-    _plane(-view.z, t0, t1, red, green, blue, 0, grid, FLOOR_CONTRAST, dx, dy, sheet, view, tile)
+    _plane(-view.z, t0, t1, red, green, blue, 0, grid, contrast, dx, dy, sheet, view, tile)
 
 
 @lean

@@ -30,7 +30,7 @@ ROUGHNESS = 0.3
 """Amplitudes grow with this power of the wavelength: coarse patches, fine grain."""
 PITCH, LINE = 0.5, 0.02
 """From one line of the grid to the next, and their width, m."""
-CONTRAST = {"floor": 0.075, "wall": 0.028}
+CONTRAST = {"floor": 0.075, "outside": 0.03, "wall": 0.028}
 """Root mean square of the waves, as a share of the colour."""
 GRID = {"floor": 0.20, "wall": 0.10}
 """By what share lines are darker."""
