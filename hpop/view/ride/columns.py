@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.compiled import lean
 from hpop.view.ride.surfaces import (
     AMBIENT,
     CONTRAST,
@@ -84,6 +84,7 @@ class Things(NamedTuple):
     plates   (L, 8)  x, y, z of the middle, normal x, y, width, height, number
     bitmaps  values of all plates' pictures, level by level
     places   (L, B, 3)  of each plate and level: where it begins, its width and height in pixels
+    highest  m  of all that stands
     """
 
     edges: FloatArray
@@ -93,6 +94,16 @@ class Things(NamedTuple):
     plates: FloatArray
     bitmaps: NDArray[np.uint8]
     places: IntArray
+    highest: float
+
+
+class Met(NamedTuple):
+    """What `rays.crossings` tells: the last meeting of each ray; and distance, edge and meeting before, of each."""
+
+    last: IntArray
+    distance: FloatArray
+    edge: IntArray
+    before: IntArray
 
 
 class View(NamedTuple):
@@ -131,6 +142,30 @@ class Sheet(NamedTuple):
     summed: FloatArray
     left: FloatArray
     numbers: NDArray[np.int32]
+
+
+class Room(NamedTuple):
+    """Where a column is drawn.
+
+    sheet
+    is_in   (I,)  whether the ray is within each item: nowhere, before and after
+    opened  (I,)  those within which it is, as many as are told
+    order   edges, parts and plates that a ray meets, from near to far
+    away    m  how far each is
+    """
+
+    sheet: Sheet
+    is_in: BoolArray
+    opened: IntArray
+    order: IntArray
+    away: FloatArray
+
+    @classmethod
+    def of(cls, rows: int, items: int, meetings: int) -> Room:
+        """Room for pictures of so many rows, items, and meetings of a ray."""
+        sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
+        opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
+        return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
 
 
 @lean
@@ -320,17 +355,16 @@ def _part(t, part, dx, dy, sheet, view):
 @lean
 def _plate(t, p, dx, dy, sheet, view, things):
     """Draw what a ray sees of a plate: its picture, or from behind its back."""
-    plate = things.plates[p]
+    plate, places = things.plates[p], things.places
     low = plate[2] - 0.5 * plate[6] - view.z
     top, bottom = _row((low + plate[6]) / t, view), _row(low / t, view)
     first, beyond = _rows(top, bottom, view)
     across = (view.x + t * dx - plate[0]) * -plate[4] + (view.y + t * dy - plate[1]) * plate[3]
     is_front = dx * plate[3] + dy * plate[4] < 0.0
-    levels = things.places[p]
     level = 0
-    while level < len(levels) - 1 and levels[level + 1, 2] * t * view.pixel > plate[6]:
+    while level < places.shape[1] - 1 and places[p, level + 1, 2] * t * view.pixel > plate[6]:
         level += 1
-    start, columns, rows = levels[level]
+    start, columns, rows = places[p, level, 0], places[p, level, 1], places[p, level, 2]
     x = min(max((across / plate[5] + 0.5) * columns - 0.5, 0.0), columns - 1.001)
     left = int(x)
     x -= left
@@ -438,8 +472,9 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
 
 
 @lean
-def _ray(order, away, count, opened, open_count, is_in, dx, dy, highest, things, sheet, view, tile):
+def _ray(count, open_count, dx, dy, room, things, view, tile):
     """Draw along a ray, from near to far, what it meets in that order."""
+    sheet, is_in, opened, order, away = room.sheet, room.is_in, room.opened, room.order, room.away
     edges = len(things.edges)
     lowest = len(view.slopes) - 1  # row that is not drawn yet
     t0 = NEAR
@@ -471,47 +506,33 @@ def _ray(order, away, count, opened, open_count, is_in, dx, dy, highest, things,
                 opened[k] = opened[open_count]
         while lowest >= 0 and sheet.left[lowest] <= LEAST_LEFT:
             lowest -= 1
-        if lowest + 1 <= _row(max(highest - view.z, 0.0) / t1, view):
+        if lowest + 1 <= _row(max(things.highest - view.z, 0.0) / t1, view):
             break  # all that is farther lies lower in the picture than what is left
 
 
-@kernel
-def draw(begin, end, met, things, view, tile):
-    """Draw columns of a picture: colours (C, H, 3), and if ``view.hard`` the numbers (C, H) of what is seen.
+@lean
+def draw(begin, end, met, things, view, tile, room, colours, numbers):
+    """Draw columns of a picture: colours (H, C, 3), and if ``view.hard`` the numbers (H, C) of what is seen.
 
-    Colours are rounded to whole numbers, halves up. ``met`` is what `rays.crossings` tells.
+    Colours are rounded to whole numbers, halves up. ``met`` is what `rays.crossings` tells; ``room`` is used up.
     """
-    last, distance, edge, before = met
+    last, edge = met.last, met.edge
     rows, rays = len(view.slopes), len(view.directions)
-    colours = np.empty((end - begin, rows, 3), np.uint8)
-    numbers = np.zeros((end - begin if view.hard else 0, rows), np.int32)
-    sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
-    items = len(things.items)
-    is_in, opened = np.zeros(items, np.bool_), np.empty(items, np.int64)
-    beside = len(things.parts) + len(things.plates)
-    room = 64 + beside
-    order, away = np.empty(room, np.int64), np.empty(room)
-    highest = 0.0
-    for i in range(items):
-        highest = max(highest, things.items[i, 2])
-    for i in range(len(things.parts)):
-        highest = max(highest, things.parts[i, 7])
-    for i in range(len(things.plates)):
-        highest = max(highest, things.plates[i, 2] + things.plates[i, 6])
+    sheet, is_in, opened, order, away = room.sheet, room.is_in, room.opened, room.order, room.away
     for column in range(begin, end):
-        sheet.summed[:] = 0.0
+        for row in range(rows):
+            for channel in range(3):
+                sheet.summed[row, channel] = 0.0
         for sub in range(view.per_column):
             ray = (view.shift - column * view.per_column - sub) % rays
             dx, dy = view.directions[ray, 0], view.directions[ray, 1]
-            sheet.left[:] = 1.0
-            sheet.numbers[:] = 0
-            count, k = 0, last[ray]
+            for row in range(rows):
+                sheet.left[row] = 1.0
+                sheet.numbers[row] = 0
+            k = last[ray]
             while k >= 0:
                 is_in[things.item_of[edge[k]]] ^= True  # met an odd number of times: the camera is in it
-                count, k = count + 1, before[k]
-            if count + beside > room:
-                room = 2 * (count + beside)
-                order, away = np.empty(room, np.int64), np.empty(room)
+                k = met.before[k]
             count, k, open_count = 0, last[ray], 0
             while k >= 0:
                 i = things.item_of[edge[k]]
@@ -522,8 +543,8 @@ def draw(begin, end, met, things, view, tile):
                     if not known:
                         opened[open_count] = i
                         open_count += 1
-                _insert(edge[k], distance[k], order, away, count)
-                count, k = count + 1, before[k]
+                _insert(edge[k], met.distance[k], order, away, count)
+                count, k = count + 1, met.before[k]
             for p in range(len(things.parts)):
                 t = _meets_part(things.parts[p], dx, dy, view)
                 if t < FAR:
@@ -534,11 +555,11 @@ def draw(begin, end, met, things, view, tile):
                 if t < FAR:
                     _insert(len(things.edges) + len(things.parts) + p, t, order, away, count)
                     count += 1
-            _ray(order, away, count, opened, open_count, is_in, dx, dy, highest, things, sheet, view, tile)
+            _ray(count, open_count, dx, dy, room, things, view, tile)
             k = last[ray]
             while k >= 0:
                 is_in[things.item_of[edge[k]]] = False
-                k = before[k]
+                k = met.before[k]
             for row in range(rows):
                 if sheet.left[row] > 0.0:
                     for channel in range(3):
@@ -546,7 +567,6 @@ def draw(begin, end, met, things, view, tile):
         for row in range(rows):
             for channel in range(3):
                 value = math.floor(sheet.summed[row, channel] / view.per_column + 0.5)
-                colours[column - begin, row, channel] = min(max(value, 0.0), 255.0)
-        if view.hard:
-            numbers[column - begin] = sheet.numbers
-    return colours, numbers
+                colours[row, column, channel] = min(max(value, 0), 255)
+            if view.hard:
+                numbers[row, column] = sheet.numbers[row]

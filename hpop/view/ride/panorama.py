@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.view.ride import surfaces, tiles
-from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, Things, View, draw
-from hpop.view.ride.rays import crossings
+from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, Met, Room, Things, View, draw
+from hpop.view.ride.rays import crossings, longest
 from hpop.view.ride.scene import Scene
 from hpop.view.ride.turning import turned
 
@@ -86,9 +86,12 @@ class Panorama:
             hard,
         )
         things = self._things(x, y, t)
-        met = crossings(things.edges, x, y, directions)
-        colours, numbers = draw(0, self.width, met, things, view, tiles.texture())
-        return np.ascontiguousarray(colours.transpose(1, 0, 2)), np.ascontiguousarray(numbers.T)
+        met, most = _meetings(things.edges, x, y, directions)
+        room = Room.of(rows, len(things.items), most + len(things.parts) + len(things.plates))
+        colours = np.empty((rows, self.width, 3), np.uint8)
+        numbers = np.zeros((rows, self.width) if hard else (0, 0), np.int32)
+        draw(0, self.width, met, things, view, tiles.texture(), room, colours, numbers)
+        return colours, numbers
 
     @cached_property
     def _standing(self) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -144,7 +147,25 @@ class Panorama:
             plates.append((mark.x, mark.y, mark.z, *normal, plate.width, plate.height, plate.number))
         edges, item_of, items = self._standing
         bitmaps, places = self._pictures
-        return Things(edges, item_of, items, _rows_of(parts, 16), _rows_of(plates, 8), bitmaps, places)
+        tables = _rows_of(parts, 16), _rows_of(plates, 8)
+        highest = max(
+            items[:, 2].max(initial=0.0),
+            tables[0][:, 7].max(initial=0.0),
+            (tables[1][:, 2] + tables[1][:, 6]).max(initial=0.0),
+        )
+        return Things(edges, item_of, items, *tables, bitmaps, places, float(highest))
+
+
+def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[Met, int]:
+    """Which rays meet which edges, and how often one ray does at most."""
+    room, last = 8 * len(directions) + 64, np.empty(len(directions), np.int64)
+    while True:
+        met = Met(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))
+        found = crossings(edges, x, y, directions, *met)
+        if found <= room:
+            break
+        room = found
+    return met, int(longest(last, met.before))
 
 
 def _rows_of(rows: list[tuple[float, ...]], columns: int) -> FloatArray:

@@ -6,30 +6,27 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from hpop.compiled import kernel
+from hpop.compiled import lean
 
 HALF_TURN = 3.1
 """rad: an edge that seems longer is so close that the angle cannot tell on which side of the camera it passes."""
 
 
-@kernel
-def crossings(edges, x, y, directions):
+@lean
+def crossings(edges, x, y, directions, last, distance, edge, before):
     """Meetings of rays from (x, y), m, with edges (E, 4), m; directions (N, 2) are counter-clockwise, evenly apart.
 
-    Returns of each ray its last meeting (N,), or -1; and of each meeting its distance, m, its edge, and the meeting of
-    the same ray before it, or -1. An edge is met where its ends are on either side of the ray, one end on the ray being
-    counted as on its left: so a ray leaves a ring as often as it enters it, whichever corners it passes. Angles only
-    say which rays are asked.
+    Fills of each ray its last meeting (N,), or -1; and of each meeting its distance, m, its edge, and the meeting of
+    the same ray before it, or -1. Returns how many meetings there are: where these are more than there is room for,
+    only so many are told. An edge is met where its ends are on either side of the ray, one end on the ray being counted
+    as on its left: so a ray leaves a ring as often as it enters it, whichever corners it passes. Angles only say which
+    rays are asked.
     """
-    count = len(directions)
-    last = np.full(count, -1, np.int64)
-    room = 4 * count + 64
-    distance, edge, before = np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64)
-    found = 0
+    count, room, found = len(directions), len(distance), 0
     to_ray = count / (2.0 * math.pi)
     first = math.atan2(directions[0, 1], directions[0, 0])
+    for ray in range(count):
+        last[ray] = -1
     for e in range(len(edges)):
         ax, ay = edges[e, 0] - x, edges[e, 1] - y
         bx, by = edges[e, 2] - x, edges[e, 3] - y
@@ -47,18 +44,21 @@ def crossings(edges, x, y, directions):
             if (dx * ay - dy * ax >= 0.0) != (dx * by - dy * bx >= 0.0):
                 t = through / (dx * along_y - dy * along_x)
                 if t > 0.0:
-                    if found == room:
-                        room *= 2
-                        distance, edge, before = _grown(distance, room), _grown(edge, room), _grown(before, room)
-                    distance[found], edge[found], before[found] = t, e, last[ray]
-                    last[ray] = found
+                    if found < room:
+                        distance[found], edge[found], before[found] = t, e, last[ray]
+                        last[ray] = found
                     found += 1
             ray += 1
-    return last, distance, edge, before
+    return found
 
 
-@kernel
-def _grown(array, room):
-    larger = np.empty(room, array.dtype)
-    larger[: len(array)] = array
-    return larger
+@lean
+def longest(last, before):
+    """The most meetings of one ray."""
+    most = 0
+    for ray in range(len(last)):
+        count, k = 0, last[ray]
+        while k >= 0:
+            count, k = count + 1, before[k]
+        most = max(most, count)
+    return most
