@@ -17,7 +17,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -44,12 +44,14 @@ class Recipe:
     command   as a reader types it in a clone
     page      of the site, and its section, that shows the command and what it runs
     captions  of the pictures that the gallery has, by their paths in the folder where the command ran
+    live      pages that it wrote, by these paths, and where the site has them
     """
 
     name: str
     command: str
     page: str
     captions: dict[str, str]
+    live: dict[str, str] = field(default_factory=dict)
 
 
 def example(name: str, captions: dict[str, str], arguments: str = "") -> Recipe:
@@ -104,6 +106,9 @@ RECIPES = [
         "python examples/paper_figure/paper_figure.py",
         "tutorials/paper_figure",
         {"out/paper_figure/map.png": "The structure of the paper's example: three walls, each with a slit"},
+    ),
+    Recipe(
+        "demo", "hpop demo --out out/museum", "gallery#the-explorer", {}, {"out/museum/front.html": "live/museum.html"}
     ),
     Recipe(
         "look",
@@ -181,8 +186,8 @@ def make(recipe: Recipe) -> None:
     )
     if done.returncode:
         sys.exit(f"{recipe.command}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    if lacking := [picture for picture in recipe.captions if not (work / picture).is_file()]:
-        sys.exit(f"{recipe.command} did not draw {', '.join(lacking)}")
+    if lacking := [picture for picture in (*recipe.captions, *recipe.live) if not (work / picture).is_file()]:
+        sys.exit(f"{recipe.command} did not write {', '.join(lacking)}")
     pictures = sorted(str(path.relative_to(work)) for path in (work / "out").rglob("*.png"))
     for picture in recipe.captions:
         thumbnail(work / picture).save(work / small(picture), quality=85)

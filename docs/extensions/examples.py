@@ -10,6 +10,7 @@ of it is written as Markdown, which MyST reads as it would read a page.
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
@@ -95,6 +96,30 @@ class Ran(Made):
         return self.written(iter([block("", recipe.command), printed(recipe), *drawn(recipe)]))
 
 
+class Live(Made):
+    """A page that a command wrote, in a frame, with a link to itself."""
+
+    def run(self) -> list[nodes.Node]:
+        recipe = self.recipe()
+        (place,) = recipe.live.values()
+        address = "../" * self.env.docname.count("/") + place
+        frame = (
+            f'<p><a href="{address}">Open it in a page of its own</a></p>'
+            f'<iframe class="live" src="{address}" title="{escape(recipe.command)}" loading="lazy"></iframe>'
+        )
+        return self.written(iter([block("", recipe.command), block("{raw} html", frame)]))
+
+
+def publish(app: Sphinx, failed: Exception | None) -> None:
+    """Put the pages that commands wrote where the site has them."""
+    if failed is None and app.builder.format == "html":
+        for recipe in make_pictures.RECIPES:
+            for page, place in recipe.live.items():
+                target = Path(app.outdir) / place
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(make_pictures.MADE / recipe.name / page, target)
+
+
 class Notebook(Made):
     """A notebook with what its cells show."""
 
@@ -149,4 +174,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("ran", Ran)
     app.add_directive("notebook", Notebook)
     app.add_directive("gallery", Gallery)
+    app.add_directive("live", Live)
+    app.connect("build-finished", publish)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
