@@ -1,8 +1,8 @@
 """Make the pictures of the documentation site: `make docs` runs this before Sphinx.
 
-Each is made by a command that a page shows, typed as there, in a folder where the clone's examples lie. What it printed
-and drew is kept in out/pictures with a digest of all that it may depend on (the package, the examples, the versions):
-it is made again only where one of these has changed.
+Each is made by a command that a page shows, as it stands there, in a folder where the clone's examples lie. What it
+printed and drew is kept in out/pictures with a digest of all that it may depend on (the package, the examples, the
+versions): it is made again only where one of these has changed.
 
     python docs/make_pictures.py [NAME ...]      # these alone
 """
@@ -108,7 +108,14 @@ RECIPES = [
         {"out/paper_figure/map.png": "The structure of the paper's example: three walls, each with a slit"},
     ),
     Recipe(
-        "demo", "hpop demo --out out/museum", "gallery#the-explorer", {}, {"out/museum/front.html": "live/museum.html"}
+        "look_around",
+        "python docs/look_around.py",
+        "gallery#the-explorer-and-the-ride",
+        {"out/look_around/view.png": "What the viewer sees all round, 12 s along the knee"},
+        {
+            "out/look_around/explorer.html": "live/explorer.html",
+            "out/look_around/ride.html": "live/ride.html",
+        },
     ),
     Recipe(
         "look",
@@ -140,7 +147,7 @@ def sources() -> Iterator[Path]:
         for path in sorted((ROOT / folder).rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts and (endings is None or path.suffix in endings):
                 yield path
-    yield from (ROOT / "constraints.txt", Path(__file__), ROOT / "docs" / "run_notebook.py")
+    yield from (ROOT / "constraints.txt", *sorted((ROOT / "docs").glob("*.py")))
 
 
 @cache
@@ -153,7 +160,7 @@ def state() -> str:
 
 
 def of(name: str) -> dict[str, Any]:
-    """What was made by a recipe: what it ``printed``, and its ``pictures``, paths in out/pictures/NAME."""
+    """What was made by a recipe: of which ``state``, and what it ``printed``."""
     made: dict[str, Any] = json.loads((MADE / name / "made.json").read_text(encoding="utf-8"))
     return made
 
@@ -172,9 +179,10 @@ def make(recipe: Recipe) -> None:
     folder, work = MADE / recipe.name, MADE / f"{recipe.name}.new"
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
-    (work / "examples").symlink_to(ROOT / "examples")
-    program, *arguments = shlex.split(recipe.command)
+    for shown in ("docs", "examples"):
+        (work / shown).symlink_to(ROOT / shown)
     environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "110", "NO_COLOR": "1", "MPLBACKEND": "agg"}
+    program, *arguments = shlex.split(recipe.command)
     done = subprocess.run(
         [*RUN[program], *arguments],
         cwd=work,
@@ -188,10 +196,9 @@ def make(recipe: Recipe) -> None:
         sys.exit(f"{recipe.command}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
     if lacking := [picture for picture in (*recipe.captions, *recipe.live) if not (work / picture).is_file()]:
         sys.exit(f"{recipe.command} did not write {', '.join(lacking)}")
-    pictures = sorted(str(path.relative_to(work)) for path in (work / "out").rglob("*.png"))
     for picture in recipe.captions:
         thumbnail(work / picture).save(work / small(picture), quality=85)
-    made = {"state": state(), "recipe": repr(recipe), "printed": done.stdout, "pictures": pictures}
+    made = {"state": state(), "recipe": repr(recipe), "printed": done.stdout}
     (work / "made.json").write_text(json.dumps(made, indent=1), encoding="utf-8")
     shutil.rmtree(folder, ignore_errors=True)
     work.rename(folder)

@@ -97,17 +97,18 @@ class Ran(Made):
 
 
 class Live(Made):
-    """A page that a command wrote, in a frame, with a link to itself."""
+    """A page that a command wrote, in a frame, with a link to itself: the recipe, and the page where it was written."""
+
+    required_arguments = 2
 
     def run(self) -> list[nodes.Node]:
         recipe = self.recipe()
-        (place,) = recipe.live.values()
-        address = "../" * self.env.docname.count("/") + place
+        address = "../" * self.env.docname.count("/") + recipe.live[self.arguments[1]]
         frame = (
             f'<p><a href="{address}">Open it in a page of its own</a></p>'
-            f'<iframe class="live" src="{address}" title="{escape(recipe.command)}" loading="lazy"></iframe>'
+            f'<iframe class="live" src="{address}" title="a page that hpop wrote" loading="lazy"></iframe>'
         )
-        return self.written(iter([block("", recipe.command), block("{raw} html", frame)]))
+        return self.written(iter([block("{raw} html", frame)]))
 
 
 def publish(app: Sphinx, failed: Exception | None) -> None:
