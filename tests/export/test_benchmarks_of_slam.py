@@ -21,7 +21,7 @@ def front():
         (21, 10, 0),
         ["turns", "length"],
     )
-    return problem.solve(step=1.0)
+    return problem.solve(step=2.0)
 
 
 def test_lengths_are_the_costs_of_the_front_and_the_two_formats_agree(front, tmp_path):

@@ -75,9 +75,9 @@ def test_where_it_cannot_be_written_is_told_and_nothing_is_left(tmp_path):
 
 def test_an_earlier_file_or_bag_gives_way_and_nothing_else_does(tmp_path):
     for name in ("cam.tum", "cam_bag"):
-        first = write(GOES, tmp_path / name, rate=2)
+        first = write(GOES, tmp_path / name, rate=1)
         before = sizes(first)
-        write(GOES, tmp_path / name, rate=4)
+        write(GOES, tmp_path / name, rate=2)
         assert sizes(first) > before
     (tmp_path / "mine_bag").mkdir()
     (tmp_path / "mine_bag/thesis.txt").write_text("years of work")
