@@ -22,6 +22,7 @@ from hpop import __version__, examples
 from hpop.cli import results
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
 from hpop.cli.exporting import export
+from hpop.cli.live import LivePage
 from hpop.cli.looking import look, new
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import SAVED
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from hpop.planners import Planner
     from hpop.scenario import Scenario
 
+MOST_PORT = 65_535
 NO_PATH = 6
 NOTHING_FOUND = 13
 # A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
@@ -76,6 +78,13 @@ def main() -> None:
     metavar="FILE",
     help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
 )
+@click.option(
+    "--web",
+    "port",
+    type=click.IntRange(0, MOST_PORT),
+    metavar="PORT",
+    help="Show in a browser what is found while the search runs; on this machine alone. 0 takes any free port.",
+)
 @verbose_option
 @imports_option
 @user_errors
@@ -85,6 +94,7 @@ def plan(
     workers: int | None,
     dask: str | None,
     checkpoint: str | None,
+    port: int | None,
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
@@ -113,6 +123,9 @@ def plan(
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
             echo(f"going on from {checkpoint}")
+    live = None if port is None else click.get_current_context().with_resource(LivePage(port, out, imports))
+    if live is not None:
+        echo(f"shown while it runs at {live.address}", err=True)
     # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:
@@ -121,7 +134,7 @@ def plan(
     if "joints" in model.provides and getattr(model.collision(world), "is_uncompiled", False):
         echo(COLLISIONS, err=True)
     with _executor(workers, dask) as executor, stopping_told():
-        fronts = _solved(loaded, out, executor, imports, waits=onset is Onset.AFTER_FIRST)
+        fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
         report.print_front(loaded.problem, front, saved=out / SAVED, verbose=verbose)
@@ -298,7 +311,13 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
 
 
 def _solved(
-    scenario: Scenario, out: Path, executor: Executor | None, imports: Sequence[str], *, waits: bool
+    scenario: Scenario,
+    out: Path,
+    executor: Executor | None,
+    imports: Sequence[str],
+    live: LivePage | None,
+    *,
+    waits: bool,
 ) -> list[Front]:
     """The front after each planner of a scenario; each is saved as it comes.
 
@@ -316,6 +335,8 @@ def _solved(
         def keep(front: Front) -> None:
             pictures.stop()
             results.save(front, out)
+            if live is not None:
+                live.saved()
             say(front)
 
         def stage(front: Front) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from hpop.errors import OutputError
 
@@ -125,6 +125,16 @@ def save_page(problem: Problem, front: Front, saved: Path) -> Path:
     from hpop.view import save_explorer
 
     return save_explorer(problem, front, saved.with_name(PAGE), saved=saved)
+
+
+def page_payload(saved: Path) -> dict[str, Any]:
+    """What the page of a front that is saved is made of."""
+    from hpop.front import Front
+    from hpop.problem import Problem
+    from hpop.view.explorer.payload import payload
+
+    front = Front.load(saved)
+    return payload(Problem.from_description(front.problem or {}), front, saved=str(saved))
 
 
 def draw(

@@ -1,4 +1,4 @@
-/* hpop, sources 7c07c13c02303ca91966320a9528cd26a6e291be06be47b13b60c53dfb8fc916 */
+/* hpop, sources 125d6a03c5c70f71d61efce3e9c21708ab98575ba00a8b2fa57a9cd3237f9b42 */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Ne(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function en(i,e,t){let n=Ne("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

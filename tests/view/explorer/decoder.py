@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import base64
+import json
+import re
 import struct
 import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
 LETTERS = {"int32": "i", "int16": "h", "float64": "d"}
+
+
+def held(path: Path) -> Page:
+    """The payload that a page holds."""
+    found = re.search(r'<script type="application/json" id="payload">(.*?)</script>', path.read_text(encoding="utf-8"))
+    assert found is not None
+    return Page(json.loads(found[1]))
 
 
 class Page:

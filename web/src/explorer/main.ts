@@ -1,5 +1,6 @@
 // The page of a front, as `hpop.view.save_explorer` writes it.
 import { addStyle, payloadOf } from "../shared/payload";
+import { follow } from "./live";
 import { mount, type Page } from "./page";
 import { SCHEMA, VERSION } from "./payload";
 import css from "./style.css";
@@ -13,8 +14,13 @@ declare global {
 }
 
 addStyle(css + viewsCss);
-mount(document.body, payloadOf(SCHEMA, VERSION), { address: true }).then(
-  (page) => { window.hpop = page; },
+const payload = payloadOf(SCHEMA, VERSION);
+mount(document.body, payload, { address: true }).then(
+  (page) => {
+    window.hpop = page;
+    const { live } = payload as { live?: number };
+    if (live !== undefined) follow(page, live);
+  },
   (error: unknown) => {
     const words = document.createElement("p");
     words.textContent = `This page cannot be shown: ${error instanceof Error ? error.message : String(error)}`;

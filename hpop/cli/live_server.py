@@ -1,0 +1,217 @@
+"""The process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET TOKEN FOLDER ...``.
+
+SOCKET is the number of a listening socket that it inherits, what comes after FOLDER registers the user's own code. Each
+line on its standard input says that a new front is saved in FOLDER; at the end of the input it shows the last one and
+ends. Of fronts that come while it works it takes the newest.
+
+It answers to whoever names the token and asks for this machine by its own name: another page in the same browser, made
+to look as if it came from here (DNS rebinding), does neither. It serves the page and its events, and no file.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import secrets
+import socket
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Condition, Thread
+from urllib.parse import parse_qs, urlsplit
+
+from hpop import current_folder
+from hpop.cli.pictures import NICENESS
+from hpop.text import printable
+
+ALIVE = 15.0  # s between two signs of life to a page that waits
+READING = 30.0  # s that a request may take to arrive
+FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended
+WAITING = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="1">
+<link rel="icon" href="data:,">
+<title>hpop: searching</title>
+</head>
+<body><p>{words}</p></body>
+</html>
+"""
+SEARCHING = "The search has begun. Its first trajectories will be shown here as soon as they are found."
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",  # it would tell the token
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+@dataclass(eq=False)
+class Shown:
+    """What is shown now, and who waits for what comes next.
+
+    number   fronts shown so far
+    page     the page of the newest
+    payload  of the newest, as one line of JSON
+    ended    whether no other will come
+    streams  pages that are told what comes
+    """
+
+    number: int = 0
+    page: bytes = WAITING.format(words=SEARCHING).encode()
+    payload: bytes = b""
+    ended: bool = False
+    streams: int = 0
+    changed: Condition = field(default_factory=Condition)
+
+    def publish(self, payload: dict[str, object]) -> None:
+        """Show another front."""
+        from hpop.view.explorer.save import SCRIPT
+        from hpop.view.single_page import single_page
+
+        live = {**payload, "live": self.number + 1}
+        page = single_page(SCRIPT, str(payload["title"]), live, connect="'self'")
+        text = json.dumps(payload, allow_nan=False, separators=(",", ":"))
+        with self.changed:
+            self.number += 1
+            self.page, self.payload = page.encode(errors="backslashreplace"), text.encode()
+            self.changed.notify_all()
+
+    def failed(self, error: Exception) -> None:
+        """Say that what was found cannot be shown, where nothing is shown yet; more may come."""
+        said = html.escape(printable(f"{SEARCHING} What it has found so far cannot be shown: {error!s:.600}"))
+        with self.changed:
+            if not self.number:
+                self.page = WAITING.format(words=said).encode(errors="backslashreplace")
+
+    def since(self, seen: int) -> tuple[int, bytes, bool]:
+        """Number and payload of the newest, and whether all is over: when it is not what was seen, or after a while."""
+        with self.changed:
+            self.changed.wait_for(lambda: self.number > seen or self.ended, ALIVE)
+            return self.number, self.payload, self.ended
+
+    def end(self) -> None:
+        """Tell all pages that no other front will come, and wait until they have heard it."""
+        with self.changed:
+            self.ended = True
+            self.changed.notify_all()
+            self.changed.wait_for(lambda: self.streams == 0, FAREWELL)
+
+
+def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHTTPServer:
+    """A server of what is shown, on a socket that listens."""
+    host, port = listening.getsockname()
+    names = {f"{host}:{port}", f"localhost:{port}"}
+
+    class Handler(BaseHTTPRequestHandler):
+        timeout = READING
+        server_version, sys_version = "hpop", ""
+
+        def do_GET(self) -> None:
+            path = urlsplit(self.path)
+            _, given, *rest = (*path.path.split("/"), "")
+            if self.headers.get("Host") not in names:
+                self.send_error(HTTPStatus.FORBIDDEN, f"ask for http://{host}:{port}")
+            elif not secrets.compare_digest(given.encode(), token.encode()) or rest not in (
+                [""],
+                ["", ""],
+                ["events", ""],
+            ):
+                self.send_error(HTTPStatus.NOT_FOUND)
+            elif rest[0] == "events":
+                self._stream(parse_qs(path.query))
+            elif rest == [""]:  # without the last slash, by which the page finds its events
+                self.send_response(HTTPStatus.MOVED_PERMANENTLY)
+                self.send_header("Location", f"/{token}/")
+                self.end_headers()
+            else:
+                self._page()
+
+        def _page(self) -> None:
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(shown.page)))
+            self.end_headers()
+            self.wfile.write(shown.page)
+
+        def _stream(self, query: dict[str, list[str]]) -> None:
+            """Fronts as they come, as server-sent events; first what came since the page was made."""
+            known = [self.headers.get("Last-Event-ID", ""), *query.get("after", [])]
+            seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "text/event-stream")
+            self.end_headers()
+            with shown.changed:
+                shown.streams += 1
+            try:
+                self._tell(seen)
+            finally:
+                with shown.changed:
+                    shown.streams -= 1
+                    shown.changed.notify_all()
+
+        def _tell(self, seen: int) -> None:
+            self.wfile.write(b"retry: 1000\n\n")
+            while True:
+                number, payload, ended = shown.since(seen)
+                if number > seen:
+                    self.wfile.write(b"id: %d\nevent: front\ndata: %s\n\n" % (number, payload))
+                    seen = number
+                elif ended:
+                    self.wfile.write(b"event: end\ndata:\n\n")
+                    return
+                else:
+                    self.wfile.write(b":\n\n")
+
+        def end_headers(self) -> None:
+            for name, value in HEADERS.items():
+                self.send_header(name, value)
+            super().end_headers()
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Nothing: nobody reads it."""
+
+    class Server(ThreadingHTTPServer):
+        daemon_threads = True
+
+        def handle_error(self, request: object, client_address: object) -> None:
+            """A page that was closed is no error."""
+
+    server = Server((host, port), Handler, bind_and_activate=False)
+    server.socket.close()
+    server.socket = listening
+    return server
+
+
+def follow(shown: Shown, folder: Path, imports: Sequence[str], said: int) -> None:
+    """Show the front of a folder each time that something is said on a pipe, the newest; at its end no more."""
+    from hpop.cli import results, user_code
+
+    user_code.register(imports)
+    while os.read(said, 2**16):  # what was said while the last one was made is one thing
+        try:
+            shown.publish(results.page_payload(folder / results.SAVED))
+        except Exception as error:
+            shown.failed(error)
+
+
+def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
+    """Serve until the command that began this process has ended."""
+    shown = Shown()
+    with socket.socket(fileno=number) as listening, server_of(listening, token, shown) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        if hasattr(os, "nice"):
+            os.nice(NICENESS)  # the search comes first
+        follow(shown, folder, imports, sys.stdin.fileno())
+        shown.end()
+
+
+if __name__ == "__main__":
+    current_folder.distrust()
+    main(int(sys.argv[1]), sys.argv[2], Path(sys.argv[3]), sys.argv[4:])

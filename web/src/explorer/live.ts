@@ -1,0 +1,20 @@
+// A search that runs: `hpop plan --web` sends each front as it is found, and the page keeps what was chosen.
+import { make } from "./dom";
+import type { Page } from "./page";
+
+/** Shows what a server sends after the front that the page was made of; says beside the counts whether more may come. */
+export function follow(page: Page, seen: number): void {
+  const note = make("p", "live", "live: the search goes on", { role: "status" });
+  document.querySelector(".header .counts")?.after(note);
+  const source = new EventSource(`events?after=${seen}`);
+  let shown = Promise.resolve();
+  source.addEventListener("open", () => { note.textContent = "live: the search goes on"; });
+  source.addEventListener("front", ({ data }: MessageEvent<string>) => {
+    shown = shown.then(() => page.update(JSON.parse(data) as unknown)); // one after another
+  });
+  source.addEventListener("end", () => {
+    source.close();
+    note.textContent = "the search has ended";
+  });
+  source.addEventListener("error", () => { note.textContent = "no answer: the command may have ended"; });
+}
