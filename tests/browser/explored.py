@@ -14,6 +14,7 @@ from hpop.view.explorer.payload import payload
 from hpop.view.single_page import single_page
 
 READY = "window.hpop !== undefined"
+MOST_FRAMES = 1_800
 FRAME = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
@@ -27,7 +28,12 @@ def written(problem: hpop.Problem, front: hpop.Front, path: Path) -> Path:
 def until(page: Page, expression: str) -> None:
     """Wait, frame by frame, until an expression is true; playwright's own waiting needs eval, which pages forbid."""
     page.evaluate(
-        f"new Promise(done => {{ const look = () => ({expression}) ? done() : requestAnimationFrame(look); look(); }})"
+        f"""() => new Promise((done, fail) => {{
+          let frames = 0;
+          const look = () => ({expression}) ? done() : ++frames > {MOST_FRAMES} ? fail(Error("never true")) : ask();
+          const ask = () => requestAnimationFrame(look);
+          look();
+        }})"""
     )
 
 
@@ -46,7 +52,7 @@ def fresh(page: Page) -> None:
           document.activeElement?.blur();
         }"""
     )
-    page.evaluate(FRAME)
+    until(page, "location.hash === ''")
 
 
 def state(page: Page, expression: str) -> Any:

@@ -66,6 +66,7 @@ def test_a_wish_is_typed_and_the_nearest_within_the_bounds_is_told(page: Page, f
     wish.fill("14.5")
     wish.press("Enter")
     nearest = front.nearest({"length": 14.5}).index
+    page.evaluate(explored.FRAME)
     assert f"row {nearest}" in page.inner_text(".wish-result")
     assert state(page, "s.sorted[0]") == nearest
     brush(page, "length", 0.7, 1.1)

@@ -1,4 +1,4 @@
-/* hpop, sources 125d6a03c5c70f71d61efce3e9c21708ab98575ba00a8b2fa57a9cd3237f9b42 */
+/* hpop, sources a00d1c4a2295a38ca40678db5b4f78a06058acea9b780d6dd3b25834e11d5cc0 */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Ne(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function en(i,e,t){let n=Ne("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

@@ -62,7 +62,7 @@ export function axesView(state: State): View {
       if (place < 0) axis.element.remove();
       else {
         if (axis.element.parentElement === null) inner.append(axis.element);
-        axis.show(xs[place]!, Math.min(gap - 4, 130));
+        axis.show(xs[place]!, Math.min(gap - 4, 2 * MARGIN));
       }
     }
     // The order of the page is the order of the axes, for those who go by Tab.

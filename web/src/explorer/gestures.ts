@@ -73,8 +73,8 @@ export function steer(element: HTMLElement, viewport: Viewport, gestures: Gestur
   };
   element.addEventListener("pointerup", released);
   element.addEventListener("pointercancel", released);
-  element.addEventListener("pointerleave", () => {
-    if (held.size === 0) gestures.hovered(null);
+  element.addEventListener("pointerleave", (event) => {
+    if (held.size === 0 && event.pointerType !== "touch") gestures.hovered(null);
   });
   element.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey) return;

@@ -118,8 +118,8 @@ export function matrixView(state: State): View {
   plot.addEventListener("pointercancel", () => {
     drag = null;
   });
-  plot.addEventListener("pointerleave", () => {
-    if (drag === null) state.hover([]);
+  plot.addEventListener("pointerleave", (event) => {
+    if (drag === null && event.pointerType !== "touch") state.hover([]);
   });
 
   /** Bounds both columns of a cell by the rectangle from where it was begun to a spot. */

@@ -155,18 +155,14 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
 
 /** Reads the end of the address now and whenever somebody changes it, and writes what is chosen into it. */
 function keepAddress(state: State): void {
-  let written = "";
   let timer = 0;
   const read = (): void => {
     const given = location.hash.replace(/^#/, "");
-    if (given === written) return;
-    written = given;
-    restore(state, given);
+    if (given !== fragmentOf(state)) restore(state, given);
   };
   const write = (): void => {
     const fragment = fragmentOf(state);
-    if (fragment === written) return;
-    written = fragment;
+    if (fragment === location.hash.replace(/^#/, "")) return;
     history.replaceState(null, "", fragment === "" ? location.pathname + location.search : `#${fragment}`);
   };
   read();

@@ -36,8 +36,7 @@ export function pinsPanel(state: State): View {
         if (first === undefined || i === 0) return cell;
         const difference = value - column.values[first.row]!;
         const way = Math.abs(difference) <= column.quantum / 2 || difference === 0 ? "same" : difference < 0 ? "less" : "more";
-        const sign = { same: "=", less: "\u25bc ", more: "\u25b2 " }[way];
-        cell.append(make("span", `delta ${way}`, way === "same" ? sign : sign + signed(column, difference)));
+        cell.append(make("span", `delta ${way}`, way === "same" ? "=" : signed(column, difference)));
         return cell;
       });
       return make("tr", column.reported ? "reported" : "", [name, ...cells]);

@@ -189,7 +189,9 @@ export function tableView(state: State): TableView {
   }
 
   grid.addEventListener("scroll", fill, { passive: true });
-  grid.addEventListener("pointerleave", () => { state.hover([]); });
+  grid.addEventListener("pointerleave", (event) => {
+    if (event.pointerType !== "touch") state.hover([]); // a finger leaves whenever it is lifted
+  });
   renew();
   return {
     element,
