@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-# A column of a batch: a NumPy array of shape (M,), or the CasADi symbols that stand for one.
+FloatArray = NDArray[np.float64]  #: A NumPy array of float64.
+IntArray = NDArray[np.int64]  #: A NumPy array of int64.
+BoolArray = NDArray[np.bool_]  #: A NumPy array of bool.
+#: A column of a batch: a NumPy array of shape (M,), or the CasADi symbols that stand for one.
 Column = Any
 N = TypeVar("N", bound=np.generic)
 
