@@ -9,7 +9,7 @@ import shutil
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -172,15 +172,18 @@ def save_video(
     target = Path(path)
     if target.suffix.lower() != ".mp4":
         raise OptionError(f"videos are MP4 files, so the name must end in .mp4, got {target.name!r}")
-    with _written(target), followed(progress) as tell:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _check_room(target.parent, clip, VIDEO_BYTES)
-        with replacing(target) as file, replacing(target.with_name(f"{target.name}.json")) as beside:
-            with av.open(file.name, "w", format="mp4") as container:
-                _encode(av, container, clip, tell)
-            with open(file.name, "r+b") as whole_file:
-                mark_spherical(whole_file)
-            beside.write(_json(clip.described(target.name)))
+    with (
+        _written(target),
+        _folder(target.parent, clip, VIDEO_BYTES),
+        followed(progress) as tell,
+        replacing(target) as file,
+        replacing(target.with_name(f"{target.name}.json")) as beside,
+    ):
+        with av.open(file.name, "w", format="mp4") as container:
+            _encode(av, container, clip, tell)
+        with open(file.name, "r+b") as whole_file:
+            mark_spherical(whole_file)
+        beside.write(_json(clip.described(target.name)))
     return target
 
 
@@ -201,11 +204,9 @@ def save_frames(
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     target = Path(folder)
-    with _written(target), followed(progress) as tell:
+    with _written(target), _folder(target.parent, clip, PNG_BYTES), followed(progress) as tell:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise OutputError(f"{target} is there already and is not an empty folder; remove it, or choose another")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        _check_room(target.parent, clip, PNG_BYTES)
         partial = Path(mkdtemp(prefix=f".{target.name}.", dir=target.parent))
         try:
             count = clip.count
@@ -277,15 +278,25 @@ def _tell(tell: ProgressCallback | None, done: int, count: int) -> None:
         tell(Progress("drawing", detail=f"frame {done:,} of {count:,}"))
 
 
-def _check_room(folder: Path, clip: Clip, per_pixel: float) -> None:
-    """Refuse what the disk may not hold."""
+@contextmanager
+def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
+    """Make a folder on a disk that has room for a clip; after any error those that were made are gone again."""
+    made = [one for one in (folder, *folder.absolute().parents) if not one.exists()]
     needed = clip.count * clip.width * clip.width // 2 * per_pixel
-    free = shutil.disk_usage(folder).free
+    free = shutil.disk_usage(next(one for one in (folder, *folder.absolute().parents) if one.exists())).free
     if needed > free:
         raise OutputError(
             f"{clip.count:,} frames of {clip.width} x {clip.width // 2} may take {needed / 1e6:,.0f} MB, but "
             f"{folder} has room for {free / 1e6:,.0f} MB; choose a smaller width, a lower rate, or another disk"
         )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for empty in made:
+            with suppress(OSError):
+                empty.rmdir()
+        raise
 
 
 def _json(told: dict[str, Any]) -> bytes:

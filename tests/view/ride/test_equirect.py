@@ -74,6 +74,29 @@ def test_each_pixel_shows_the_prism_that_its_line_of_sight_meets_first(place):
     assert np.mean(numbers[rows, columns] == expected) >= 0.995
 
 
+@pytest.mark.seeds(4, of=200)
+def test_so_does_each_pixel_of_any_world(seed):
+    """Prisms through and over each other, with holes, round or along the axes, seen from beside, above and below."""
+    rng, prisms = np.random.default_rng(seed), []
+    for k in range(8):
+        x, y, a, b = (float(value) for value in rng.integers((0, 0, 1, 1), (16, 16, 6, 6)) / 2)
+        corners = shapely.MultiPoint(rng.uniform(0, 8, (5, 2)))
+        outline = (shapely.box(x, y, x + a, y + b), shapely.Point(x, y).buffer(a, 3), corners.convex_hull)[k % 3]
+        if k % 4 == 3:
+            outline = outline.difference(outline.centroid.buffer(0.2, 2))
+        low = float(rng.choice([0.0, 0.5, 1.0, 2.0])) + 0.013 * k  # no two in one plane, where either may be seen
+        prisms.append((outline, (low, low + float(rng.choice([0.1, 0.6, 1.0, 3.0])) + 0.0037 * k)))
+    world = hpop.World.from_polygons(prisms, extent=shapely.box(-3, -3, 13, 13))
+    place = tuple(float(value) for value in (*rng.integers(-4, 22, 2) / 2, rng.choice([0.3, 1.2, 1.7, 2.7])))
+    at = shapely.Point(place[:2])
+    if any(o.polygon.distance(at) < 0.02 and o.z_min - 0.02 < place[2] < o.z_max + 0.02 for o in world.obstacles):
+        return  # within what is solid
+    yaw = float(rng.choice([0.0, math.pi / 2, 0.3]))
+    rows, columns = rng.integers(0, 128, 300), rng.integers(0, 256, 300)
+    numbers = drawn(world, 256).numbers(np.array(place), yaw, 0.0)
+    assert np.mean(numbers[rows, columns] == seen(world, place, *angles(256, rows, columns, yaw))) >= 0.98
+
+
 def test_a_wall_covers_the_rows_between_the_arctangents_of_its_heights():
     wall = hpop.World.from_polygons([(shapely.box(4, -50, 5, 50), (0.3, 2.2))])
     column = drawn(wall, 4096).numbers(np.array([0.0, 0.0, 1.2]), 0.0, 0.0)[:, 2048]

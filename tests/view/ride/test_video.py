@@ -122,7 +122,7 @@ def test_nothing_stays_of_what_is_interrupted(save, problem, goes, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        save(problem, goes, tmp_path / "it.mp4", fps=FPS, width=64, progress=interrupt)
+        save(problem, goes, tmp_path / "new" / "it.mp4", fps=FPS, width=64, progress=interrupt)
     assert not list(tmp_path.iterdir())
 
 
@@ -130,7 +130,7 @@ def test_nothing_stays_of_what_is_interrupted(save, problem, goes, tmp_path):
 def test_what_the_disk_cannot_hold_is_not_begun(save, problem, goes, tmp_path):
     stays = goes.with_hold(at=1, seconds=3600)
     with pytest.raises(OutputError, match=r"864,\d\d\d frames of 16384 x 8192 may take .* MB, but .* has room for"):
-        save(problem, stays, tmp_path / "it.mp4", fps=240, width=16384)
+        save(problem, stays, tmp_path / "new" / "it.mp4", fps=240, width=16384)
     assert not list(tmp_path.iterdir())
 
 
