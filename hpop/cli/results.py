@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
 PAGE = "front.html"
-PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", PAGE)
+RIDE = "ride.html"
+PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", PAGE, RIDE)
 
 
 @contextmanager

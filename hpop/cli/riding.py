@@ -1,15 +1,25 @@
-"""``hpop ride``: what the viewer would see along trajectories of a front."""
+"""``hpop ride``: what the viewer would see along trajectories of a front, as a page, to a headset, or as a video."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.filming import film, video_options
 from hpop.cli.front_file import loaded, problem_of
+from hpop.cli.results import RIDE
+from hpop.cli.terminal import echo, open_page
+
+if TYPE_CHECKING:
+    from hpop.front import Front
+    from hpop.problem import Problem
+
+PORT = 8000
+KNEE = ["knee"]
 
 
 def _rows(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
@@ -20,6 +30,20 @@ def _rows(context: click.Context, option: click.Parameter, given: Sequence[str])
     return rows
 
 
+def _page_options(command: Any) -> Any:
+    """The options of the page, and of how a headset comes to it."""
+    for option in (
+        click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]"),
+        click.option("--cable", is_flag=True, help="Serve it to this machine, and to a headset on its cable (adb)."),
+        click.option("--serve", is_flag=True, help="Serve it to a headset in the network, over https: hpop[serve]."),
+        click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser."),
+        click.option("--blind", is_flag=True, help="Leave numbers and names of criteria out of the page."),
+        click.option("--out", type=click.Path(path_type=Path), metavar="HTML", help=f"[FOLDER/{RIDE}]"),
+    ):
+        command = option(command)
+    return command
+
+
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
@@ -27,25 +51,92 @@ def _rows(context: click.Context, option: click.Parameter, given: Sequence[str])
     multiple=True,
     callback=_rows,
     metavar="ROW,ROW",
-    help="Numbers, knee, or least NAME; the knee by default.",
+    help="Numbers, knee, or least NAME; the knee by default. On the page they are A, B, ...",
 )
+@_page_options
 @video_options
 @imports_option
 @user_errors
 def ride(
     folder: Path,
     rows: list[str],
+    out: Path | None,
+    blind: bool,
+    opens: bool,
+    serve: bool,
+    cable: bool,
+    port: int,
     video: Path | None,
     frames: Path | None,
     fps: float,
     width: int,
     imports: tuple[str, ...],
 ) -> None:
-    """Show what the viewer would see along a trajectory of the front in a FOLDER that `hpop plan` wrote."""
+    """Show what the viewer would see along trajectories of the front in a FOLDER that `hpop plan` wrote.
+
+    Writes a page, one file that needs no network, in which one rides along them and compares them. With --serve or
+    --cable the page is served until Ctrl-C instead, with --video or --frames a video all round of one row is made.
+    """
     from hpop.cli import user_code
 
-    if video is None and frames is None:
-        raise click.UsageError("give --video FILE.mp4, or --frames FOLDER")
+    filmed, served = video is not None or frames is not None, serve or cable
+    if filmed and (served or out is not None or blind or opens):
+        raise click.UsageError("--video and --frames make a video, without a page: leave the page's options out")
+    if served and (out is not None or opens or (serve and cable)):
+        raise click.UsageError("give one of --serve, --cable, and --out or --open")
     user_code.register(imports)
     path, front = loaded(folder)
-    film(problem_of(path, front), front, rows, video=video, frames=frames, fps=fps, width=width)
+    problem = problem_of(path, front)
+    if filmed:
+        film(problem, front, rows, video=video, frames=frames, fps=fps, width=width)
+    elif served:
+        _serve(problem, front, rows or KNEE, blind=blind, cable=cable, port=port)
+    else:
+        _write(problem, front, rows or KNEE, out or path.with_name(RIDE), blind=blind, opens=opens)
+
+
+def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
+    """What the trajectories of a page are, printed with what is not drawn as it is; their number in words."""
+    from hpop.named_rows import named_rows
+    from hpop.view.ride.scene import Scene
+
+    chosen = named_rows(front, rows)
+    for note in Scene.of(problem).notes:
+        echo(f"note: {note}")
+    for name, row in zip("ABCDEFGH", chosen, strict=False):
+        echo(f"{name} is {row}")
+    return "1 trajectory" if len(chosen) == 1 else f"{len(chosen)} trajectories"
+
+
+def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, blind: bool, opens: bool) -> None:
+    from hpop.view import save_ride
+
+    written = save_ride(problem, front, out, rows=rows, blind=blind)
+    echo(f"written: {written}, to ride along {_say(problem, front, rows)} in a browser")
+    if opens:
+        open_page(written)
+
+
+def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
+    """Serve the page until Ctrl-C, and say how a headset comes to it."""
+    from hpop.cli.serving import EVERYWHERE, LOCAL, PageServer, certificate_for, own_address
+    from hpop.view.ride.page import ride_page
+
+    page = ride_page(problem, front, rows=rows, blind=blind).encode()
+    if cable:
+        host, certificate = LOCAL, None
+    else:
+        host, certificate = own_address(), certificate_for(own_address())
+    with PageServer(page, host=LOCAL if cable else EVERYWHERE, port=port, certificate=certificate) as server:
+        _say(problem, front, rows)
+        here = server.server_address[1]
+        if certificate is None:
+            echo(f"a headset on a cable comes to it after: adb reverse tcp:{here} tcp:{here}")
+        else:
+            echo("a browser warns once that nobody vouches for the certificate, which is made for this; its SHA-256 is")
+            echo(f"  {certificate.fingerprint}")
+        echo(f"served until Ctrl-C: {server.address(host)}")
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            echo("no longer served")

@@ -12,7 +12,7 @@ from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors, verbose_option
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.results import PAGE
-from hpop.cli.terminal import echo
+from hpop.cli.terminal import echo, open_page
 from hpop.errors import OutputError
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def show(folder: Path, also: list[str], web: bool, opens: bool, verbose: bool, i
         page = results.save_page(problem, more, path)
         echo(f"written: {page}, to choose from in a browser")
         if opens:
-            _open(page)
+            open_page(page)
 
 
 @click.command()
@@ -151,18 +151,6 @@ def pick(
         table.to_csv(csv)
         echo(f"written to {csv}: the camera every 0.1 s of the executed trajectory, {len(table):,} rows of")
         echo(f"  {', '.join(table.headings)}")
-
-
-def _open(page: Path) -> None:
-    """Open a page in the user's browser, or say that there is none."""
-    import webbrowser
-
-    try:
-        opened = webbrowser.open(page.absolute().as_uri())
-    except (webbrowser.Error, OSError):
-        opened = False
-    if not opened:
-        echo(f"no browser was found to open it; open {page} in one yourself", err=True)
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:

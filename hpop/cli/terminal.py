@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
@@ -53,3 +54,15 @@ def _quoted() -> Iterator[None]:
     except click.ClickException as error:
         vars(error)["message"] = printable(error.message, newlines=True)
         raise
+
+
+def open_page(page: Path) -> None:
+    """Open a page in the user's browser, or say that there is none."""
+    import webbrowser
+
+    try:
+        opened = webbrowser.open(page.absolute().as_uri())
+    except (webbrowser.Error, OSError):
+        opened = False
+    if not opened:
+        echo(f"no browser was found to open it; open {page} in one yourself", err=True)

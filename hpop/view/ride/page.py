@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
         "criteria": [{"name": printable(c.name), "unit": printable(words(c)), "group": c.group} for c in told.values()],
         "tracks": [_track(problem, front, name, row, told) for name, row in zip(NAMES, chosen, strict=False)],
         "notes": [] if blind else list(scene.notes),
+        "licence": _licence(),
     }
 
 
@@ -104,6 +106,11 @@ def _track(problem: Problem, front: Front, name: str, row: NamedRow, told: dict[
         "rates": rates(list(told.values()), trajectory, problem.world),
         "costs": [written(float(column.values[row.number]), column.unit, column.counts) for column in shown],
     }
+
+
+def _licence() -> str:
+    """That of three.js, parts of which are in the page: it goes where they go."""
+    return resources.files("hpop.view").joinpath("web", "three_license.txt").read_text(encoding="utf-8")
 
 
 def _label(front: Front, row: NamedRow) -> str:

@@ -20,7 +20,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["V, Esc", "into the headset; out of it at once"],
 ];
 
-export function helpDialog(options: readonly Option[], notes: readonly string[], saveLog: () => void): HTMLDialogElement {
+export function helpDialog(options: readonly Option[], notes: readonly string[], licence: string, saveLog: () => void): HTMLDialogElement {
   const dialog = element("dialog");
   dialog.append(element("h2", "", "The ride"));
   dialog.append(
@@ -52,6 +52,9 @@ export function helpDialog(options: readonly Option[], notes: readonly string[],
     list.append(...notes.map((note) => element("li", "", note)));
     dialog.append(list);
   }
+  const terms = element("details");
+  terms.append(element("summary", "", "The view is drawn by three.js, whose licence is"), element("pre", "", licence));
+  dialog.append(terms);
   const row = element("p");
   row.append(
     button("Save the log", "What was done here and when, as a file", saveLog),

@@ -154,6 +154,8 @@ export interface Ride {
   readonly criteria: readonly Criterion[];
   readonly tracks: readonly TrackData[];
   readonly notes: readonly string[];
+  /** Of three.js, which draws the view. */
+  readonly licence: string;
 }
 
 /** The data of this page. */

@@ -128,6 +128,7 @@ export class Page {
         },
       ],
       ride.blind ? [] : ride.notes,
+      ride.licence,
       () => { this.log.save(); },
     );
     this.root.append(view, side, this.bar(), this.dialog);
