@@ -12,7 +12,8 @@ import pytest
 from playwright.sync_api import Page
 
 import hpop
-from tests.browser import explored, seeded
+from benchmarks import seeded_fronts as seeded
+from tests.browser import explored
 from tests.browser.explored import overlapping, until
 
 SIZES = [(1440, 900), (1024, 768), (390, 844)]

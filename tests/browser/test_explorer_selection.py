@@ -9,7 +9,8 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 import hpop
-from tests.browser import explored, seeded
+from benchmarks import seeded_fronts as seeded
+from tests.browser import explored
 from tests.browser.conftest import Watched
 from tests.browser.explored import bounds, brush, selected, state, until, within
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser
 
+from benchmarks.seeded_fronts import front, problem
 from hpop.cli.live import LivePage
 from tests.browser.explored import READY, bounds, selected, state, until, within
-from tests.browser.seeded import front, problem
 
 
 def test_fronts_appear_as_they_are_found_and_bounds_and_pins_stay(browser: Browser, tmp_path: Path) -> None:

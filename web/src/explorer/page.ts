@@ -18,6 +18,8 @@ import { wishPanel } from "./wish_panel";
 
 const SETTLED = 250; // ms after the last change at which the address is written: browsers forbid more often
 
+const MOST_TIMES = 4096; // that are remembered
+
 export interface Callbacks {
   /** Rows that are selected now. */
   selected?(rows: number[]): void;
@@ -31,7 +33,7 @@ export interface Callbacks {
 
 /** What tests and benchmarks read: how often views were drawn, and how long it took. */
 export interface Counters {
-  /** All views' bases, and overlays, in ms each time. */
+  /** All views' bases, and overlays: ms each of the last times. */
   readonly base: number[];
   readonly overlay: number[];
   /** ms after the page began to load at which it was drawn first. */
@@ -75,6 +77,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   function timed(times: number[], draw: (view: View) => void): void {
     const begin = performance.now();
     views.forEach(draw);
+    if (times.length >= MOST_TIMES) times.splice(0, MOST_TIMES / 2);
     times.push(performance.now() - begin);
   }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -61,23 +62,29 @@ def costs_of(rng: np.random.Generator, n: int, k: int) -> FloatArray:
 
 
 def front(n: int, k: int = 5, seed: int = 0, *, of: hpop.Problem | None = None) -> hpop.Front:
-    """A front of about ``n`` rows (of exactly as many with k = 1 and n = 1, or none) and the duration beside."""
+    """A front of ``n`` rows, or of at most one where k = 1, with the duration reported beside."""
     rng = np.random.default_rng(seed)
     of = of or problem(k)
     made = [trajectory(rng, of.model) for _ in range(min(n, DISTINCT))]
-    names, units, groups, quanta = zip(*(CRITERIA[i % 8] for i in range(k)), strict=True)
-    names = tuple(name if i < 8 else f"{name}_{i}" for i, name in enumerate(names))
-    costs = costs_of(rng, n, k)
-    return hpop.Front.of(
+    names, units, groups, quanta = zip(*(CRITERIA[i % len(CRITERIA)] for i in range(k)), strict=True)
+    names = tuple(name if i < len(CRITERIA) else f"{name}_{i}" for i, name in enumerate(names))
+    tried = n + n // 3  # whole turns leave some dominated
+    costs = costs_of(rng, tried, k)
+    found = hpop.Front.of(
         costs,
-        [made[i % len(made)] for i in range(n)],
+        [made[i % len(made)] for i in range(tried)],
         names=names,
         units=units,
         groups=groups,
         quanta=quanta,
-        reported=30.0 + 5.0 * rng.random((n, 1)),
+        reported=30.0 + 5.0 * rng.random((tried, 1)),
         reported_names=["duration"],
         reported_units=["s"],
         status="complete",
-        certificate=f"exact: no other trajectory of this lattice is better in one of {k} criteria and worse in none",
+        certificate=f"exact: no other trajectory of this hall is better in one of {k} criteria and worse in none",
     )
+    if len(found) <= n:
+        return found
+    kept = np.zeros(len(found), dtype=np.bool_)
+    kept[rng.permutation(len(found))[:n]] = True
+    return replace(found[kept], certificate=found.certificate)
