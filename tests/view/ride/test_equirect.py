@@ -97,6 +97,41 @@ def test_so_does_each_pixel_of_any_world(seed):
     assert np.mean(numbers[rows, columns] == seen(world, place, *angles(256, rows, columns, yaw))) >= 0.98
 
 
+def test_cells_are_seen_as_their_outlines_are():
+    rng = np.random.default_rng(5)
+    occupied = rng.random((30, 40)) < 0.06
+    world = hpop.World.from_cells(occupied, 0.3, origin=(-2.0, 1.0, 0.4), height=(0.0, 1.5), outside_is_obstacle=False)
+    outlines = hpop.World.from_polygons([(part, (0.0, 1.5)) for part in shapely.get_parts(world.solid())])
+    rows, columns = rng.integers(100, 200, 600), rng.integers(0, 512, 600)
+    for place in ((-5.0, -3.0, 1.2), (3.0, 6.0, 1.2), (2.0, 8.0, 2.2)):
+        if world.solid().distance(shapely.Point(place[:2])) < 0.02 and place[2] < 1.5:
+            continue
+        numbers = drawn(world, 512).numbers(np.array(place), 0.0, 0.0)
+        assert np.unique(numbers).tolist() == [0, 1]
+        expected = seen(outlines, place, *angles(512, rows, columns, 0.0)) > 0
+        assert 0.02 < expected.mean() < 0.95
+        assert np.mean((numbers[rows, columns] > 0) == expected) >= 0.99
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("name", ["nav2_depot/depot.yaml", "aws_bookstore/map.yaml", "pal_office/map.yaml"])
+def test_the_horizon_of_a_robot_s_map_is_what_a_ray_cast_meets(shared_data, name):
+    folder, _, file = name.partition("/")
+    world = hpop.World.from_ros_map(shared_data(folder) / file)
+    outlines = hpop.World.from_polygons([*shapely.get_parts(world.solid())])
+    picture, rng, shares = drawn(world, 1024), np.random.default_rng(4), []
+    free, (x0, y0, x1, y1) = world.free_space().region.buffer(-0.3), world.bounds
+    columns = np.arange(0, 1024, 4)
+    bearings, elevations = angles(1024, np.full(256, 255), columns, 0.5)
+    while len(shares) < 12:
+        x, y = rng.uniform((x0, y0), (x1, y1))
+        if free.contains(shapely.Point(x, y)):
+            numbers = picture.numbers(np.array([x, y, 1.2]), 0.5, 0.0)[255, columns]
+            met = seen(outlines, (x, y, 1.2), bearings, elevations) > 0
+            shares.append(np.mean((numbers == picture.scene.cells.number) == met))
+    assert min(shares) >= 0.995
+
+
 def test_a_wall_covers_the_rows_between_the_arctangents_of_its_heights():
     wall = hpop.World.from_polygons([(shapely.box(4, -50, 5, 50), (0.3, 2.2))])
     column = drawn(wall, 4096).numbers(np.array([0.0, 0.0, 1.2]), 0.0, 0.0)[:, 2048]
