@@ -116,6 +116,7 @@ hpop.view.save_frames
 hpop.view.save_pictures
 hpop.view.save_ride
 hpop.view.save_video
+hpop.view.widget
 hpop.world.Box
 hpop.world.Cylinder
 hpop.world.Ground

@@ -13,6 +13,7 @@ const SOURCES = ["build.mjs", "package.json", "package-lock.json", "tsconfig.jso
 // A page's name, what its bundle starts from, and how it is loaded: a script of a page, or a module.
 const BUNDLES = [
   { file: "explorer.js", entry: "src/explorer/main.ts", format: "iife" },
+  { file: "widget.js", entry: "src/explorer/widget.ts", format: "esm" },
   { file: "ride.js", entry: "src/ride/main.ts", format: "iife" },
 ];
 

@@ -72,7 +72,7 @@ class Shown:
 
     def publish(self, payload: dict[str, object]) -> None:
         """Show another front."""
-        from hpop.view.explorer.save import SCRIPT
+        from hpop.view.explorer.payload import SCRIPT
         from hpop.view.single_page import single_page
 
         live = {**payload, "live": self.number + 1}

@@ -16,6 +16,7 @@ matplotlib_folder.provide()
 
 from hpop.view import notebook
 from hpop.view.explorer.save import save_explorer
+from hpop.view.explorer.widget import widget
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.ride.equirect import render_360, save_360
@@ -43,4 +44,5 @@ __all__ = [
     "save_pictures",
     "save_ride",
     "save_video",
+    "widget",
 ]

@@ -51,7 +51,7 @@ LEVEL = 9  # of 9: 10 ms
 
 @cache
 def bundle(name: str) -> str:
-    """The script of a page, as web/build.mjs bundled it: "explorer.js" or "ride.js"."""
+    """The script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "widget.js"."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 

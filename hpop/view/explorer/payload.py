@@ -26,6 +26,7 @@ from hpop.view.style import marks, quantities
 
 SCHEMA = "hpop-page"
 VERSION = 1
+SCRIPT = "explorer.js"  # that reads it
 
 
 def payload(problem: Problem, front: Front, *, title: str | None = None, saved: str | None = None) -> dict[str, Any]:

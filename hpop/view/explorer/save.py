@@ -9,10 +9,8 @@ from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
 from hpop.problem import Problem
-from hpop.view.explorer.payload import payload
+from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import single_page
-
-SCRIPT = "explorer.js"
 
 
 def save_explorer(

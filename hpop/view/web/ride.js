@@ -1,4 +1,4 @@
-/* hpop, sources d213258aea6d162b5c1e3434d5dfe291dd1d3ef14e68dce43d28ce7d1af7cf5f */
+/* hpop, sources da0e074016780dc1220ec0e6841546a3699741cc9443086c53fba18e52e0ae7b */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Pe(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function en(i,e,t){let n=Pe("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

@@ -1,5 +1,6 @@
 // The page of a front, as `hpop.view.save_explorer` writes it.
 import { addStyle, payloadOf } from "../shared/payload";
+import { telling } from "./embedded";
 import { follow } from "./live";
 import { mount, type Page } from "./page";
 import { SCHEMA, VERSION } from "./payload";
@@ -15,10 +16,10 @@ declare global {
 
 addStyle(css + viewsCss);
 const payload = payloadOf(SCHEMA, VERSION);
-mount(document.body, payload, { address: true }).then(
+const { live, embedded } = payload as { live?: number; embedded?: boolean };
+mount(document.body, payload, embedded === true ? telling() : { address: true }).then(
   (page) => {
     window.hpop = page;
-    const { live } = payload as { live?: number };
     if (live !== undefined) follow(page, live);
   },
   (error: unknown) => {
