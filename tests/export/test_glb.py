@@ -15,6 +15,7 @@ import pytest
 import hpop
 from hpop.export import write
 from hpop.trajectory import Trajectory
+from hpop.view.ride import surfaces
 from tests.export.given import DRIVE, ODD, POSES, problem, robots, through
 from tests.export.readers import GLTF, accessor
 
@@ -95,15 +96,31 @@ def test_a_trajectory_alone_is_a_camera_without_a_world(tmp_path):
     assert file.cameras[0].perspective.yfov == pytest.approx(math.radians(60))
 
 
+def test_a_view_wider_than_a_picture_can_be_is_cut(tmp_path):
+    wide = hpop.PanTilt(field_of_view=(math.radians(300), math.radians(90)))
+    camera = pygltflib.GLTF2().load(write(through(wide, (1, 1, 0, 0, 0)), tmp_path / "any.glb")).cameras[0]
+    assert camera.perspective.yfov == pytest.approx(math.radians(90))
+    assert camera.perspective.aspectRatio == pytest.approx(math.tan(math.radians(85)))
+
+
 def test_times_that_one_float32_cannot_tell_apart_are_kept_once(tmp_path):
-    stays = Trajectory.from_poses(DRIVE, POSES[:1]).with_hold(at=0, seconds=900.0)
-    after = Trajectory(DRIVE, stays.states, stays.kinds).with_hold(
-        at=1, seconds=1e-5
-    )  # at 900 s a float32 has steps of 6e-5 s
-    file = pygltflib.GLTF2().load(write(after, tmp_path / "any.glb", rate=20.0))
+    """Which only the last two of very many can be: 50 ns before the end a float32 is the end."""
+    stays = Trajectory.from_poses(DRIVE, POSES[:1]).with_hold(at=0, seconds=1.000000055)
+    file = pygltflib.GLTF2().load(write(stays, tmp_path / "any.glb", rate=2e5))
     times = accessor(file, file.animations[0].samplers[0].input).ravel()
+    assert times.size == 200_001  # of 200,002
     assert (np.diff(times) > 0).all()
-    assert times[-1] == np.float32(after.duration)
+    assert times[-1] == np.float32(stays.duration)
+
+
+def test_colours_are_linear_light(tmp_path):
+    file = pygltflib.GLTF2().load(write(robots()["stays"], tmp_path / "any.glb", problem=problem()))
+    named = {node.name: file.meshes[node.mesh].primitives[0].material for node in file.nodes if node.mesh is not None}
+    for name, colour in (("wall", surfaces.WALL), ("floor", surfaces.FLOOR)):
+        light = np.array(file.materials[named[name]].pbrMetallicRoughness.baseColorFactor)
+        assert light[3] == 1.0
+        shown = 255.0 * (1.055 * light[:3] ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
+        np.testing.assert_allclose(shown, colour, atol=0.01)
 
 
 def test_costs_and_what_is_not_drawn_as_it_is_are_in_the_file(tmp_path):

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from hpop.export import Frames, save, write
 from hpop.poses import poses
-from tests.export.given import ODD, front, problem, robots
+from hpop.trajectory import Trajectory
+from tests.export.given import DRIVE, ODD, front, problem, robots
 from tests.export.readers import messages
 
 FOLLOW_PATH = """\
@@ -154,6 +155,14 @@ def from_yaml(store, kind, values):
             made[name] = given if given is not None else kind_of()
     assert not isinstance(values, dict) or set(values) <= set(made)
     return store.types[kind](**made)
+
+
+def test_numbers_in_a_goal_are_numbers_to_yaml_however_small(tmp_path):
+    tiny = Trajectory.from_poses(DRIVE, [(-1e-13, 1e-13, -1e-12), (1, 1e-7, 0)])
+    text = write(tiny, tmp_path / "any.nav2.yaml").read_text()
+    assert "-0.000000000" not in text
+    first = yaml.safe_load(text)["path"]["poses"][0]["pose"]
+    assert first == {"position": {"x": 0.0, "y": 0.0}, "orientation": {"z": 0.0, "w": 1.0}}
 
 
 def test_a_frame_that_yaml_would_take_for_something_else_stays_text(tmp_path):

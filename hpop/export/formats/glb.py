@@ -14,7 +14,6 @@ from hpop.arrays import FloatArray
 from hpop.export.base import PROGRAM, Exported, export_format
 from hpop.export.meshes import Mesh, meshes_of
 from hpop.export.turning import product
-from hpop.poses import on_one_side
 
 AXES = (
     "right-handed, x right, y up, z towards the viewer (glTF), m; the world's (x, y, z) is (x, z, -y); "
@@ -47,7 +46,7 @@ def glb(given: Exported) -> bytes:
     is_camera = given.body == "camera"
     if is_camera:
         rotations = product(rotations, np.tile(OUT_OF_CAMERA, (len(seen), 1)))
-    places, rotations = y_up(seen.positions)[last], on_one_side(rotations)[last]
+    places, rotations = y_up(seen.positions)[last], rotations[last]
     node: dict[str, Any] = {"name": body, "translation": places[0].tolist(), "rotation": rotations[0].tolist()}
     if is_camera:
         node["camera"] = 0
