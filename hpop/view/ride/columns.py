@@ -13,30 +13,10 @@ square roots in here, which every machine rounds alike.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.compiled import lean
-from hpop.view.ride.surfaces import (
-    AMBIENT,
-    CONTRAST,
-    DIFFUSE,
-    FLOOR,
-    GRID,
-    HAZE,
-    LIGHT,
-    LINE,
-    OUTSIDE,
-    PERIOD,
-    PITCH,
-    SKIRTING,
-    SKIRTING_SHADE,
-    SKY_HORIZON,
-    ZONE_SHARE,
-)
 
 PI = math.pi
 NEAR, FAR = 1e-3, 1e6
@@ -45,127 +25,12 @@ WALL, THING, EXTENT, ZONE = 0, 1, 2, 3
 """Kinds of items."""
 CYLINDER, ELLIPSOID = 0, 1
 """Shapes of parts of people."""
-FLOOR_CONTRAST, OUTSIDE_CONTRAST, WALL_CONTRAST = CONTRAST["floor"], CONTRAST["outside"], CONTRAST["wall"]
-FLOOR_GRID, WALL_GRID = GRID["floor"], GRID["wall"]
-LIGHT_X, LIGHT_Y, LIGHT_Z = LIGHT
-UPWARD, DOWNWARD = AMBIENT + DIFFUSE * LIGHT_Z, AMBIENT - DIFFUSE * LIGHT_Z
-HAZE_RED, HAZE_GREEN, HAZE_BLUE = SKY_HORIZON
 LEAST_LEFT = 1e-4
 """Share of a row that is no longer drawn."""
 FLATTEST = 1e-9
 """Sine of the angle between a ray and a plate below which only its edge is seen."""
 STRETCHED = 3.0
 """How much longer than a pixel's width in the texture its length may be before the texture is smoothed more."""
-
-
-class Tile(NamedTuple):
-    """The texture at levels of ever wider pixels.
-
-    values  all levels, one after the other
-    starts  (L,)  where each begins
-    sizes   (L,)  its side, a power of two
-    widths  (L,)  m  of the pixels for which it was made
-    """
-
-    values: NDArray[np.float32]
-    starts: IntArray
-    sizes: IntArray
-    widths: FloatArray
-
-
-class Things(NamedTuple):
-    """All that is drawn.
-
-    edges    (E, 4)  m  x0, y0, x1, y1: round what is solid counter-clockwise
-    item_of  (E,)
-    items    (I, 7)  kind, low, high, red, green, blue, number
-    parts    (P, 16)  of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of front and back,
-             number, and 0
-    plates   (L, 8)  x, y, z of the middle, normal x, y, width, height, number
-    bitmaps  values of all plates' pictures, level by level
-    places   (L, B, 3)  of each plate and level: where it begins, its width and height in pixels
-    highest  m  of all that stands
-    """
-
-    edges: FloatArray
-    item_of: IntArray
-    items: FloatArray
-    parts: FloatArray
-    plates: FloatArray
-    bitmaps: NDArray[np.uint8]
-    places: IntArray
-    highest: float
-
-
-class Met(NamedTuple):
-    """What `rays.crossings` tells: the last meeting of each ray; and distance, edge and meeting before, of each."""
-
-    last: IntArray
-    distance: FloatArray
-    edge: IntArray
-    before: IntArray
-
-
-class View(NamedTuple):
-    """From where, and on which picture.
-
-    x, y, z     m
-    pixel       rad  from one row or column to the next
-    directions  (N, 2)  unit vectors of all rays, counter-clockwise
-    shift       the ray that the left end of the picture would be
-    per_column  rays of a column
-    slopes      (H,)  of the middles of rows, upwards
-    sky         (H, 3)
-    hard        whether each pixel shows what its middle sees, and nothing else of it
-    """
-
-    x: float
-    y: float
-    z: float
-    pixel: float
-    directions: FloatArray
-    shift: int
-    per_column: int
-    slopes: FloatArray
-    sky: FloatArray
-    hard: bool
-
-
-class Sheet(NamedTuple):
-    """The column that is being drawn.
-
-    summed   (H, 3)  colours so far
-    left     (H,)    share of each row of the present ray that is not drawn
-    numbers  (H,)    what was drawn there
-    """
-
-    summed: FloatArray
-    left: FloatArray
-    numbers: NDArray[np.int32]
-
-
-class Room(NamedTuple):
-    """Where a column is drawn.
-
-    sheet
-    is_in   (I,)  whether the ray is within each item: nowhere, before and after
-    opened  (I,)  those within which it is, as many as are told
-    order   edges, parts and plates that a ray meets, from near to far
-    away    m  how far each is
-    """
-
-    sheet: Sheet
-    is_in: BoolArray
-    opened: IntArray
-    order: IntArray
-    away: FloatArray
-
-    @classmethod
-    def of(cls, rows: int, items: int, meetings: int) -> Room:
-        """Room for pictures of so many rows, items, and meetings of a ray."""
-        sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
-        opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
-        return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
 
 
 @lean
@@ -191,12 +56,13 @@ def _row(slope, view):
 
 
 @lean
-def _lines(x, width):
+def _lines(x, width, look):
     """Share of an interval round x that lies on the lines of the grid."""
-    low, high = (x + 0.5 * (LINE - width)) / PITCH, (x + 0.5 * (LINE + width)) / PITCH
+    line, pitch = look.line, look.pitch
+    low, high = (x + 0.5 * (line - width)) / pitch, (x + 0.5 * (line + width)) / pitch
     whole_low, whole_high = math.floor(low), math.floor(high)
-    on_low = whole_low * LINE + min((low - whole_low) * PITCH, LINE)
-    on_high = whole_high * LINE + min((high - whole_high) * PITCH, LINE)
+    on_low = whole_low * line + min((low - whole_low) * pitch, line)
+    on_high = whole_high * line + min((high - whole_high) * pitch, line)
     return min(max((on_high - on_low) / width, 0.0), 1.0)
 
 
@@ -207,7 +73,7 @@ def _texture(u, v, width, tile):
     while level < len(tile.widths) - 1 and tile.widths[level] < width:
         level += 1
     size = tile.sizes[level]
-    start, mask, scale = tile.starts[level], size - 1, size / PERIOD
+    start, mask, scale = tile.starts[level], size - 1, size / tile.period
     x, y = u * scale, v * scale
     i, j = math.floor(x), math.floor(y)
     x, y = x - i, y - j
@@ -236,12 +102,12 @@ def _take(row, top, bottom, number, sheet, view):
 
 
 @lean
-def _add(row, share, red, green, blue, t, sheet):
+def _add(row, share, red, green, blue, t, sheet, look):
     """Add a colour, seen through the haze of a distance t, m."""
-    haze = t / (t + HAZE)
-    sheet.summed[row, 0] += share * (red + haze * (HAZE_RED - red))
-    sheet.summed[row, 1] += share * (green + haze * (HAZE_GREEN - green))
-    sheet.summed[row, 2] += share * (blue + haze * (HAZE_BLUE - blue))
+    haze = t / (t + look.haze)
+    sheet.summed[row, 0] += share * (red + haze * (look.haze_colour[0] - red))
+    sheet.summed[row, 1] += share * (green + haze * (look.haze_colour[1] - green))
+    sheet.summed[row, 2] += share * (blue + haze * (look.haze_colour[2] - blue))
 
 
 @lean
@@ -273,15 +139,16 @@ def _plane(rise, t0, t1, red, green, blue, number, grid, contrast, dx, dy, sheet
             width = max(math.sqrt(long * wide), long / STRETCHED)
             factor = 1.0 + contrast * _texture(x, y, width, tile)
         if grid > 0.0:
-            on_x = _lines(x, long * abs(dx) + wide * abs(dy))
-            on_y = _lines(y, long * abs(dy) + wide * abs(dx))
+            on_x = _lines(x, long * abs(dx) + wide * abs(dy), view.look)
+            on_y = _lines(y, long * abs(dy) + wide * abs(dx), view.look)
             factor *= 1.0 - grid * (on_x + on_y - on_x * on_y)
-        _add(row, share, red * factor, green * factor, blue * factor, t, sheet)
+        _add(row, share, red * factor, green * factor, blue * factor, t, sheet, view.look)
 
 
 @lean
 def _front(t, item, edge, dx, dy, sheet, view, tile):
     """Draw the front of a prism over one of its edges."""
+    look = view.look
     low, high = item[1] - view.z, item[2] - view.z
     top, bottom = _row(high / t, view), _row(low / t, view)
     first, beyond = _rows(top, bottom, view)
@@ -289,10 +156,10 @@ def _front(t, item, edge, dx, dy, sheet, view, tile):
     length = math.sqrt(along_x * along_x + along_y * along_y)
     along_x, along_y = along_x / length, along_y / length
     against = abs(dx * along_y - dy * along_x)
-    shade = min(AMBIENT + DIFFUSE * (along_y * LIGHT_X - along_x * LIGHT_Y), 1.0)
+    shade = min(look.ambient + look.diffuse * (along_y * look.light[0] - along_x * look.light[1]), 1.0)
     u = (view.x + t * dx) * along_x + (view.y + t * dy) * along_y
     wide = t * view.pixel / max(against, 1e-3)
-    upright = _lines(u, wide)
+    upright = _lines(u, wide, look)
     has_skirting = item[0] == WALL and item[1] <= 0.0
     for row in range(first, beyond):
         if sheet.left[row] <= 0.0:
@@ -304,18 +171,19 @@ def _front(t, item, edge, dx, dy, sheet, view, tile):
         long = t * (1.0 + slope * slope) * view.pixel
         v = min(max(view.z + t * slope, item[1]), item[2])
         width = max(math.sqrt(long * wide), max(long, wide) / STRETCHED)
-        level = _lines(v, long)
-        factor = shade * (1.0 + WALL_CONTRAST * _texture(u, v, width, tile))
-        factor *= 1.0 - WALL_GRID * (upright + level - upright * level)
+        level = _lines(v, long, look)
+        factor = shade * (1.0 + look.wall_contrast * _texture(u, v, width, tile))
+        factor *= 1.0 - look.wall_grid * (upright + level - upright * level)
         if has_skirting:
-            on_it = min(max((SKIRTING - v) / long + 0.5, 0.0), 1.0)
-            factor *= 1.0 - on_it * (1.0 - SKIRTING_SHADE)
-        _add(row, share, item[3] * factor, item[4] * factor, item[5] * factor, t, sheet)
+            on_it = min(max((look.skirting - v) / long + 0.5, 0.0), 1.0)
+            factor *= 1.0 - on_it * (1.0 - look.skirting_shade)
+        _add(row, share, item[3] * factor, item[4] * factor, item[5] * factor, t, sheet, view.look)
 
 
 @lean
 def _part(t, part, dx, dy, sheet, view):
     """Draw the slice of a part of a person that a ray meets."""
+    look = view.look
     x, y = part[0] - view.x, part[1] - view.y
     along, aside, radius = dx * x + dy * y, dx * y - dy * x, part[5]
     depth = math.sqrt(max(radius * radius - aside * aside, 0.0))
@@ -347,14 +215,16 @@ def _part(t, part, dx, dy, sheet, view):
             up = (slope * hit - middle) / (half * half)
         nx, ny = (hit * dx - x) / (radius * radius), (hit * dy - y) / (radius * radius)
         length = math.sqrt(nx * nx + ny * ny + up * up)
-        shade = min(AMBIENT + 1.6 * DIFFUSE * (nx * LIGHT_X + ny * LIGHT_Y + up * LIGHT_Z) / length, 1.1)
+        towards = (nx * look.light[0] + ny * look.light[1] + up * look.light[2]) / length
+        shade = min(look.ambient + 1.6 * look.diffuse * towards, 1.1)
         colour = 8 if nx * part[2] + ny * part[3] > 0.0 else 11
-        _add(row, share, part[colour] * shade, part[colour + 1] * shade, part[colour + 2] * shade, t, sheet)
+        _add(row, share, part[colour] * shade, part[colour + 1] * shade, part[colour + 2] * shade, t, sheet, view.look)
 
 
 @lean
 def _plate(t, p, dx, dy, sheet, view, things):
     """Draw what a ray sees of a plate: its picture, or from behind its back."""
+    look = view.look
     plate, places = things.plates[p], things.places
     low = plate[2] - 0.5 * plate[6] - view.z
     top, bottom = _row((low + plate[6]) / t, view), _row(low / t, view)
@@ -368,7 +238,7 @@ def _plate(t, p, dx, dy, sheet, view, things):
     x = min(max((across / plate[5] + 0.5) * columns - 0.5, 0.0), columns - 1.001)
     left = int(x)
     x -= left
-    shade = min(AMBIENT + DIFFUSE * (plate[3] * LIGHT_X + plate[4] * LIGHT_Y), 1.0)
+    shade = min(look.ambient + look.diffuse * (plate[3] * look.light[0] + plate[4] * look.light[1]), 1.0)
     for row in range(first, beyond):
         if sheet.left[row] <= 0.0:
             continue
@@ -376,7 +246,7 @@ def _plate(t, p, dx, dy, sheet, view, things):
         if share <= 0.0 or view.hard:
             continue
         if not is_front:
-            _add(row, share, 150.0 * shade, 140.0 * shade, 126.0 * shade, t, sheet)
+            _add(row, share, 150.0 * shade, 140.0 * shade, 126.0 * shade, t, sheet, view.look)
             continue
         y = min(max((1.0 - (t * view.slopes[row] - low) / plate[6]) * rows - 0.5, 0.0), rows - 1.001)
         under = int(y)
@@ -424,7 +294,9 @@ def _insert(what, t, order, away, count):
 @lean
 def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
     """Draw the horizontal planes over a stretch of a ray, in the order in which lines of sight meet them."""
+    look = view.look
     items = things.items
+    upward, downward = look.ambient + look.diffuse * look.light[2], look.ambient - look.diffuse * look.light[2]
     bound = np.inf
     while True:  # tops below the camera, the highest first
         best = -1
@@ -437,8 +309,8 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
             break
         bound = items[best, 2]
         item = items[best]
-        red, green, blue = item[3] * UPWARD, item[4] * UPWARD, item[5] * UPWARD
-        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, WALL_CONTRAST, dx, dy, sheet, view, tile)
+        red, green, blue = item[3] * upward, item[4] * upward, item[5] * upward
+        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, look.wall_contrast, dx, dy, sheet, view, tile)
     bound = -np.inf
     while True:  # undersides above it, the lowest first
         best = -1
@@ -451,23 +323,23 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
             break
         bound = items[best, 1]
         item = items[best]
-        red, green, blue = item[3] * DOWNWARD, item[4] * DOWNWARD, item[5] * DOWNWARD
-        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, WALL_CONTRAST, dx, dy, sheet, view, tile)
+        red, green, blue = item[3] * downward, item[4] * downward, item[5] * downward
+        _plane(bound - view.z, t0, t1, red, green, blue, item[6], 0.0, look.wall_contrast, dx, dy, sheet, view, tile)
     if view.z <= 0.0:
         return
-    red, green, blue = float(OUTSIDE[0]), float(OUTSIDE[1]), float(OUTSIDE[2])
-    grid, contrast = 0.0, OUTSIDE_CONTRAST
+    red, green, blue = look.outside
+    grid, contrast = 0.0, look.outside_contrast
     for k in range(count):
         if items[opened[k], 0] == EXTENT:
-            red, green, blue = float(FLOOR[0]), float(FLOOR[1]), float(FLOOR[2])
-            grid, contrast = FLOOR_GRID, FLOOR_CONTRAST
+            red, green, blue = look.floor
+            grid, contrast = look.floor_grid, look.floor_contrast
     for k in range(count):
         item = items[opened[k]]
         if item[0] == ZONE:
-            red += ZONE_SHARE * (item[3] - red)
-            green += ZONE_SHARE * (item[4] - green)
-            blue += ZONE_SHARE * (item[5] - blue)
-    red, green, blue = red * UPWARD, green * UPWARD, blue * UPWARD
+            red += look.zone_share * (item[3] - red)
+            green += look.zone_share * (item[4] - green)
+            blue += look.zone_share * (item[5] - blue)
+    red, green, blue = red * upward, green * upward, blue * upward
     _plane(-view.z, t0, t1, red, green, blue, 0, grid, contrast, dx, dy, sheet, view, tile)
 
 

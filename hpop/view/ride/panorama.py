@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.view.ride import surfaces, tiles
-from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, Met, Room, Things, View, draw
+from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, draw
+from hpop.view.ride.drawn import Look, Met, Room, Things, View
 from hpop.view.ride.rays import crossings, longest
 from hpop.view.ride.scene import Scene
 from hpop.view.ride.turning import turned
@@ -84,6 +85,7 @@ class Panorama:
             _slopes(rows),
             _sky(rows),
             hard,
+            Look.of_surfaces(),
         )
         things = self._things(x, y, t)
         met, most = _meetings(things.edges, x, y, directions)

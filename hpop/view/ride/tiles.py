@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from hpop.text import printable
-from hpop.view.ride.columns import Tile
+from hpop.view.ride.drawn import Tile
 from hpop.view.ride.scene import Plate
 from hpop.view.ride.surfaces import PERIOD, waves
 
@@ -55,7 +55,7 @@ def texture() -> Tile:
     sizes = np.array([len(level) for level in levels], np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes**2)[:-1]])
     values = np.concatenate([level.ravel() for level in levels]).astype(np.float32)
-    return Tile(values, starts, sizes, np.array(widths))
+    return Tile(values, starts, sizes, np.array(widths), PERIOD)
 
 
 def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
