@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -58,9 +59,8 @@ class Watched:
             page.context.close()
 
 
-@pytest.fixture
-def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """Opens a page: ``opened(path, "#fragment", size=(390, 844))``; it must ask for nothing and complain of nothing."""
+@contextmanager
+def watching(browser: Browser) -> Iterator[Watched]:
     watched = Watched(browser)
     yield watched
     watched.close()
@@ -69,3 +69,17 @@ def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
     assert others == []
     files = {url.split("#")[0] for url in watched.requests if url.startswith("file:")}
     assert len(files) <= len(watched._pages)
+
+
+@pytest.fixture
+def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Opens a page: ``opened(path, "#fragment", size=(390, 844))``; it must ask for nothing and complain of nothing."""
+    with watching(browser) as watched:
+        yield watched
+
+
+@pytest.fixture(scope="module")
+def opened_once(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """The same for a page that several tests look at."""
+    with watching(browser) as watched:
+        yield watched

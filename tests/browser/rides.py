@@ -118,5 +118,5 @@ def horizon(world: hpop.World, eye: tuple[float, float], yaw: float, t: float, c
 
 def ready(page: Page) -> Page:
     """The page, once it has drawn."""
-    page.wait_for_function("document.documentElement.dataset.ready === 'yes'")
+    page.locator("html[data-ready=yes]").wait_for(state="attached")
     return page

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,9 +29,10 @@ def front(problem: hpop.Problem) -> hpop.Front:
     return front_of(problem)
 
 
-@pytest.fixture
-def page(opened: Open, problem: hpop.Problem, front: hpop.Front, tmp_path: Path) -> Page:
-    return ready(opened(save_ride(problem, front, tmp_path / "ride.html", rows=[1, 0]), "#check", size=(320, 240)))
+@pytest.fixture(scope="module")
+def page(opened_once: Open, problem: hpop.Problem, front: hpop.Front, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    path = save_ride(problem, front, tmp_path_factory.mktemp("ride") / "ride.html", rows=[1, 0])
+    return ready(opened_once(path, "#check", size=(320, 240)))
 
 
 def ride_to(page: Page, track: int, t: float) -> dict[str, list[float]]:
@@ -45,7 +45,7 @@ def test_the_horizon_shows_what_rays_meet(page: Page, problem: hpop.Problem, fro
     for t in np.linspace(0.3, run.duration - 0.3, POSES):
         state = run.at(t)
         ride_to(page, 0, t)
-        drawn = np.array(page.evaluate(f"hpopRide.numbers({BEARINGS}, 1, 1024)"))
+        drawn = np.array(page.evaluate(f"hpopRide.numbers({BEARINGS}, 1, 512)"))
         there = horizon(problem.world, (state.x[0], state.y[0]), state.yaw[0], t, BEARINGS)
         assert np.mean(drawn == there) >= 0.995, t
         seen |= {*there.tolist()}

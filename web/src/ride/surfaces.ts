@@ -1,8 +1,8 @@
 // How surfaces look: the formulas of hpop/view/ride/surfaces.py, as shaders. Colours are sRGB as stored and as shown, a
 // colour times a factor is what is seen: nothing is converted to linear light and back.
 //
-// The waves of the texture and the grid's lines are drawn once into a tile; the levels of it that the graphics card makes
-// leave out what a pixel would not resolve, so that nothing shimmers at a distance.
+// The waves of the texture are drawn once into a tile; the levels of it that the graphics card makes leave out what a pixel
+// would not resolve, and of the grid's lines a pixel shows the share that lies on them: nothing shimmers at a distance.
 import {
   Color,
   DataTexture,
@@ -11,8 +11,8 @@ import {
   LinearFilter,
   LinearMipmapLinearFilter,
   NoColorSpace,
+  RedFormat,
   RepeatWrapping,
-  RGBAFormat,
   ShaderMaterial,
   type Side,
   type Texture,
@@ -22,7 +22,7 @@ import {
 import type { Colour, Surfaces } from "./model";
 
 /** Side of the tile, pixels, a power of two. */
-const SIDE = 1024;
+const SIDE = 512;
 /** Waves from -RANGE to RANGE are kept; their root mean square is 1. */
 const RANGE = 4;
 const BACK: Colour = [150, 140, 126];
@@ -31,7 +31,7 @@ export function colourOf(colour: Colour): Color {
   return new Color(colour[0] / 255, colour[1] / 255, colour[2] / 255);
 }
 
-/** The waves in red and the lines of the grid in green, of a square that repeats without a seam. */
+/** The waves, of a square that repeats without a seam. */
 function tile(look: Surfaces): DataTexture {
   const values = new Float32Array(SIDE * SIDE);
   for (const [i, j, amplitude, phase] of look.waves) {
@@ -46,19 +46,8 @@ function tile(look: Surfaces): DataTexture {
       }
     }
   }
-  const pixel = look.period / SIDE;
-  const onLine = Float32Array.from({ length: SIDE }, (_, k) => {
-    const away = Math.abs(k * pixel - Math.round((k * pixel) / look.pitch) * look.pitch);
-    return Math.min(Math.max((look.line / 2 - away) / pixel + 0.5, 0), 1);
-  });
-  const data = new Uint8Array(4 * SIDE * SIDE);
-  for (let p = 0; p < SIDE * SIDE; p++) {
-    const [x, y] = [onLine[p % SIDE]!, onLine[(p / SIDE) | 0]!];
-    data[4 * p] = Math.round(255 * Math.min(Math.max(0.5 + values[p]! / (2 * RANGE), 0), 1));
-    data[4 * p + 1] = Math.round(255 * (x + y - x * y));
-    data[4 * p + 3] = 255;
-  }
-  const texture = new DataTexture(data, SIDE, SIDE, RGBAFormat);
+  const data = Uint8ClampedArray.from(values, (value) => 255 * (0.5 + value / (2 * RANGE)));
+  const texture = new DataTexture(data, SIDE, SIDE, RedFormat);
   texture.wrapS = texture.wrapT = RepeatWrapping;
   texture.magFilter = LinearFilter;
   texture.minFilter = LinearMipmapLinearFilter;
@@ -118,6 +107,7 @@ const SURFACE = /* glsl */ `
 uniform sampler2D tile;
 uniform float period;
 uniform vec2 skirting;
+uniform vec2 pitch;
 uniform float share;
 uniform float boost;
 varying vec3 vNormal;
@@ -125,6 +115,15 @@ varying vec2 vUv;
 varying vec3 vPaint;
 varying vec3 vLook;
 varying float vNumber;
+
+/** Share of an interval round x that lies on the lines of the grid; pitch holds their distance and width. */
+vec2 lines(vec2 x, vec2 wide) {
+  vec2 low = (x + 0.5 * (pitch.y - wide)) / pitch.x;
+  vec2 high = (x + 0.5 * (pitch.y + wide)) / pitch.x;
+  vec2 onLow = floor(low) * pitch.y + min(fract(low) * pitch.x, pitch.y);
+  vec2 onHigh = floor(high) * pitch.y + min(fract(high) * pitch.x, pitch.y);
+  return clamp((onHigh - onLow) / wide, 0.0, 1.0);
+}
 
 void main() {
   if (asNumbers) {
@@ -134,8 +133,9 @@ void main() {
   vec3 n = normalize(vNormal);
   float factor = min(ambient + boost * diffuse * dot(vec3(n.x, -n.z, n.y), light), boost > 1.0 ? 1.1 : 1.0);
   if (vLook.x + vLook.y > 0.0) {
-    vec2 at = texture2D(tile, vUv / period).rg;
-    factor *= (1.0 + vLook.x * (at.r - 0.5) * ${(2 * RANGE).toFixed(1)}) * (1.0 - vLook.y * at.g);
+    vec2 on = lines(vUv, max(fwidth(vUv), 1e-5));
+    float wave = (texture2D(tile, vUv / period).r - 0.5) * ${(2 * RANGE).toFixed(1)};
+    factor *= (1.0 + vLook.x * wave) * (1.0 - vLook.y * (on.x + on.y - on.x * on.y));
   }
   if (vLook.z > 0.0) {
     float wide = max(fwidth(vUv.y), 1e-6);
@@ -255,6 +255,7 @@ export class Materials {
         tile: { value: pattern },
         period: { value: this.surfaces.period },
         skirting: { value: new Vector2(...this.surfaces.skirting) },
+        pitch: { value: new Vector2(this.surfaces.pitch, this.surfaces.line) },
         share: { value: share },
         boost: { value: how.boost ?? 1 },
       },
