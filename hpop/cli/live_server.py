@@ -134,11 +134,12 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHT
                 self._page()
 
         def _page(self) -> None:
+            page = shown.page  # another may come while it is sent
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(shown.page)))
+            self.send_header("Content-Length", str(len(page)))
             self.end_headers()
-            self.wfile.write(shown.page)
+            self.wfile.write(page)
 
         def _stream(self, query: dict[str, list[str]]) -> None:
             """Fronts as they come, as server-sent events; first what came since the page was made."""

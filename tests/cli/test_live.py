@@ -125,6 +125,14 @@ def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(as
     assert ask(f"/{TOKEN}").getheader("Location") == f"/{TOKEN}/"
 
 
+def test_a_page_is_whole_though_another_front_comes_while_it_is_sent(
+    ask: Client, shown: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    several = iter([b"<p>longer</p>", b"<p>short</p>", b"<p>", b""])
+    monkeypatch.setattr(Shown, "page", property(lambda _: next(several)), raising=False)
+    assert ask(f"/{TOKEN}/").read() == b"<p>longer</p>"
+
+
 def test_fronts_are_told_as_they_come_and_the_end_is_told_last(ask: Client, shown: Shown) -> None:
     early = ask(f"/{TOKEN}/events?after=0")
     assert early.getheader("Content-Type") == "text/event-stream"
