@@ -23,6 +23,7 @@ from hpop.errors import OptionError, OutputError
 from hpop.following import followed
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
+from hpop.interrupts import interrupts_held
 from hpop.named_rows import named_rows
 from hpop.options import MOST_WORKERS, real, whole
 from hpop.problem import Problem
@@ -103,15 +104,21 @@ class Clip:
     def frames(self) -> Iterator[Picture]:
         """Frames in order, drawn side by side; a few at a time, however long the video is."""
         drawn = panorama(self.problem, self.width)
+        first, *others = self.times
+        yield draw_at(drawn, self.run, first)  # kernels are compiled here, where Ctrl-C is obeyed meanwhile
         waiting: deque[Future[Picture]] = deque()
         with ThreadPoolExecutor(self.workers, "hpop-frame") as pool:
             try:
-                for t in self.times:
-                    waiting.append(pool.submit(draw_at, drawn, self.run, t))
-                    if len(waiting) > AHEAD * self.workers:
-                        yield waiting.popleft().result()
+                for t in others:
+                    with interrupts_held():  # for some frames: a lock of futures would be lost
+                        waiting.append(pool.submit(draw_at, drawn, self.run, t))
+                        done = waiting.popleft().result() if len(waiting) > AHEAD * self.workers else None
+                    if done is not None:
+                        yield done
                 while waiting:
-                    yield waiting.popleft().result()
+                    with interrupts_held():
+                        done = waiting.popleft().result()
+                    yield done
             finally:
                 for frame in waiting:
                     frame.cancel()
