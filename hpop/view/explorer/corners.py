@@ -6,7 +6,8 @@ belongs to a trajectory is a list of places. Only corners are kept: along a stra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from hpop.view.paths import positions
 PIECES = 24  # a motion along which the camera's path bends is drawn as so many straight pieces at most,
 FEWER = (1, 2, 3, 4, 6, 8, 12)  # or as so many, where the path is
 BENDS = 2e-3  # m: nowhere farther from them
+PROBES, EXACT = 4, 1e-9  # m: a path that is straight so exactly at the ends of so many pieces is straight
 STRAIGHT = 1e-7  # rad: a place where a path bends by less is no corner
 MILLIMETRES = 1000.0
 FARTHEST = 2**31 - 1  # mm
@@ -74,9 +76,13 @@ def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
     begins: IntArray = np.zeros(len(table), dtype=np.int64)
     size = len(ends)
     for index, law, start, end in table.by_law():
-        between = _between(table.model, law, start, end)
-        for pieces, bent in _pieces(ends[table.start[index]], between, ends[table.end[index]]):
-            motions, within = index[bent], between[bent][:, PIECES // pieces - 1 :: PIECES // pieces]
+        if not law.varies.intersection(table.model.space.names):  # stands still
+            continue
+        line = partial(_line, table.model, law)
+        bends = _off(line(start, end, PROBES), 1).max(axis=1) > EXACT
+        index, start, end = index[bends], start.take(bends), end.take(bends)
+        for pieces, found, within in _pieces(line(start, end, PIECES)):
+            motions = index[found]
             begins[motions] = size + np.arange(motions.size) * (pieces - 1)
             counts[motions] = pieces - 1
             known.append(within.reshape(-1, 3))
@@ -94,38 +100,42 @@ def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
     return np.concatenate(known), through, np.repeat(np.arange(lengths.size), lengths)
 
 
-def _between(model: Model, law: Law, start: States, end: States) -> FloatArray:
-    """Where the camera is (M, PIECES - 1, 3), m, between the ends of motions, evenly by the share done."""
-    names = model.space.names
-    if not law.varies.intersection(names):
-        here = positions(model.pose("camera", start))
-        return np.repeat(here[:, None], PIECES - 1, axis=1)
+def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> FloatArray:
+    """Where the camera is (M, pieces + 1, 3), m, along motions, evenly by the share done."""
     found = []
-    for piece in range(1, PIECES):
-        share = np.full(start.size, piece / PIECES)
+    for piece in range(pieces + 1):
+        share = np.full(start.size, piece / pieces)
         columns = {
             name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
-            for name in names
+            for name in model.space.names
         }
         found.append(positions(model.pose("camera", States(**columns))))
     return np.stack(found, axis=1)
 
 
-def _pieces(start: FloatArray, between: FloatArray, end: FloatArray) -> list[tuple[int, BoolArray]]:
-    """In how many pieces, more than one, motions (M,) are drawn, by the fewest that the path does not leave."""
-    line = np.concatenate([start[:, None], between, end[:, None]], axis=1)  # (M, PIECES + 1, 3)
-    left, found = np.ones(len(line), dtype=bool), []
+def _off(line: FloatArray, pieces: int) -> FloatArray:
+    """How far, seen from above, lines (M, N + 1, 3) are from so many straight pieces of them: (M, N), m."""
+    plane, count = line[..., :2], line.shape[1] - 1
+    step = count // pieces
+    knots = plane[:, ::step]
+    share = (np.arange(step) / step)[:, None]
+    drawn = knots[:, :-1, None] + share * (knots[:, 1:, None] - knots[:, :-1, None])  # (M, pieces, step, 2)
+    x, y = np.moveaxis(drawn.reshape(-1, count, 2) - plane[:, :-1], -1, 0)
+    off: FloatArray = np.hypot(x, y)
+    return off
+
+
+def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
+    """Lines (M, PIECES + 1, 3) that bend: in how many pieces some are drawn, which, and the points between these.
+
+    They are the fewest that the line does not leave.
+    """
+    left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):
+        fits = np.ones(left.size, dtype=bool) if pieces == PIECES else _off(line[left], pieces).max(axis=1) < BENDS
         step = PIECES // pieces
-        knots = line[:, ::step]
-        share = (np.arange(step) / step)[:, None]
-        drawn = knots[:, :-1, None] + share * (knots[:, 1:, None] - knots[:, :-1, None])  # (M, pieces, step, 3)
-        off = np.linalg.norm(drawn.reshape(len(line), PIECES, 3)[..., :2] - line[:, :-1, :2], axis=-1)
-        fits = left & ((off.max(axis=1) < BENDS) | (pieces == PIECES))
-        if pieces > 1:
-            found.append((pieces, fits))
-        left &= ~fits
-    return found
+        yield pieces, left[fits], line[left[fits], step:PIECES:step]
+        left = left[~fits]
 
 
 def _kept(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
