@@ -103,6 +103,7 @@ def test_a_view_wider_than_a_picture_can_be_is_cut(tmp_path):
     assert camera.perspective.aspectRatio == pytest.approx(math.tan(math.radians(85)))
 
 
+@pytest.mark.proof
 def test_times_that_one_float32_cannot_tell_apart_are_kept_once(tmp_path):
     """Which only the last two of very many can be: 50 ns before the end a float32 is the end."""
     stays = Trajectory.from_poses(DRIVE, POSES[:1]).with_hold(at=0, seconds=1.000000055)
