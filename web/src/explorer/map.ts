@@ -7,13 +7,14 @@ import { picksOver } from "./picks";
 import { Density, inks } from "./raster";
 import { SegmentGrid, segmentsOf, usersOf, type Segments } from "./segments";
 import type { State } from "./state";
-import { HOVER_WIDTH, PIN_COLOURS, PIN_DASHES, PIN_NAMES, PIN_WIDTH, theme } from "./theme";
+import { HOVER_WIDTH, PIN_COLOURS, PIN_DASHES, PIN_NAMES, PIN_WIDTH, theme, type Theme } from "./theme";
 import { placeAt, tracedRows } from "./traced";
 import { clear, fit, layersIn, type View } from "./view";
 import { Viewport } from "./viewport";
 
 const REACH = 6; // CSS pixels within which a segment is picked
 const MOST_HOVERED = 12; // rows highlighted at once where many lie on each other
+const FINE = 2; // canvas pixels a CSS pixel of the legend
 const BAR = 110; // CSS pixels that a scale bar is shorter than
 const EVERY = ["1", "2", "5"]; // lengths of a scale bar, times a power of ten
 
@@ -90,12 +91,12 @@ export function mapView(state: State): View {
   }
 
   function resize(): void {
+    drawLegend(); // it takes what room it needs, the map the rest
     fit(layers);
     viewport.resize(layers.width, layers.height);
     const { width, height } = layers.base.canvas;
     density = new Density(width, height);
     [floor.canvas.width, floor.canvas.height] = [width, height];
-    drawLegend();
     stale = true;
   }
 
@@ -119,7 +120,7 @@ export function mapView(state: State): View {
     base.restore();
     density.paint(base, inks(colours.dark));
     ground.drawSymbols(base, viewport, colours, layers);
-    drawScale(base, viewport, layers.height, colours.ink, colours.halo);
+    plot.dataset.scale = drawScale(base, viewport, layers.height, colours);
   }
 
   function fill(raster: Density["all"], { count, x0, y0, x1, y1 }: Segments, users: Uint32Array): void {
@@ -181,9 +182,9 @@ export function mapView(state: State): View {
     const colours = theme();
     const entries = legendOf(state.model.world).map(({ words, draw }) => {
       const canvas = make("canvas");
-      [canvas.width, canvas.height] = [16 * layers.ratio, 16 * layers.ratio];
+      canvas.width = canvas.height = 16 * FINE;
       const context = canvas.getContext("2d")!;
-      context.scale(layers.ratio, layers.ratio);
+      context.scale(FINE, FINE);
       draw(context, colours);
       return make("span", "entry", [canvas, words]);
     });
@@ -279,14 +280,13 @@ function drawPose(
   context.fill();
 }
 
-/** A bar of a round length in the lower left corner. */
+/** A bar of a round length in the lower left corner; returns the length in words. */
 function drawScale(
   context: CanvasRenderingContext2D,
   { scale }: Viewport,
   height: number,
-  ink: string,
-  halo: string,
-): void {
+  { ink, halo }: Theme,
+): string {
   const power = Math.floor(Math.log10(BAR / scale));
   const first = EVERY.map((digit) => Number(`${digit}e${power}`)).filter((length) => length * scale <= BAR).at(-1)!;
   const words = first >= 1000 ? `${first / 1000} km` : first >= 1 ? `${first} m` : `${Number((first * 100).toPrecision(3))} cm`;
@@ -311,4 +311,5 @@ function drawScale(
   context.fillStyle = ink;
   context.fillText(words, x + 4, y - 4);
   context.restore();
+  return words;
 }

@@ -56,6 +56,7 @@ export function matrixView(state: State): View {
     drawOverlay();
   });
   headOf(element).append(choice, toggle);
+  note.hidden = choice.hidden = toggle.hidden = true;
   const layers = layersIn(plot);
 
   let cells: Cell[] = [];

@@ -88,8 +88,8 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
       for (const view of views) view.renew();
     }
     if (due.has("renew") || due.has("resize")) {
-      drawnAt = sizes();
       for (const view of views) view.resize();
+      drawnAt = sizes();
     }
     if (due.size > (due.has("overlay") ? 1 : 0)) timed(counters.base, (view) => { view.drawBase(); });
     due.clear();

@@ -126,6 +126,7 @@ export function traceView(state: State): View {
     end = Math.max(0, ...shown.map(({ trace }) => trace.t.at(-1) ?? 0));
     clear(overlay);
     for (const strip of strips) drawStrip(overlay, strip, shown, state, end, theme());
+    plot.dataset.focus = String(state.focus ?? "");
     plot.dataset.traced = shown.map(({ row }) => row).join(",");
     plot.setAttribute("aria-valuemax", end.toFixed(1));
     plot.setAttribute("aria-valuenow", (time ?? 0).toFixed(1));
