@@ -17,7 +17,7 @@ HERE = Path(__file__).parent
 LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-.")}
 
 
-def main(folder: Path = Path("out/04_study"), runs: int = 30) -> dict[str, hpop.Trajectory]:
+def main(folder: Path = Path("out/04_study"), runs: int = 30, step: float = 0.5) -> dict[str, hpop.Trajectory]:
     """Plan all three, compare them in a table, draw them on one map."""
     # World and criteria: V, N and D of the paper; the sign changes of the curvature are reported beside.
     problem = hpop.Problem(
@@ -29,7 +29,7 @@ def main(folder: Path = Path("out/04_study"), runs: int = 30) -> dict[str, hpop.
     )
 
     # Plan: two optima of one front, and the baseline (the paper: 1000 runs). executor= spreads the runs over processes.
-    front = problem.solve(planner="lattice", step=0.5)
+    front = problem.solve(planner="lattice", step=step)
     baseline = problem.solve(planner="rrt", runs=runs, seed=1)
     trajectories = {
         "least turns": front.lexicographic(["turns", "length"]).item,

@@ -87,6 +87,30 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("seed", [*seeds[:few], *more])
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark `proof` the cases of a test that `@pytest.mark.cases` does not leave to `make test`."""
+    tests: dict[str, list[pytest.Function]] = {}
+    for item in items:
+        if isinstance(item, pytest.Function) and item.get_closest_marker("cases"):
+            tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for name, cases in tests.items():
+        mark = cases[0].get_closest_marker("cases")
+        assert mark is not None
+        small = [case for case in cases if not case.get_closest_marker("proof")]
+        if "but" in mark.kwargs:
+            left = [case for case in small if case.callspec.id not in mark.kwargs["but"]]
+        elif isinstance(mark.args[0], int):
+            left = small[: mark.args[0]]
+        else:
+            left = [case for case in small if case.callspec.id in mark.args]
+        if not left and len(cases) > 1:
+            raise pytest.UsageError(f"{name}: no case is left to `make test` by cases{mark.args}, {mark.kwargs}")
+        for case in cases:
+            if case not in left:
+                case.add_marker(pytest.mark.proof)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
     """What is imported and collected stays to the end: garbage is looked for among it once, and seldom afterwards."""
@@ -97,4 +121,4 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
         gc.collect()
         gc.freeze()
-        gc.set_threshold(20_000)  # objects more than before; 700 by default
+        gc.set_threshold(100_000)  # objects more than before; 700 by default

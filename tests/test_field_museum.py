@@ -17,7 +17,7 @@ from hpop.view import draw_map
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 DATA = "../../shared/data/field_museum_main"  # where the scenario has them
-STEP = 2.0  # m
+STEP = 3.0  # m
 
 
 @pytest.fixture(scope="module")

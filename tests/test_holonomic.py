@@ -72,6 +72,7 @@ def test_its_file_is_short_and_none_of_hpops_files_names_it():
     assert not any("holonomic" in file.read_text().lower() for file in house.rglob("*.py"))
 
 
+@pytest.mark.cases("-2.0")
 @pytest.mark.parametrize("sideways", [0.0, 0.5 * np.pi, -2.0])
 def test_sliding_costs_what_a_differential_drive_pays_for_the_same_way_at_the_same_speed(robot, sideways):
     """In every criterion but those that need a heading or wheels, or mind where the camera looks; a radius of 0.3 m is

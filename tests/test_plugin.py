@@ -20,7 +20,7 @@ from hpop.errors import MapError, UnknownName
 from hpop.registry import readers
 from hpop.world import World
 from hpop.world.readers import read_world
-from tests.warm import UNDRAWN, Warm
+from tests.warm import DRAWN, UNDRAWN, Warm
 
 INSTALLED = "hpop-example-plugin" in {package.name for package in importlib.metadata.distributions()}
 PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
@@ -48,10 +48,12 @@ def fresh(tmp_path_factory) -> Path:
 def hpop(warm: Warm) -> Hpop:
     """Run the command line in a process of its own, where packages of a folder are seen, or those of this place."""
 
-    def hpop(*arguments: str | Path, fresh: Path | None = None, cwd: Path) -> CompletedProcess[str]:
+    def hpop(
+        *arguments: str | Path, fresh: Path | None = None, cwd: Path, code: str = UNDRAWN
+    ) -> CompletedProcess[str]:
         looked_in = os.pathsep.join(filter(None, [str(fresh or ""), os.environ.get("PYTHONPATH", "")]))
         environment = {"COLUMNS": "200", "PYTHONPATH": looked_in}
-        return warm.run(*arguments, cwd=cwd, code=UNDRAWN, environment=environment)
+        return warm.run(*arguments, cwd=cwd, code=code, environment=environment)
 
     return hpop
 
@@ -127,7 +129,7 @@ def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_pa
     shutil.copy(PLUGIN / "holonomic.yaml", tmp_path)
     shutil.copy(PLUGIN / "plan.txt", tmp_path)
     out = tmp_path / "out"
-    done = hpop("plan", tmp_path / "holonomic.yaml", "--out", out, fresh=fresh, cwd=tmp_path)
+    done = hpop("plan", tmp_path / "holonomic.yaml", "--out", out, fresh=fresh, cwd=tmp_path, code=DRAWN)
     assert done.returncode == 0, done.stdout + done.stderr
     assert {"front.json", "map.png"} <= {file.name for file in out.iterdir()}
     saved = json.loads((out / "front.json").read_text())

@@ -24,12 +24,9 @@ from pathlib import Path
 from typing import IO, Any
 
 COMMAND = "from hpop.entry import main; main()"
-#: `hpop plan`, but that no process is left to draw what it has found, seconds of work; that pictures have few pixels;
-#: and that a process ends once what is to be done at exit is done: taking all modules apart would copy them first.
-UNDRAWN = """\
-import atexit, functools, os, sys, threading
-import hpop.cli.pictures, hpop.view
-hpop.view.save_pictures = functools.partial(hpop.view.save_pictures, dpi=40)
+_ENDING = """\
+import atexit, os, sys, threading
+import hpop.cli.pictures
 hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 from hpop.entry import main
 try:
@@ -41,6 +38,18 @@ except SystemExit as end:
     sys.stderr.flush()
     os._exit(end.code or 0)
 """
+#: `hpop plan`, but that no process is left to draw what it has found, seconds of work; that pictures have few pixels;
+#: and that a process ends once what is to be done at exit is done: taking all modules apart would copy them first.
+DRAWN = f"""\
+import functools
+import hpop.view
+hpop.view.save_pictures = functools.partial(hpop.view.save_pictures, dpi=40)
+{_ENDING}"""
+#: The same without pictures, most of what a small plan takes.
+UNDRAWN = f"""\
+import hpop.view
+hpop.view.save_pictures = lambda *given, **options: []
+{_ENDING}"""
 
 
 class Process:

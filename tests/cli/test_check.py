@@ -117,7 +117,7 @@ class Robot(hpop.DifferentialDrive):
 @planner("{name}-planner")
 @dataclass(frozen=True)
 class Mine:
-    needs = Lattice.needs
+    needs = Lattice.needs | {{"rigid"}}
     def solve(self, problem, progress=None):
         found = Lattice(step=0.5).solve(problem, progress)
         return replace(found, planned={share} * found.planned)

@@ -80,7 +80,6 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     shown = hpop("show", "out", "--import", mine / "ways.py", cwd=room)
     assert (shown.returncode, "verified" in shown.stdout) == (0, True), shown.stderr
 
-    (room / "out" / "map.png").unlink()  # that `show` has drawn
     with PicturesBeside(room / "out", [str(mine / "ways.py")]) as pictures:
         pictures.start()
         assert pictures._process is not None

@@ -62,6 +62,7 @@ def test_show_verifies_what_plan_wrote(run: Callable[..., Result], plan: Callabl
         assert "verified" in result.stdout
 
 
+@pytest.mark.cases(2)
 @pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("name", ["pal_office", "aws_bookstore", "nav2_depot"])
 def test_the_same_command_plans_in_real_buildings(

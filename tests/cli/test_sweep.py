@@ -31,7 +31,7 @@ criteria: [exposure, turns, length]
 planner:
   - weighted-sum: {step: 0.5}
   - lattice: {step: 0.5}
-  - epsilon-constraint: {step: 0.5, max_points: 4}
+  - epsilon-constraint: {step: 1.0, max_points: 4}
 """
 
 
@@ -100,10 +100,17 @@ def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None
     assert "no planner here sweeps (any-angle, lattice)" in plan(scenario, "out", "--workers", "2").output
 
 
-@pytest.mark.parametrize("workers", [(), ("--workers", "2")])
-@pytest.mark.parametrize(("stage", "least"), [("weights", 2), ("epsilon-constraint", 2)])
+@pytest.mark.parametrize(
+    ("stage", "least", "workers"),
+    [
+        ("weights", 2, ()),
+        ("weights", 2, ("--workers", "2")),
+        ("epsilon-constraint", 2, ()),
+        pytest.param("epsilon-constraint", 2, ("--workers", "2"), marks=pytest.mark.proof),  # the planner's own tests
+    ],
+)
 def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
-    scenario: Path, monkeypatch: pytest.MonkeyPatch, workers: tuple[str, ...], stage: str, least: int
+    scenario: Path, monkeypatch: pytest.MonkeyPatch, stage: str, least: int, workers: tuple[str, ...]
 ) -> None:
     """The interrupt comes with the first result after the second; what is saved is a front, and says so."""
 

@@ -37,6 +37,7 @@ def test_straight_moves_cost_nothing():
     assert cost(Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (5, 0, 0)])) == 0.0
 
 
+@pytest.mark.cases("0.5")
 @pytest.mark.parametrize("rounding", [0.3, 0.5, 1.0])
 def test_corners_cost_what_the_path_with_rounded_corners_bends(rounding):
     corners = [(0, 0), (4, 0), (4, 4), (9, 4)]

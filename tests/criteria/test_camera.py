@@ -157,6 +157,7 @@ def test_a_landmark_overhead_comes_into_view_as_the_head_tilts_up():
     assert lasts == [1.0, 1.0, 0.0, 0.0]
 
 
+@pytest.mark.cases("move", "tilt")
 @pytest.mark.parametrize("kind", ["move", "pan", "tilt", "unwind"])
 def test_symbols_cost_what_numbers_do_whatever_the_head_does(kind):
     """With 4 bearings, for the sake of time. A landmark at the edge of the view is seen in part on symbols."""

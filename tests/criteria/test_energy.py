@@ -66,6 +66,7 @@ def test_c5_helps_in_speeding_up_only_so_much_as_it_takes():
     assert cost(run, **{**NOTHING, "c5": 2.0}) == pytest.approx(expected)
 
 
+@pytest.mark.cases("True")
 @pytest.mark.parametrize("executed", [False, True])
 def test_it_is_the_integral_over_the_wheels_of_the_model(executed):
     """The wheel speeds that the model reports, motion by motion, by scipy's adaptive quadrature."""

@@ -57,6 +57,7 @@ def inner_wall(place, directions):
         return np.min(np.where(directions[:, :2] != 0, (far - place[:2]) / directions[:, :2], np.inf), axis=1)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("view", [(1.4, 0.5), (0.6, 0.4)])
 def test_flow_is_how_fast_points_of_the_walls_move_in_the_picture(view):
     """Points met by rays of the view, seen again a moment later: the angle between, over the moment."""

@@ -32,6 +32,7 @@ def test_a_constant_acceleration_is_not_weighed_in_the_long_run():
     assert abs(weighted(np.ones((20_000, 1)), 0.02)[-1, 0]) < 1e-6
 
 
+@pytest.mark.cases("1.2")
 @pytest.mark.parametrize("turn", [0.0, 1.2])
 def test_the_dose_of_a_drive_is_that_of_the_analog_filter(turn):
     robot = DifferentialDrive(acceleration=0.5)

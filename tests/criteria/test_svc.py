@@ -89,6 +89,7 @@ def by_scipy(duration, vection):
     return np.linalg.norm(end[3] - end[4])
 
 
+@pytest.mark.cases("0.7")
 @pytest.mark.parametrize("vection", [0.0, 0.7])
 def test_motion_about_all_axes_agrees_with_an_independent_integration(vection):
     step, duration = 2e-4, 4.0

@@ -60,6 +60,7 @@ def test_increasing_maps_of_a_cost_do_not_change_the_front(Y):
     assert is_nondominated(np.exp(3.0 * Y) - 7).tolist() == is_nondominated(Y).tolist()
 
 
+@pytest.mark.cases("2", "5")
 @pytest.mark.parametrize("k", [2, 3, 4, 5])
 def test_mask_is_the_definition_on_larger_sets(k):
     Y = np.random.default_rng(k).integers(0, 30, (600, k))

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hpop.frontier import Front, FrontFileError, storage
@@ -90,6 +90,7 @@ def test_an_empty_front_comes_back(tmp_path):
     assert contents(Front.load(tmp_path / "front.json")) == contents(front)
 
 
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     st.lists(st.tuples(st.integers(0, 9), st.floats(-1e9, 1e9)), min_size=1, max_size=5),
     finite,

@@ -227,6 +227,7 @@ def test_a_state_costs_less_than_two_hundred_poses() -> None:
     assert sum(ASKED) < 200 * 1000
 
 
+@pytest.mark.cases(but=("camera_at (0.45, 0.15, 0.5), yaw 28.65, pitch -57.3 and roll 0 degrees",))
 @pytest.mark.parametrize(
     "goal",
     [

@@ -281,6 +281,7 @@ def test_only_a_pan_without_stops_comes_round():
 # Symbols
 
 
+@pytest.mark.cases(but=("landmark_blindness-turn", "angular_acceleration-turn", "exposure-turn"))
 @pytest.mark.parametrize("kind", ["move", "turn", "pan"])
 @pytest.mark.parametrize("name", ["rotation", "landmark_blindness", "angular_acceleration", "exposure"])
 def test_criteria_of_the_camera_have_the_gradients_of_their_differences(name, kind):

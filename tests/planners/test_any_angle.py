@@ -42,6 +42,7 @@ ON_THE_LATTICE, OFF_THE_LATTICE = (0.45 + 8 * STEP, 0.4 + 6 * STEP), (4.37, 3.28
 SEEDS = (0, 1, 3, 5)
 
 
+@pytest.mark.cases("0-round-0.0-8", "0-round-None-16", "0-long-None-8")
 @pytest.mark.parametrize(("goal_yaw", "headings"), [(0.0, 8), (None, 8), (None, 4), (None, 16)])
 @pytest.mark.seeds(1, of=SEEDS)
 @pytest.mark.parametrize("robot", [ROBOT, LONG], ids=["round", "long"])
@@ -72,6 +73,7 @@ def test_the_compared_lattices_have_fronts_and_most_of_their_points_are_dominate
     assert max(shares) > 0.5
 
 
+@pytest.mark.cases("round-goal0", "round-goal1", "long-goal2")
 @pytest.mark.parametrize("goal", [(*ON_THE_LATTICE, 0.0), (*OFF_THE_LATTICE, None), (*OFF_THE_LATTICE, -np.pi / 2)])
 @pytest.mark.parametrize("robot", [ROBOT, LONG], ids=["round", "long"])
 def test_what_is_found_holds_what_it_claims_and_ends_at_the_goal_itself(goal, robot):
@@ -202,6 +204,7 @@ def test_start_is_goal():
 QUERIES = 8  # a map
 
 
+@pytest.mark.cases("den312d")
 @pytest.mark.parametrize("name", ["den312d", "room-64-64-8"])
 def test_on_benchmark_maps_no_path_is_longer_than_the_published_optimum_of_eight_neighbours(shared_data, name):
     folder = shared_data("movingai") / name

@@ -169,10 +169,11 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so() -> None:
     assert front.status == "interrupted"
 
 
-def test_processes_give_the_same_front() -> None:
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.proof)])
+def test_processes_give_the_same_front(workers: int) -> None:
     problem = room(5, [EXPOSURE, "turns", "length"], None)
     here = problem.solve(["weighted-sum", "lattice"], step=STEP)
-    with processes(2) as pool:
+    with processes(workers) as pool:
         there = problem.solve(["weighted-sum", "lattice"], step=STEP, executor=pool)
     assert (here.integers == there.integers).all()
     assert len(here) > 5

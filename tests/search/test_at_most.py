@@ -16,6 +16,14 @@ def within(costs: np.ndarray, at_most: tuple[int | None, ...]) -> list[list[int]
     return costs[(costs <= bounds).all(axis=1)].tolist()
 
 
+@pytest.mark.cases(
+    "columns0-staircase",
+    "columns1-general",
+    "columns2-staircase",
+    "columns3-general",
+    "columns4-staircase",
+    "columns5-general",
+)
 @pytest.mark.parametrize("method", ["staircase", "general"])
 @pytest.mark.parametrize("columns", [(1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2)])
 def test_a_lattice_within_bounds(lattice, method, columns):

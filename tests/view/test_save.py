@@ -27,30 +27,28 @@ def empty(problem, make_front):
     return make_front(problem, costs=np.zeros((0, 3)), status="no path")
 
 
-def test_four_pictures_of_the_size_of_their_figures(problem, make_front, tmp_path):
+def test_four_pictures_of_the_size_of_their_figures_as_savefig_makes_them_in_two_drawings(
+    problem, make_front, tmp_path
+):
+    """Each is drawn once; of two of them it is looked at whether it is all the same as drawn twice."""
     front = make_front(problem)
     paths = save_pictures(problem, front, tmp_path / "new" / "folder", dpi=40)
     assert [path.name for path in paths] == ["map.png", "front.png", "trace.png", "where.png"]
     assert sorted(os.listdir(tmp_path / "new" / "folder")) == ["front.png", "map.png", "trace.png", "where.png"]
     knee = front.knee().item
-    figures = draw_map(problem, front), draw_front(front), draw_trace(problem, knee), draw_where(problem, knee)
+    figures = (
+        *(draw_map(problem, front), draw_front(front)),
+        *(draw_trace(problem, knee), draw_where(problem, knee, name="the knee")),
+    )
     for path, figure in zip(paths, figures, strict=True):
         with Image.open(path) as image:
             assert image.size == pytest.approx(figure.get_size_inches() * 40, abs=1)
             colours = np.asarray(image.convert("RGB")).reshape(-1, 3)
         assert len(np.unique(colours, axis=0)) > 50
-
-
-def test_what_is_drawn_once_is_what_savefig_makes_in_two_drawings(problem, make_front, tmp_path):
-    front = make_front(problem)
-    save_pictures(problem, front, tmp_path, dpi=60)
-    for name, figure in {
-        "front": draw_front(front),
-        "where": draw_where(problem, front.knee().item, name="the knee"),
-    }.items():
-        figure.savefig(tmp_path / "two.png", dpi=60)
-        once, twice = (Image.open(tmp_path / f"{file}.png").convert("RGB") for file in (name, "two"))
-        assert (np.asarray(once) == np.asarray(twice)).all()
+        if path.stem in ("front", "where"):
+            figure.savefig(tmp_path / "two.png", dpi=40)
+            once, twice = (Image.open(picture).convert("RGB") for picture in (path, tmp_path / "two.png"))
+            assert (np.asarray(once) == np.asarray(twice)).all()
 
 
 def test_the_resolution_is_good_enough_for_print(problem, empty, tmp_path):

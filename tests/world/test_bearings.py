@@ -162,6 +162,7 @@ def rings(solid):
     return [ring for polygon in shapely.get_parts(solid) for ring in (polygon.exterior, *polygon.interiors)]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_among_obstacles_the_flow_along_a_move_is_that_of_exact_rays(seed):
     world, *moves = among_boxes(seed)
@@ -177,6 +178,7 @@ def test_among_obstacles_the_flow_along_a_move_is_that_of_exact_rays(seed):
     assert np.max(np.abs(errors)) < 0.03
 
 
+@pytest.mark.cases("mean_flow-None", "mean_flow-1.9", "peak_flow-None", "peak_flow-6.0")
 @pytest.mark.parametrize("view", [None, 0.1, 1.9, 6.0])
 @pytest.mark.parametrize("flow", ["mean_flow", "peak_flow"])
 def test_symbols_get_the_same_flow_as_numbers(flow, view):

@@ -189,9 +189,10 @@ def test_a_height_range_must_be_ordered():
         a_world(0).clearance(np.zeros(1), np.zeros(1), z=(2, 1))
 
 
-def test_clearance_on_a_real_building_agrees_with_brute_force(shared_data):
+@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.proof)])
+def test_clearance_on_a_real_building_agrees_with_brute_force(shared_data, count):
     world = World.from_ros_map(shared_data("pal_office") / "map.yaml")
-    x, y = random_points(world, 300, 9)
+    x, y = random_points(world, count, 9)
     assert world.clearance(x, y) == pytest.approx(brute_clearance(world, x, y), abs=1e-9)
 
 

@@ -107,6 +107,7 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"hpop.world.{module}.BLOCK", size)
 
 
+@pytest.mark.cases(but=("zones",))
 @pytest.mark.parametrize("name", READ)
 def test_a_map_is_read_in_parts_that_can_be_stopped_between_and_are_the_same_map(tmp_path: Path, name: str) -> None:
     counted = Counted()

@@ -85,7 +85,7 @@ STEPS = pytest.mark.parametrize("step", [1.0, pytest.param(0.5, marks=pytest.mar
 
 
 @pytest.mark.parametrize("most", [3, pytest.param(None, marks=pytest.mark.proof)])
-@pytest.mark.parametrize("robot", [ROBOT, OBLONG])
+@pytest.mark.parametrize("robot", [pytest.param(ROBOT, marks=pytest.mark.proof), OBLONG])
 @STEPS
 def test_candidates_are_what_they_claim(robot, most, step):
     problem = Problem(OPEN, robot, (1, 2, 0), (5, 2, 0), ["exposure", "turns", "length", "rotation"])
@@ -184,9 +184,10 @@ class LowSun:
         return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
 
 
-def test_what_needs_a_finer_sum_is_solved_with_one():
+@STEPS
+def test_what_needs_a_finer_sum_is_solved_with_one(step):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), [LowSun(), "turns", "length"])
-    candidates = EpsilonConstraint(step=0.5).solve(problem)
+    candidates = EpsilonConstraint(step=step).solve(problem)
     assert candidates.stats["refined"] > 0
     assert candidates.stats["dropped"] == {}
     assert {4} <= {provenance["panels"] for provenance in candidates.provenance} <= {1, 4, 16}

@@ -115,6 +115,7 @@ def _hessian(many, weights):
 # Programs
 
 
+@pytest.mark.cases("3-1.0")
 @pytest.mark.parametrize("clearance", [1.0, *(pytest.param(metres, marks=pytest.mark.proof) for metres in (0.5, 1.5))])
 @pytest.mark.parametrize("segments", [2, 3])
 def test_the_shortest_way_round_a_disc_is_made_of_tangents(clearance, segments):
@@ -131,6 +132,7 @@ def test_the_shortest_way_round_a_disc_is_made_of_tangents(clearance, segments):
     assert shortfall == pytest.approx(2.0 - clearance, abs=0.05)  # half a field cell
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("minimise", [0, 1])
 def test_no_length_is_paid_for_clearance_that_costs_nothing(minimise):
     line = polyline(GOAL_FREE, (-2, 2.2), (2, 2.2))

@@ -164,6 +164,7 @@ def rounded(x, y, yaw):
     return round(float(x), 6), round(float(y), 6), round(math.degrees(yaw)) % 360
 
 
+@pytest.mark.cases("0-round-8", "1-long-4", "2-round-4")
 @ROBOTS
 @pytest.mark.parametrize("seed", range(3))
 def test_joins_and_their_costs_are_those_made_by_hand(model, headings, seed):
@@ -183,6 +184,7 @@ def test_joins_and_their_costs_are_those_made_by_hand(model, headings, seed):
     assert len(found) > 8
 
 
+@pytest.mark.cases("model1-4-0")
 @pytest.mark.parametrize(("model", "headings", "seed"), [(ROUND, 4, 6), (LONG, 4, 0)])
 def test_fronts_are_those_of_the_joins_made_by_hand_and_end_where_they_are_asked_to(model, headings, seed):
     problem = Problem(WORLD, model, *random_ends(seed), CRITERIA)

@@ -71,6 +71,7 @@ def test_no_two_states_are_one(asked):
     assert ((s.yaw >= 0) & (s.yaw < 2 * math.pi)).all()
 
 
+@pytest.mark.cases("lattice-round", "roadmap-round", "any-angle-long")
 def test_every_edge_is_free_and_is_the_trajectory_of_its_ends(asked):
     problem, graph = asked
     for law, (tails, heads) in (("turn", graph.edges("turn")), ("move", graph.edges("move"))):
@@ -82,6 +83,7 @@ def test_every_edge_is_free_and_is_the_trajectory_of_its_ends(asked):
         assert trajectory_costs(CRITERIA, edges, WORLD) == pytest.approx(costs, abs=1e-9)
 
 
+@pytest.mark.cases("lattice-long", "any-angle-long", "roadmap-round")
 def test_a_turn_is_missing_only_where_the_robot_would_hit_something(asked, kind, model):
     """All pairs of headings at a place; a round robot turns everywhere, and a roadmap makes no turn below a degree."""
     _, graph = asked

@@ -11,6 +11,7 @@ QUANTUM = 1e-9  # m
 QUERIES = 200  # a map
 
 
+@pytest.mark.cases("room-64-64-8")
 @pytest.mark.parametrize("name", ["den312d", "room-64-64-8"])
 def test_the_length_of_a_grid_path_equals_the_published_optimum(shared_data, name):
     folder = shared_data("movingai") / name

@@ -155,10 +155,10 @@ FRONTS = [
     ([EXPOSURE, "turns"], 4, False, 0.0),
     (["turns", "length"], 8, False, np.pi / 2),
     (["turns", "length"], 8, True, None),
-    ([EXPOSURE, "turns", "length", "clearance"], 4, False, 0.0),
     ([OBSTRUCTION, "rotation", "length", "clearance", "duration"], 4, False, np.pi),
 ]
 MORE = [
+    ([EXPOSURE, "turns", "length", "clearance"], 4, False, 0.0),
     ([EXPOSURE, "turns", "length"], 8, False, 0.0),
     ([OBSTRUCTION, "turns", "length"], 4, True, None),
     (["clearance", "turns", "length"], 8, False, None),
@@ -187,13 +187,17 @@ def test_the_front_equals_full_enumeration_and_its_trajectories_hold_what_they_c
     check_trajectories(problem, found, STEP)
 
 
-def test_the_compared_fronts_are_not_trivial():
+@pytest.mark.parametrize(
+    ("asked", "seeds", "most"),
+    [(FRONTS, SEEDS[:1], 4), pytest.param([*FRONTS, *MORE], SEEDS, 10, marks=pytest.mark.proof)],
+)
+def test_the_compared_fronts_are_not_trivial(asked, seeds, most):
     sizes = [
         len(solve(random_problem(seed, criteria, yaw), step=STEP, headings=headings, corner_cutting=cut).planned)
-        for criteria, headings, cut, yaw in [*FRONTS, *MORE]
-        for seed in SEEDS
+        for criteria, headings, cut, yaw in asked
+        for seed in seeds
     ]
-    assert max(sizes) >= 10
+    assert max(sizes) >= most
     assert sum(size >= 2 for size in sizes) >= len(sizes) / 2
 
 

@@ -67,6 +67,7 @@ def test_moves_and_turns_stay_as_they_are():
     assert straightened([trajectory], problem) == ([trajectory], [])
 
 
+@pytest.mark.cases("epsilon-constraint")
 @pytest.mark.parametrize("planner", ["epsilon-constraint", "weighted-sum-corridor", "smoothing"])
 def test_the_trees_of_rrt_are_warm_starts(planner):
     pytest.importorskip("ompl")

@@ -114,6 +114,7 @@ def nodes_of(roadmap: ConfigurationRoadmap) -> list[tuple[float, ...]]:
     return list(zip(*columns, strict=True))
 
 
+@pytest.mark.cases(but=("0-holonomic-True", "0-pan-tilt-False", "1-holonomic-False", "1-pan-tilt-True"))
 @pytest.mark.parametrize("free_yaw", [False, True])
 @pytest.mark.parametrize("model", [BASE, HEAD], ids=["holonomic", "pan-tilt"])
 @pytest.mark.seeds(2, of=6)

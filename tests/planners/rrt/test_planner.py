@@ -172,8 +172,9 @@ def test_every_provenance_is_json_and_tells_the_run(several):
 # Random, but the same again
 
 
-def test_processes_and_the_order_of_runs_change_nothing(several):
-    with processes(2) as pool:
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.proof)])
+def test_processes_and_the_order_of_runs_change_nothing(several, workers):
+    with processes(workers) as pool:
         there = SEVERAL.solve(PROBLEM, executor=pool)
     assert there.provenance == several.provenance
     assert there.planned.tolist() == several.planned.tolist()

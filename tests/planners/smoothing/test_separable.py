@@ -133,6 +133,17 @@ def test_a_field_is_read_on_scalar_symbols_only_where_somebody_takes_the_looks()
         FIELD(lift(x, 1), lift(x, 1))
 
 
+@pytest.mark.cases(
+    "angular_acceleration",
+    "bending_energy",
+    "clearance",
+    "enclosure",
+    "exposure",
+    "landmark_blindness",
+    "length",
+    "personal_space",
+    "speeding",
+)
 @pytest.mark.parametrize(
     "spec",
     [

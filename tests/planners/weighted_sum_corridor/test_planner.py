@@ -252,8 +252,9 @@ def test_weights_may_be_given(options):
     assert len(found.stats["ideal"]) == len(found.stats["nadir"]) == found.stats["corridors"]
 
 
-def test_processes_find_the_same(over):
-    with processes(2) as pool:
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.proof)])
+def test_processes_find_the_same(over, workers):
+    with processes(workers) as pool:
         again = WeightedSumCorridor(step=STEP).solve(OVER, executor=pool)
     assert again.provenance == over.provenance
     assert again.planned.tolist() == over.planned.tolist()

@@ -20,6 +20,7 @@ def on_a_sphere(rng, count, k, scale):
     return np.column_stack([np.zeros(count), near]).astype(np.int64)
 
 
+@pytest.mark.cases(but=("600-2-int32", "600-2-int64", "600-4-int32", "600-4-int64", "600-5-int32", "600-5-int64"))
 @pytest.mark.parametrize("number", [np.int32, np.int64])
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 6])
 @pytest.mark.parametrize("large", [0, 600, pytest.param(1000, marks=pytest.mark.proof)])

@@ -65,6 +65,7 @@ def short_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
+@pytest.mark.cases(but=("two-auto-12", "a maximum-auto-12", "wider numbers-auto-12", "wider keys-auto-12"))
 @pytest.mark.usefixtures("short_slices")
 @pytest.mark.parametrize("pieces", [pytest.param(3, marks=pytest.mark.proof), 12])
 @pytest.mark.parametrize("method", ["auto", "staircase", "general"])
@@ -145,6 +146,7 @@ def test_so_does_a_search_under_a_cap(tmp_path):
     piecewise(search, tmp_path / "search.ckpt", 5)
 
 
+@pytest.mark.cases("budget0-general", "budget1-staircase", "budget2-staircase")
 @pytest.mark.parametrize("method", ["staircase", "general"])
 @pytest.mark.parametrize("budget", [Budget(max_labels=3000), Budget(max_memory=600_000), Budget(time_limit=1e-4)])
 def test_higher_limits_let_a_stopped_search_go_on(tmp_path, method, budget, chain):
@@ -217,6 +219,7 @@ paths = pareto_paths(graph, 0, steps, method="general", checkpoint=Checkpoint(sy
 """
 
 
+@pytest.mark.proof  # tests/cli/test_checkpoint.py kills the command while it writes
 def test_it_survives_kill_9(tmp_path, chain):
     graph, file = chain(100), tmp_path / "search.ckpt"
     exact = pareto_paths(graph, 0, 100, method="general")

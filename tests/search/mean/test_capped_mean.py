@@ -91,6 +91,7 @@ def dense(seed: int, others: int) -> tuple[Graph, int]:
     return graph, int(least + rng.integers(2, 8))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("seeds", [range(40), pytest.param(range(40, 150), marks=pytest.mark.proof)])
 @pytest.mark.parametrize("others", [0, 1, 2])
 def test_dense_graphs_equal_brute_force(walks_within, others, seeds):
