@@ -107,8 +107,7 @@ def shortest(shortfall):
     ("planner", "options", "above"),
     [
         ("lattice", {"step": 0.5}, EIGHT_WAYS),
-        ("epsilon-constraint", {"step": 1.0, "rounds": 2}, 0.03),  # few segments, as the lattice's paths have
-        pytest.param("epsilon-constraint", {"step": 0.5}, 0.03, marks=pytest.mark.proof),
+        ("epsilon-constraint", {"step": 0.5}, 0.03),  # few segments, as the lattice's paths have
         ("weighted-sum-corridor", {"step": 0.5}, 0.07),  # tangents of the disc in place of the disc
         ("any-angle", {"step": 0.5}, 0.1),  # corners on the lattice's grid
         pytest.param("roadmap", {"samples": 300}, 0.12, marks=pytest.mark.proof),  # random corners
