@@ -88,8 +88,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark `proof` the cases of a test that `@pytest.mark.cases` does not leave to `make test`."""
+    one_by_one = any("::" in asked for asked in config.args)
     tests: dict[str, list[pytest.Function]] = {}
     for item in items:
         if isinstance(item, pytest.Function) and item.get_closest_marker("cases"):
@@ -104,8 +105,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             left = small[: mark.args[0]]
         else:
             left = [case for case in small if case.callspec.id in mark.args]
-        if not left and len(cases) > 1:
-            raise pytest.UsageError(f"{name}: no case is left to `make test` by cases{mark.args}, {mark.kwargs}")
+        if not left and not one_by_one:
+            raise pytest.UsageError(f"{name}: no case is left to `make test` by {mark.args or mark.kwargs}")
         for case in cases:
             if case not in left:
                 case.add_marker(pytest.mark.proof)
