@@ -1,4 +1,4 @@
-/* hpop, sources 3426959e377a7deaf6e30b6385c83be9e9de321ddd34abba8da8407841f7c6b5 */
+/* hpop, sources a16e62acaf140ad99393a94bfaf19b2bad9f0e177ed725af646338f2bf4c2d6c */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Pe(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function Qt(i,e,t){let n=Pe("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

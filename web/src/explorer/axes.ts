@@ -183,7 +183,7 @@ export function axesView(state: State): View {
       if (i >= 0) diamond(overlay, xs[i]!, Math.min(Math.max(y(axes.get(index)!, wish), 3), layers.height - 3), colours.wish);
     }
     const wished = state.wished;
-    if (wished !== null) drawRow(wished, colours.wish, 2.4, [1, 0]);
+    if (wished !== null) drawRow(wished, colours.wish, HOVER_WIDTH, []);
     state.pins.forEach((row, pin) => {
       if (row === null) return;
       drawRow(row, PIN_COLOURS[pin]!, PIN_WIDTH, PIN_DASHES[pin]!);

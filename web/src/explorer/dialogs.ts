@@ -17,7 +17,7 @@ const KEYS: readonly (readonly [string, string])[] = [
 ];
 
 const WORDS = [
-  "Every line on the axes, every dot and every path is one trajectory; each costs least in something, or it would not be here.",
+  "Every line on the axes, every dot and every path is one trajectory. None is better than another in every cost, so you choose.",
   "Drag along an axis to say what you accept; drag the brush to move it, its ends to resize it, click to clear it. The numbers at the ends can be typed.",
   "Wishes rank what the bounds leave: the nearest is drawn in gold.",
   "Drag the name of an axis to another place (Shift and an arrow key); \u21c5 flips it, log stretches small values, \u00d7 drops it.",

@@ -157,6 +157,7 @@ export function mapView(state: State): View {
       overlay.stroke();
       overlay.setLineDash([]);
     };
+    if (state.wished !== null) line(state.wished, colours.wish, HOVER_WIDTH, []);
     pins.forEach((row, i) => {
       if (row !== null) line(row, PIN_COLOURS[i]!, PIN_WIDTH, PIN_DASHES[i]!);
     });

@@ -272,6 +272,7 @@ export function matrixView(state: State): View {
     for (const cell of cells) {
       drawBounds(overlay, cell, state, scales, colours);
       for (const { row } of model.marks) ring(overlay, pxOf(cell, row), pyOf(cell, row), 4, 1.2, colours.ink, colours);
+      if (state.wished !== null) ring(overlay, pxOf(cell, state.wished), pyOf(cell, state.wished), 5, 2.4, colours.wish, colours);
       pins.forEach((row, i) => {
         if (row !== null) drawPin(overlay, pxOf(cell, row), pyOf(cell, row), i, colours);
       });

@@ -40,6 +40,9 @@ export interface Counters {
   ready: number;
 }
 
+/** What the next frame has to do. */
+type Due = "renew" | "resize" | "base" | "sort" | "overlay";
+
 export interface Page {
   readonly state: State;
   readonly counters: Counters;
@@ -54,6 +57,8 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   const help = helpDialog();
   const actions: Actions = { copy: copy.open, help: () => { help.showModal(); } };
   const table = tableView(state);
+  const wishes = wishPanel(state);
+  const ranked = [table, wishes]; // the order of rows changes nothing else that is dear to draw
   const views: View[] = [
     headerView(state, actions),
     axesView(state),
@@ -61,7 +66,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
     matrixView(state),
     traceView(state),
     table,
-    wishPanel(state),
+    wishes,
     pinsPanel(state),
   ];
   const root = make("main", "hpop", [...views.map((view) => view.element), help, copy.element]);
@@ -71,12 +76,12 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   const sizes = (): string => sized.map((one) => `${one.clientWidth} ${one.clientHeight}`).join();
   let drawnAt = ""; // the sizes for which canvases were fitted
   const counters: Counters = { base: [], overlay: [], ready: 0 };
-  const due = new Set<"renew" | "resize" | "base" | "overlay">();
+  const due = new Set<Due>();
   let asked = false;
 
-  function timed(times: number[], draw: (view: View) => void): void {
+  function timed(times: number[], drawn: readonly View[], draw: (view: View) => void): void {
     const begin = performance.now();
-    views.forEach(draw);
+    drawn.forEach(draw);
     if (times.length >= MOST_TIMES) times.splice(0, MOST_TIMES / 2);
     times.push(performance.now() - begin);
   }
@@ -91,12 +96,13 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
       for (const view of views) view.resize();
       drawnAt = sizes();
     }
-    if (due.size > (due.has("overlay") ? 1 : 0)) timed(counters.base, (view) => { view.drawBase(); });
+    if (due.has("renew") || due.has("resize") || due.has("base")) timed(counters.base, views, (view) => { view.drawBase(); });
+    else if (due.has("sort")) for (const view of ranked) view.drawBase();
     due.clear();
-    timed(counters.overlay, (view) => { view.drawOverlay(); });
+    timed(counters.overlay, views, (view) => { view.drawOverlay(); });
   }
 
-  function ask(what: "renew" | "resize" | "base" | "overlay"): void {
+  function ask(what: Due): void {
     due.add(what);
     if (!asked) requestAnimationFrame(frame);
     asked = true;
@@ -111,7 +117,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
     data: () => { ask("renew"); },
     filter: () => { ask("base"); },
     axes: () => { ask("base"); },
-    sort: () => { ask("base"); },
+    sort: () => { ask("sort"); },
     overlay: () => { ask("overlay"); },
   };
   state.listen((change) => {

@@ -74,20 +74,16 @@ export function tableView(state: State): TableView {
         return headCell(index, column.name.replace(/_/g, "_\u200b") + (unit(column) && ` (${unit(column)})`), title);
       }),
     ];
-    const widths = columns.map((index) => Math.min(Math.max(longest(state.column(index).name) * 7 + 16, 68), 130));
-    head.replaceChildren(...heads.map((one) => one.cell), make("span", "th name", "", { role: "columnheader", "aria-label": "names" }));
-    grid.style.setProperty("--columns", `56px ${wished.length ? "48px " : ""}${widths.map((width) => `minmax(${width}px, 1fr)`).join(" ")} minmax(90px, 1fr)`);
-    grid.style.setProperty("--least", `${160 + 48 * wished.length + widths.reduce((sum, width) => sum + width, 0)}px`);
+    const widths = columns.map((index) => Math.min(Math.max(longest(state.column(index).name) * 7 + 16, 62), 130));
+    head.replaceChildren(...heads.map((one) => one.cell));
+    grid.style.setProperty("--columns", `54px ${wished.length ? "46px " : ""}${widths.map((width) => `minmax(${width}px, 1fr)`).join(" ")}`);
+    grid.style.setProperty("--least", `${54 + 46 * wished.length + widths.reduce((sum, width) => sum + width, 0)}px`);
     pool = [];
     body.replaceChildren();
   }
 
-  function cells(): number {
-    return heads.length + 1;
-  }
-
   function newRow(): HTMLElement {
-    const row = make("div", "tr", Array.from({ length: cells() }, () => make("span", "td", "", { role: "gridcell" })), { role: "row" });
+    const row = make("div", "tr", Array.from({ length: heads.length }, () => make("span", "td", "", { role: "gridcell" })), { role: "row" });
     row.addEventListener("pointerenter", (event) => {
       if (event.pointerType !== "touch") state.hover([Number(row.dataset.row)]);
     });
@@ -121,11 +117,7 @@ export function tableView(state: State): TableView {
         const cell = element.children[c]!;
         if (cell.textContent !== shown) cell.textContent = shown;
       });
-      const name = named.get(row) ?? "";
-      const last = element.lastElementChild as HTMLElement;
-      last.textContent = name;
-      last.title = name;
-      last.className = "td name";
+      element.title = named.get(row) ?? "";
     });
     drawOverlay();
   }
