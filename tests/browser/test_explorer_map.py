@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Page
 import hpop
 from benchmarks import seeded_fronts as seeded
 from hpop.arrays import FloatArray
+from hpop.scenario import load_scenario
 from hpop.world.content import Landmark, Person, Zone
 from tests.browser import explored
 from tests.browser.conftest import Watched
@@ -308,15 +309,31 @@ def test_a_map_of_five_kilometres(opened: Callable[..., Page], tmp_path: Path) -
     assert state(page, "s.hovered") == [0]
 
 
-def test_the_distinct_runs_of_many_paths(opened: Callable[..., Page], tmp_path: Path) -> None:
-    front = seeded.front(600, 3)
-    page = opened(explored.written(seeded.problem(3), front, tmp_path / "front.html"), color_scheme="dark")
-    explored.until(page, explored.READY)
+def runs_of(trajectories: Iterable[hpop.Trajectory]) -> set[frozenset[Point]]:
+    """Distinct straight runs of trajectories in whole millimetres, by NumPy: places where the heading changes."""
     runs = set()
-    for row in {id(trajectory): trajectory for trajectory in front.trajectories}.values():
-        places = np.round(np.stack([row.states.x, row.states.y], axis=1), 3)
+    for trajectory in trajectories:
+        places = np.round(np.stack([trajectory.states.x, trajectory.states.y], axis=1), 3)
         places = places[np.r_[True, np.any(np.diff(places, axis=0), axis=1)]]
         heading = np.arctan2(*np.diff(places, axis=0).T[::-1])
         corner = np.r_[True, np.abs(np.diff(heading)) > 1e-6, True]
         runs |= {frozenset(map(tuple, run.tolist())) for run in np.stack([places[corner][:-1], places[corner][1:]], 1)}
-    assert page.get_attribute(".map .plot", "data-segments") == str(len(runs))
+    return runs
+
+
+def test_the_distinct_runs_of_many_paths(opened: Callable[..., Page], tmp_path: Path) -> None:
+    front = seeded.front(600, 3)
+    page = opened(explored.written(seeded.problem(3), front, tmp_path / "front.html"), color_scheme="dark")
+    explored.until(page, explored.READY)
+    distinct = {id(trajectory): trajectory for trajectory in front.trajectories}.values()
+    assert page.get_attribute(".map .plot", "data-segments") == str(len(runs_of(distinct)))
+
+
+@pytest.mark.proof
+def test_the_paths_of_the_museum_have_few_distinct_runs(opened: Callable[..., Page], tmp_path: Path) -> None:
+    scenario = load_scenario(Path(__file__).parents[2] / "examples" / "museum.yaml")
+    front = scenario.problem.solve(planner=list(scenario.planners))
+    page = opened(explored.written(scenario.problem, front, tmp_path / "front.html"))
+    explored.until(page, explored.READY)
+    assert len(front) == 158
+    assert page.get_attribute(".map .plot", "data-segments") == str(len(runs_of(front.trajectories))) == "211"
