@@ -1,5 +1,5 @@
 // Buttons in a headset: they hang below the view and are pressed by looking at them for a while, or by a controller.
-import { CanvasTexture, Group, Mesh, MeshBasicMaterial, type Object3D, PlaneGeometry, Raycaster, RingGeometry, Vector3 } from "three";
+import { type Camera, CanvasTexture, Group, Mesh, MeshBasicMaterial, PlaneGeometry, Raycaster, RingGeometry, Vector3 } from "three";
 
 /** s of looking at a button that press it. */
 const DWELL = 1.2;
@@ -53,10 +53,10 @@ export class GazeButtons {
   }
 
   /** Follows where the head looks for so many seconds; presses what it has looked at long enough. */
-  look(head: Object3D, seconds: number): void {
+  look(head: Camera, seconds: number): void {
     for (const hung of this.hung) this.write(hung);
     head.getWorldPosition(this.from);
-    head.getWorldDirection(this.along).negate(); // an object of three looks along its z, a camera against it
+    head.getWorldDirection(this.along);
     this.ray.set(this.from, this.along);
     const met = this.ray.intersectObjects(this.hung.map((hung) => hung.plane))[0];
     const at = this.hung.find((hung) => hung.plane === met?.object) ?? null;

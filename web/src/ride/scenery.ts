@@ -16,14 +16,13 @@ import {
 } from "three";
 import { bodyToThree, positionToThree } from "./axes";
 import type { Cells, Landmark, Person, Point, Prism, Ride } from "./model";
+import { plateOf } from "./plates";
 import { type Look, Triangles } from "./shapes";
 import { Materials } from "./surfaces";
 import type { Track } from "./track";
 
 /** How far beyond the map the ground goes on, m. */
 const BEYOND = 2000;
-/** Pixels of a plate's picture. */
-const PICTURE = { width: 512, height: 320 };
 /** A camera lower than this is on no floor, m. */
 const ON_FLOOR = 1e-3;
 
@@ -85,7 +84,7 @@ export class Scenery {
   }
 
   private plate(mark: Landmark): void {
-    const picture = new CanvasTexture(written(mark));
+    const picture = new CanvasTexture(plateOf(mark));
     picture.colorSpace = NoColorSpace;
     picture.minFilter = LinearMipmapLinearFilter;
     picture.magFilter = LinearFilter;
@@ -160,41 +159,4 @@ function boxes(cells: Cells): Point[][] {
     return [x + c * u - s * v, y + s * u + c * v];
   };
   return cells.boxes.map(([x0, y0, x1, y1]) => [placed(x0, y0), placed(x1, y0), placed(x1, y1), placed(x0, y1)]);
-}
-
-/** The name of a landmark on paper, as large as it fits. */
-function written(mark: Landmark): HTMLCanvasElement {
-  const canvas = document.createElement("canvas");
-  canvas.width = PICTURE.width;
-  canvas.height = PICTURE.height;
-  const pen = canvas.getContext("2d")!;
-  pen.fillStyle = `rgb(${mark.colour.join(",")})`;
-  pen.fillRect(0, 0, canvas.width, canvas.height);
-  pen.strokeStyle = "#6b5d49";
-  pen.lineWidth = 14;
-  pen.strokeRect(7, 7, canvas.width - 14, canvas.height - 14);
-  pen.fillStyle = "#2b2b2b";
-  pen.textAlign = "center";
-  pen.textBaseline = "middle";
-  const name = mark.name === "" ? "\u2605" : mark.name;
-  const [lines, size] = laidOut(pen, name);
-  lines.forEach((line, i) => {
-    pen.fillText(line, canvas.width / 2, canvas.height / 2 + (i - (lines.length - 1) / 2) * 1.15 * size, canvas.width - 50);
-  });
-  return canvas;
-}
-
-/** A text in the largest letters in which its lines fit a plate. */
-function laidOut(pen: CanvasRenderingContext2D, name: string): [string[], number] {
-  for (let size = 110; ; size -= 6) {
-    pen.font = `600 ${size}px system-ui, sans-serif`;
-    const lines: string[] = [];
-    for (const word of name.split(/\s+/)) {
-      const longer = lines.length > 0 ? `${lines.at(-1)!} ${word}` : word;
-      if (lines.length > 0 && pen.measureText(longer).width <= PICTURE.width - 60) lines[lines.length - 1] = longer;
-      else lines.push(word);
-    }
-    const fits = lines.every((line) => pen.measureText(line).width <= PICTURE.width - 60);
-    if ((fits && lines.length * 1.15 * size <= PICTURE.height - 40) || size <= 32) return [lines.slice(0, 6), size];
-  }
 }
