@@ -37,6 +37,10 @@ WAITING = """<!doctype html>
 <meta charset="utf-8">
 <meta http-equiv="refresh" content="1">
 <link rel="icon" href="data:,">
+<style>
+:root {{ color-scheme: light dark }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 20vh auto; max-width: 36em; padding: 1em }}
+</style>
 <title>hpop: searching</title>
 </head>
 <body><p>{words}</p></body>

@@ -14,7 +14,7 @@ export function follow(page: Page, seen: number): void {
   });
   source.addEventListener("end", () => {
     source.close();
-    note.textContent = "the search has ended";
+    note.textContent = "the search has ended; front.html keeps what it found";
   });
   source.addEventListener("error", () => { note.textContent = "no answer: the command may have ended"; });
 }
