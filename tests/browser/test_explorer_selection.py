@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -183,3 +184,35 @@ def test_other_data_keep_bounds_pins_and_axes(page: Page, front: hpop.Front) -> 
     assert state(page, "s.nearest[0]") == more.nearest({"length": 11.0}).index
     assert page.inner_text(".counts").endswith(f"of {len(more)} trajectories")
     page.evaluate("given => window.hpop.update(given)", explored.payload(problem, front))
+
+
+def test_many_changes_are_one_redraw_and_hover_and_wishes_redraw_no_densities(page: Page, front: hpop.Front) -> None:
+    base, overlay = "window.hpop.counters.base.length", "window.hpop.counters.overlay.length"
+    drawn = page.evaluate(f"[{base}, {overlay}]")
+    page.evaluate("() => { for (let i = 0; i < 50; i++) window.hpop.state.bound(0, { low: 10, high: 20 - i / 10 }); }")
+    page.evaluate(explored.FRAME)
+    assert page.evaluate(f"[{base}, {overlay}]") == [drawn[0] + 1, drawn[1] + 1]
+    page.evaluate("() => { for (let row = 0; row < 50; row++) window.hpop.state.hover([row]); }")
+    page.evaluate(explored.FRAME)
+    page.evaluate("window.hpop.state.wish(0, 12)")
+    page.evaluate(explored.FRAME)
+    page.evaluate("window.hpop.state.pin(3)")
+    page.evaluate(explored.FRAME)
+    assert page.evaluate(f"[{base}, {overlay}]") == [drawn[0] + 1, drawn[1] + 4]
+
+
+@pytest.mark.proof
+def test_brushes_and_wishes_of_eight_thousand_rows(browser: Browser, tmp_path: Path) -> None:
+    large = seeded.front(8_000, 8)
+    watched = Watched(browser)
+    page = watched(explored.written(seeded.problem(8), large, tmp_path / "front.html"))
+    explored.fresh(page)
+    for name, begin, end in (("length", 0.2, 0.9), ("social_force", 0.9, 0.3), ("duration", 0.1, 0.8)):
+        brush(page, name, begin, end)
+        assert selected(page).tolist() == within(large, bounds(page)).tolist()
+    assert 0 < counted(page) < len(large)
+    page.evaluate("() => { window.hpop.state.wish(0, 15.5); window.hpop.state.wish(4, 17.25); }")
+    assert state(page, "s.nearest[0]") == large.nearest({"length": 15.5, "exposure": 17.25}).index
+    assert (tmp_path / "front.html").stat().st_size <= 2_000_000
+    watched.close()
+    assert watched.errors == []
