@@ -18,6 +18,7 @@ const PAD = 6; // in a cell, round its points
 const REACH = 12; // CSS pixels within which a point is picked
 const SAME = 0.6; // CSS pixels: points that lie on each other
 const MOST_HOVERED = 12; // rows highlighted at once where many lie on each other
+const NAME = 18; // CSS pixels that the letter of a pin takes beside its point
 const STARTED = 4; // CSS pixels that make a rectangle of a click
 const SMALL = "11px system-ui, sans-serif";
 
@@ -274,7 +275,9 @@ export function matrixView(state: State): View {
       for (const { row } of model.marks) ring(overlay, pxOf(cell, row), pyOf(cell, row), 4, 1.2, colours.ink, colours);
       if (state.wished !== null) ring(overlay, pxOf(cell, state.wished), pyOf(cell, state.wished), 5, 2.4, colours.wish, colours);
       pins.forEach((row, i) => {
-        if (row !== null) drawPin(overlay, pxOf(cell, row), pyOf(cell, row), i, colours);
+        if (row === null) return;
+        const x = pxOf(cell, row);
+        drawPin(overlay, x, pyOf(cell, row), i, x + NAME > cell.x + cell.width, colours);
       });
       for (const row of hovered.slice(0, 1)) ring(overlay, pxOf(cell, row), pyOf(cell, row), 5.5, 2.2, colours.hover, colours);
     }
@@ -399,8 +402,15 @@ function ring(
   context.stroke();
 }
 
-/** A disc, a square and a triangle: A, B and C differ without their colours too. */
-function drawPin(context: CanvasRenderingContext2D, x: number, y: number, place: number, colours: Theme): void {
+/** A disc, a square and a triangle: A, B and C differ without their colours too. The letter stays in the cell. */
+function drawPin(
+  context: CanvasRenderingContext2D,
+  x: number,
+  y: number,
+  place: number,
+  leftward: boolean,
+  colours: Theme,
+): void {
   context.beginPath();
   if (place === 0) context.arc(x, y, 5, 0, 2 * Math.PI);
   else if (place === 1) context.rect(x - 4.5, y - 4.5, 9, 9);
@@ -416,11 +426,11 @@ function drawPin(context: CanvasRenderingContext2D, x: number, y: number, place:
   context.strokeStyle = colours.halo;
   context.stroke();
   context.font = "bold 11px system-ui, sans-serif";
-  context.textAlign = "left";
+  context.textAlign = leftward ? "right" : "left";
   context.textBaseline = "middle";
   context.lineWidth = 3;
-  context.strokeText(PIN_NAMES[place]!, x + 8, y);
-  context.fillText(PIN_NAMES[place]!, x + 8, y);
+  context.strokeText(PIN_NAMES[place]!, x + (leftward ? -8 : 8), y);
+  context.fillText(PIN_NAMES[place]!, x + (leftward ? -8 : 8), y);
 }
 
 /** To three figures, with all digits before the point. */

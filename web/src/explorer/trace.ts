@@ -14,6 +14,7 @@ const HEAD = 22; // above a strip, for its name
 const FOOT = 18; // below a strip, for seconds
 const LEAST_WIDTH = 150; // of a strip
 const LEAST_HEIGHT = 84; // of a strip; lower ones are put side by side instead
+const LINE = 12; // from one value at the cursor to the next below it
 const PIXELS_A_TICK = 52;
 const SMALL = "11px system-ui, sans-serif";
 const STEPS = 100; // of the keyboard from the beginning to the end
@@ -238,15 +239,15 @@ function drawCursor(
       return rate === undefined ? [] : [{ rate, colour }];
     })
     .sort((a, b) => b.rate - a.rate);
-  for (const { rate, colour } of values) {
+  for (const [i, { rate, colour }] of values.entries()) {
     context.fillStyle = colour;
     context.beginPath();
     context.arc(px(time), py(rate), 3, 0, 2 * Math.PI);
     context.fill();
-    above = Math.max(py(rate), above + 12); // words below each other
+    above = Math.max(Math.min(py(rate), y + height - LINE * (values.length - i - 0.5)), above + LINE);
     context.lineWidth = 3;
     context.strokeStyle = colours.halo;
-    const at = px(time) + (right ? -7 : 7);
+    const at = px(time) + (right ? -7 : 7); // values below each other, above the axis
     context.strokeText(short(rate), at, above);
     context.fillText(short(rate), at, above);
   }
