@@ -185,4 +185,14 @@ def test_what_is_copied_chooses_the_same_again(page: Page, front: hpop.Front) ->
     assert nearest.index == front.nearest({"length": 13.0}).index == state(page, "s.nearest[0]")
     assert chosen.costs.tolist() == front.costs[explored.selected(page)].tolist()
     assert "hpop pick out --row 5\n" in commands
+    assert here["nearest_chosen"].index == state(page, "s.wished")
     assert "--at-most turns=18 --wish length=13" in commands
+    assert commands.splitlines()[-1].startswith("# bounds from below")
+    page.keyboard.press("k")
+    page.keyboard.press("y")
+    python = page.locator("textarea").first.input_value()
+    page.keyboard.press("Escape")
+    exec(
+        python.replace("import hpop", "").replace('hpop.Front.load("out/front.json")', "given"), {"given": front}, here
+    )
+    assert here["chosen"].costs.tolist() == chosen.costs.tolist()

@@ -1,4 +1,4 @@
-/* hpop, sources e017d72f5b73a5a5eaf678a12ee6b01040ed38bfa1bf5cb1e4dccfba637cc4fd */
+/* hpop, sources 70a5c9708283686111d458b2cba777cd76e1adecd025e0a748805b0070747050 */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Pe(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function Qt(i,e,t){let n=Pe("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

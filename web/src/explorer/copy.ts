@@ -6,12 +6,13 @@ import { PIN_NAMES } from "./theme";
 /** Python that gives the pinned rows, the selected part of the front, and what is nearest to the wishes. */
 export function asPython(state: State): string {
   const { model, filter } = state;
-  const lines = ["import hpop", "", `front = hpop.Front.load(${quoted(model.saved ?? "front.json")})`];
+  const numpy = filter.kept === null ? [] : ["import numpy as np", ""];
+  const lines = [...numpy, "import hpop", "", `front = hpop.Front.load(${quoted(model.saved ?? "front.json")})`];
   const { pinned } = state;
   for (const { pin, row } of pinned) lines.push(`${PIN_NAMES[pin]!.toLowerCase()} = front[${row}]  # ${summary(state, row)}`);
   const conditions = conditionsOf(state);
   if (filter.kept !== null) {
-    lines.push("import numpy as np", `chosen = front[np.isin(np.arange(len(front)), [${chosenRows(state).join(", ")}])]`);
+    lines.push(`chosen = front[np.isin(np.arange(len(front)), [${chosenRows(state).join(", ")}])]`);
   } else if (conditions.length > 0) {
     const both = [0, 1].map((i) => conditions.flatMap(({ name, tests }) => (tests[i] === undefined ? [] : [`${quoted(name)}: ${quoted(tests[i])}`])));
     const wheres = both.filter((some) => some.length > 0).map((some) => `.where({${some.join(", ")}})`);
@@ -19,7 +20,9 @@ export function asPython(state: State): string {
   }
   if (state.wishes.size > 0) {
     const wishes = [...state.wishes].map(([index, value]) => `${quoted(state.column(index).name)}: ${number(value)}`);
-    lines.push(`nearest = front.nearest({${wishes.join(", ")}})  # row ${state.nearest?.[0] ?? "none"}`);
+    const [nearest, wished] = [state.nearest?.[0] ?? null, state.wished];
+    lines.push(`nearest = front.nearest({${wishes.join(", ")}})  # row ${nearest ?? "none"}`);
+    if (wished !== null && wished !== nearest) lines.push(`nearest_chosen = front[${wished}]  # of those chosen`);
   }
   return lines.join("\n") + "\n";
 }
@@ -33,6 +36,8 @@ export function asCommands(state: State): string {
   );
   const wishes = [...state.wishes].map(([index, value]) => `--wish ${shell(`${state.column(index).name}=${number(value)}`)}`);
   if (most.length + wishes.length > 0) lines.push(["hpop pick", shell(folder), ...most, ...wishes].join(" "));
+  const beyond = state.filter.kept !== null || [...state.filter.bounds.values()].some(({ low }) => Number.isFinite(low));
+  if (beyond) lines.push("# bounds from below, and rows left out, are for Python alone");
   return lines.length > 0 ? lines.join("\n") + "\n" : `hpop pick ${shell(folder)} --knee\n`;
 }
 

@@ -33,7 +33,7 @@ export function keyboard(state: State, table: TableView, actions: Actions): (eve
   };
   return (event) => {
     const target = event.target as HTMLElement;
-    const typed = target.closest("input:not([type=range]), textarea, dialog") !== null;
+    const typed = target.closest("input:not([type=range]), select, textarea, dialog") !== null;
     if (typed || event.ctrlKey || event.metaKey) return;
     if (event.altKey) {
       if (event.key === "ArrowLeft") state.back();
