@@ -142,6 +142,7 @@ def draw(
     problem: Problem, front: Front, out: Path, *, map_alone: bool = False, max_memory: int | None = None
 ) -> list[str]:
     """Names of what is drawn, the map or all pictures and the page; whatever goes wrong with it, the front is saved."""
+    drawn: list[Path] | None = None
     try:
         from hpop.view import save_pictures
 
@@ -150,4 +151,5 @@ def draw(
             drawn.append(save_page(problem, front, out / SAVED))
         return [path.name for path in drawn]
     except Exception as error:
-        raise OutputError(f"the front is saved in {out / SAVED}, but the pictures are not: {error!r}") from error
+        what = "the pictures are not" if drawn is None else f"{PAGE} is not"
+        raise OutputError(f"the front is saved in {out / SAVED}, but {what}: {error!r}") from error

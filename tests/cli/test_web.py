@@ -86,3 +86,16 @@ def test_a_folder_in_the_place_of_the_page_is_told_before_planning(plan: Callabl
     result = plan(room)
     assert result.exit_code == 12
     assert "front.html: it is a folder; remove it" in result.stderr
+
+
+def test_a_page_that_fails_costs_neither_the_front_nor_the_pictures(
+    plan: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*arguments: object, **options: object) -> Path:
+        raise ValueError("no room")
+
+    monkeypatch.setattr("hpop.view.save_explorer", fails)
+    result = plan(room)
+    assert result.exit_code == 12
+    assert "front.html is not: ValueError('no room')" in result.stderr
+    assert {path.name for path in (room / "out").iterdir()} >= {"front.json", "map.png", "front.png"}
