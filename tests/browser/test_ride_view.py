@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from playwright.sync_api import Page
 
 import hpop
+from hpop.motions import States
 from hpop.view import save_ride
 from hpop.view.ride.panorama import Panorama
 from hpop.view.ride.scene import Scene
@@ -17,6 +20,7 @@ from tests.browser.rides import front_of, horizon, problem_of, ready, room
 Open = Callable[..., Page]
 BEARINGS = 1024
 POSES = 12
+ARM = Path(__file__).parents[2] / "examples" / "arm"
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +84,26 @@ def test_it_shows_the_same_things_as_pictures_all_round(
         solid = (drawn > 0) | (pictured > 0)
         assert np.mean(drawn[solid] == pictured[solid]) >= 0.995
         assert np.mean(solid) > 0.3
+
+
+def test_an_arms_camera_turns_in_all_directions_and_its_links_go_with_it(opened: Open, tmp_path: Path) -> None:
+    arm = hpop.SerialArm.from_urdf(ARM / "arm6.urdf", srdf=ARM / "arm6.srdf", tip="tool", acceleration=6.0)
+    world = hpop.World.from_polygons([(shapely.box(0.6, -0.4, 0.9, 0.4), (0.0, 0.5))], extent=shapely.box(-2, -2, 2, 2))
+    ends = np.array([[-0.27, 0.74, 1.73, 0.87, -0.05, -0.82], [0.9, 0.4, 1.2, -0.7, 0.8, 1.1]])
+    states = States(**dict(zip(arm.space.names, ends.T, strict=True)))
+    problem = hpop.Problem(world, arm, tuple(ends[0]), tuple(ends[1]), ["duration"])
+    trajectory = hpop.Trajectory.through(arm, states)
+    front = hpop.Front.of([[trajectory.duration]], [trajectory], names=["duration"], units=["s"])
+    page = ready(opened(save_ride(problem, front, tmp_path / "arm.html", rows=[0]), "#check", size=(320, 240)))
+    for t in np.linspace(0.0, trajectory.duration, 5):
+        pose = arm.pose("camera", trajectory.at(t))
+        rig = ride_to(page, 0, t)
+        assert np.allclose(rig["position"], [pose.x[0], pose.y[0], pose.z[0]], atol=1e-3)
+        for axis in ("ahead", "left", "up"):
+            assert np.allclose(rig[axis], [column[0] for column in getattr(pose, axis)], atol=3e-3), (t, axis)
+        links = page.evaluate("hpopRide.links()")
+        placed = [poses[0] for _, poses in arm.bodies(trajectory.at(t))]
+        assert len(links) == len(placed) > 5
+        for link, there in zip(links, placed, strict=True):
+            assert np.allclose(link["position"], there[:3, 3], atol=1e-3)
+            assert np.allclose(link["ahead"], there[:3, 0], atol=5e-3)

@@ -49,7 +49,8 @@ export interface Checks {
   numbers(columns: number, rows: number, face: number): number[];
   /** The same in colours: red, green and blue of each pixel. */
   colours(columns: number, rows: number, face: number): number[];
-  readonly calls: () => { triangles: number; calls: number };
+  /** Where the robot's links are, in world axes: their origins, m, and the directions of their x. */
+  links(): { position: number[]; ahead: number[] }[];
 }
 
 export function checks(clock: Clock, stage: Stage): Checks {
@@ -103,11 +104,16 @@ export function checks(clock: Clock, stage: Stage): Checks {
     ).flat();
   }
 
+  const world = (v: Vector3): number[] => [v.x, -v.z, v.y];
   return {
+    links: () =>
+      stage.scenery.links.map((link) => ({
+        position: world(link.position),
+        ahead: world(new Vector3(1, 0, 0).applyQuaternion(link.quaternion)),
+      })),
     pose() {
       const q = stage.rig.getWorldQuaternion(new Quaternion());
       const p = stage.rig.getWorldPosition(new Vector3());
-      const world = (v: Vector3): number[] => [v.x, -v.z, v.y];
       return {
         position: world(p),
         ahead: world(new Vector3(0, 0, -1).applyQuaternion(q)),
@@ -134,6 +140,5 @@ export function checks(clock: Clock, stage: Stage): Checks {
       const pixels = allRound(columns, rows, face);
       return read(columns, rows, (at) => [pixels[at]!, pixels[at + 1]!, pixels[at + 2]!]);
     },
-    calls: () => ({ triangles: renderer.info.render.triangles, calls: renderer.info.render.calls }),
   };
 }

@@ -54,8 +54,9 @@ export class Plan {
     let [low, high] = [least(ys, floorY), most(ys, floorY)];
     if (!(right > left) || !(high > low)) [left, right, low, high] = [min(xs) - 1, max(xs) + 1, min(ys) - 1, max(ys) + 1];
     this.scale = Math.min(width / (right - left), height / (high - low));
-    this.x0 = (left + right - width / this.scale) / 2;
-    this.y1 = (low + high + height / this.scale) / 2;
+    const [wide, tall] = [width / this.scale, height / this.scale];
+    this.x0 = within((left + right - wide) / 2, wide, min(floorX), max(floorX));
+    this.y1 = within((low + high - tall) / 2, tall, min(floorY), max(floorY)) + tall;
     const ground = document.createElement("canvas");
     ground.width = this.canvas.width;
     ground.height = this.canvas.height;
@@ -159,6 +160,12 @@ export class Plan {
     pen.lineWidth = 1.5;
     pen.stroke();
   }
+}
+
+/** Where a window of a length begins: as asked, but no farther beyond an interval than it must be. */
+function within(begin: number, length: number, low: number, high: number): number {
+  if (!(high > low)) return begin;
+  return length >= high - low ? (low + high - length) / 2 : Math.min(Math.max(begin, low), high - length);
 }
 
 function min(values: readonly number[]): number {

@@ -32,7 +32,8 @@ export class Scenery {
   private readonly ground: Drawn[] = [];
   private readonly people: { person: Person; object: Object3D }[] = [];
   private readonly turning: { mark: Landmark; object: Object3D }[] = [];
-  private readonly links: Drawn[] = [];
+  /** Of the robot, in the order of the page's data. */
+  readonly links: Drawn[] = [];
   private readonly from = new Vector3();
   private readonly turned = new Quaternion();
 
