@@ -88,20 +88,24 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
         "links": links_of(first.model, first.states),
         "field_of_view": None if fov is None else list(fov),
         "criteria": [{"name": printable(c.name), "unit": printable(words(c)), "group": c.group} for c in told.values()],
-        "tracks": [_track(problem, front, name, row, told) for name, row in zip(NAMES, chosen, strict=False)],
+        "tracks": [
+            _track(problem, front, name, row, told, blind=blind) for name, row in zip(NAMES, chosen, strict=False)
+        ],
         "notes": [] if blind else list(scene.notes),
         "licence": _licence(),
     }
 
 
-def _track(problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion]) -> dict[str, Any]:
-    """One trajectory; where nothing is told of criteria, nothing of it but how it moves."""
+def _track(
+    problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion], *, blind: bool
+) -> dict[str, Any]:
+    """One trajectory; on a blind page nothing of it but how it moves."""
     trajectory = row.point.trajectory
     columns = {column.name: column for column in quantities(front)}
     shown = [columns[printable(c)] for c in told]
     return {
         "name": name,
-        "label": _label(front, row) if told else "",
+        "label": "" if blind else _label(front, row),
         **track(trajectory),
         "rates": rates(list(told.values()), trajectory, problem.world),
         "costs": [written(float(column.values[row.number]), column.unit, column.counts) for column in shown],

@@ -56,43 +56,46 @@ export interface Checks {
 export function checks(clock: Clock, stage: Stage): Checks {
   const { renderer } = stage;
 
+  const material = new ShaderMaterial({
+    uniforms: { cube: { value: null }, rig: { value: [0, 0, 0, 1] }, rows: { value: [0, 0] } },
+    vertexShader: ALL_ROUND_VERTEX,
+    fragmentShader: ALL_ROUND,
+    depthTest: false,
+  });
+  const screen = new Mesh(new PlaneGeometry(1, 1), material);
+  screen.frustumCulled = false;
+  const scene = new Scene();
+  scene.add(screen);
+  const eye = new OrthographicCamera();
+  let target = new WebGLCubeRenderTarget(1);
+
   function allRound(columns: number, rows: number, face: number): Uint8Array {
-    const target = new WebGLCubeRenderTarget(face, { magFilter: NearestFilter, minFilter: NearestFilter });
+    if (target.width !== face) {
+      target.dispose();
+      target = new WebGLCubeRenderTarget(face, { magFilter: NearestFilter, minFilter: NearestFilter });
+    }
     const cube = new CubeCamera(0.02, 4000, target);
     cube.position.copy(stage.rig.position);
+    const q = stage.rig.quaternion;
     // Of the horizon of a level camera only the middle rows of each face are needed.
-    const isLevel = new Vector3(0, 1, 0).applyQuaternion(stage.rig.quaternion).y > 1 - 1e-12;
-    if (rows === 1 && isLevel) {
-      target.scissor.set(0, face / 2 - 2, face, 4);
-      target.scissorTest = true;
-    }
+    target.scissorTest = rows === 1 && new Vector3(0, 1, 0).applyQuaternion(q).y > 1 - 1e-12;
+    if (target.scissorTest) target.scissor.set(0, face / 2 - 2, face, 4);
+    else target.scissor.set(0, 0, face, face);
     const rigVisible = stage.rig.visible;
     stage.rig.visible = false; // the cover is the viewer's
     cube.update(renderer, stage.scene);
     stage.rig.visible = rigVisible;
-    const flat = new WebGLRenderTarget(columns, rows);
     const half = rows === 1 ? 0 : Math.PI / 2;
-    const q = stage.rig.quaternion;
-    const material = new ShaderMaterial({
-      uniforms: {
-        cube: { value: target.texture },
-        rig: { value: [q.x, q.y, q.z, q.w] },
-        rows: { value: [-half, half] },
-      },
-      vertexShader: ALL_ROUND_VERTEX,
-      fragmentShader: ALL_ROUND,
-      depthTest: false,
-    });
-    const scene = new Scene();
-    const screen = new Mesh(new PlaneGeometry(1, 1), material);
-    screen.frustumCulled = false;
-    scene.add(screen);
+    material.uniforms["cube"]!.value = target.texture;
+    material.uniforms["rig"]!.value = [q.x, q.y, q.z, q.w];
+    material.uniforms["rows"]!.value = [-half, half];
+    const flat = new WebGLRenderTarget(columns, rows);
     renderer.setRenderTarget(flat);
-    renderer.render(scene, new OrthographicCamera());
+    renderer.render(scene, eye);
     renderer.setRenderTarget(null);
     const pixels = new Uint8Array(4 * columns * rows);
     renderer.readRenderTargetPixels(flat, 0, 0, columns, rows, pixels);
-    for (const used of [target, flat, material, screen.geometry]) used.dispose();
+    flat.dispose();
     stage.stale = true;
     return pixels;
   }
