@@ -43,7 +43,7 @@ HOVER = """async ([selector, shares]) => {
     const drawn = overlay.length;
     const at = document.elementFromPoint(clientX, clientY) ?? element;
     const begin = performance.now();
-    const how = { clientX, clientY, bubbles: true, pointerType: "mouse" };
+    const how = { clientX, clientY, bubbles: true, pointerType: "mouse", movementX: 1 };
     at.dispatchEvent(new PointerEvent("pointerenter", { ...how, bubbles: false }));
     at.dispatchEvent(new PointerEvent("pointermove", how));
     const found = performance.now() - begin;

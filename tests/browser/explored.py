@@ -15,7 +15,7 @@ from hpop.view.single_page import single_page
 
 READY = "window.hpop !== undefined"
 MOST_FRAMES = 1_800
-FRAME = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+FRAME = "new Promise(done => requestAnimationFrame(done))"
 
 
 def written(problem: hpop.Problem, front: hpop.Front, path: Path) -> Path:

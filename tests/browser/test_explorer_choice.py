@@ -26,7 +26,7 @@ def front() -> hpop.Front:
 def shared(front: hpop.Front, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     path = explored.written(seeded.problem(K), front, tmp_path_factory.mktemp("page") / "front.html")
     watched = Watched(browser)
-    yield watched(path)
+    yield watched(path, size=(1190, 700))
     watched.close()
     assert watched.errors == []
 
@@ -100,6 +100,7 @@ def test_keys_go_along_the_sorted_table_and_pin(page: Page, front: hpop.Front) -
     assert letters == ["A", "B", "C"]
 
 
+@pytest.mark.proof
 def test_the_table_holds_the_sorted_rows_and_few_in_the_document(page: Page, front: hpop.Front) -> None:
     head = page.get_by_role("columnheader", name="length")
     head.click()
@@ -142,6 +143,7 @@ def test_hover_on_axes_focuses_the_nearest_line_and_a_click_pins_it(page: Page, 
     assert state(page, "s.pins") == [None, None, None]
 
 
+@pytest.mark.proof
 def test_axes_are_moved_flipped_stretched_and_dropped(page: Page) -> None:
     names = "s.shown.map(i => s.column(i).name)"
     before = state(page, names)

@@ -48,7 +48,7 @@ def test_nothing_overlaps_at_any_size(opened: Opened, tmp_path: Path) -> None:
         assert clipped == []
 
 
-@pytest.mark.parametrize(("n", "k"), [(0, 3), (1, 1), (40, 20)])
+@pytest.mark.parametrize(("n", "k"), [(0, 3), (1, 1), pytest.param(40, 20, marks=pytest.mark.proof)])
 def test_fronts_of_no_row_of_one_and_of_many_criteria(n: int, k: int, opened: Opened, tmp_path: Path) -> None:
     front = seeded.front(n, k)
     page = shown(opened, tmp_path, front, k)
@@ -69,6 +69,7 @@ def test_fronts_of_no_row_of_one_and_of_many_criteria(n: int, k: int, opened: Op
     assert page.locator(".axis").count() == k + 1
 
 
+@pytest.mark.proof
 def test_values_that_are_equal_lie_in_the_middle_and_reported_axes_are_dashed(opened: Opened, tmp_path: Path) -> None:
     front = seeded.front(30, 3)
     front = replace(front, reported=np.full((len(front), 1), 7.25))
@@ -105,6 +106,7 @@ def test_names_of_markup_stay_names(opened: Opened, tmp_path: Path) -> None:
     assert explored.selected(page).tolist() == (front.costs[:, 0] <= 15).tolist()
 
 
+@pytest.mark.proof
 def test_dark_colours_and_one_printed_page(opened: Opened, tmp_path: Path) -> None:
     page = shown(opened, tmp_path, seeded.front(60, 5), 5, color_scheme="dark", fragment="#pin=3,7")
     paper = "getComputedStyle(document.querySelector('.panel')).backgroundColor"
@@ -117,6 +119,7 @@ def test_dark_colours_and_one_printed_page(opened: Opened, tmp_path: Path) -> No
     assert page.evaluate("document.documentElement.scrollHeight") == 900
 
 
+@pytest.mark.proof
 def test_a_finger_looks_first_and_pins_then(opened: Opened, tmp_path: Path) -> None:
     page = shown(opened, tmp_path, seeded.front(60, 3), 3, size=(390, 844), has_touch=True)
     row = page.locator(".tr").nth(2)

@@ -84,8 +84,10 @@ export function tableView(state: State): TableView {
 
   function newRow(): HTMLElement {
     const row = make("div", "tr", Array.from({ length: heads.length }, () => make("span", "td", "", { role: "gridcell" })), { role: "row" });
-    row.addEventListener("pointerenter", (event) => {
-      if (event.pointerType !== "touch") state.hover([Number(row.dataset.row)]);
+    row.addEventListener("pointermove", (event) => {
+      // Rows that the keyboard scrolls beneath a mouse at rest are not what is meant.
+      const moved = event.movementX !== 0 || event.movementY !== 0;
+      if (moved && event.pointerType !== "touch") state.hover([Number(row.dataset.row)]);
     });
     row.addEventListener("click", (event) => {
       state.click([Number(row.dataset.row)], (event).pointerType);
