@@ -83,7 +83,7 @@ def test_it_shows_the_same_things_as_pictures_all_round(
         pictured = panorama.numbers(np.array([state.x[0], state.y[0], 1.2]), state.yaw[0], t)
         solid = (drawn > 0) | (pictured > 0)
         assert np.mean(drawn[solid] == pictured[solid]) >= 0.995
-        assert np.mean(solid) > 0.3
+        assert np.mean(solid) > 0.2  # or next to nothing would be compared
 
 
 def test_an_arms_camera_turns_in_all_directions_and_its_links_go_with_it(opened: Open, tmp_path: Path) -> None:
