@@ -96,16 +96,15 @@ def save(
     written = []
     for row in named_rows(front, rows):
         given = _given(problem, front, row, rate, body, planned, Frames() if frames is None else frames)
+        # All that a row becomes, before any of it is written: of formats one may lack its extra.
+        contents = [(target / f"{row.stem}{each.suffix}", _content(each, given)) for each in chosen]
         with _output_errors(target):
             target.mkdir(parents=True, exist_ok=True)
-        own = []
-        for each in chosen:
-            path = target / f"{row.stem}{each.suffix}"
-            _put(path, _content(each, given))
-            own.append((path, each))
+        own = [(target / f"{row.stem}{each.suffix}", each) for each in chosen]
         about = target / f"{row.stem}{ABOUT}"
-        _put(about, _about(front, given, own))
-        written += [*(path for path, _ in own), about]
+        for path, content in [*contents, (about, _about(front, given, own))]:
+            _put(path, content)
+            written.append(path)
     return written
 
 

@@ -7,11 +7,13 @@ what a dead writer left, and the next one to write the file removes it.
 
 from __future__ import annotations
 
+import errno
 import os
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from stat import S_ISREG
 from typing import BinaryIO
 
 try:
@@ -29,10 +31,12 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises
     ------
     OSError
-        If it cannot be written; the error names ``path``.
+        If it cannot be written, or something is there that is no file, such as a device or a pipe, whose place a file
+        must not take; the error names ``path``.
     """
     target = Path(path)
     try:
+        _check_place(target)
         _sweep(target)
         with _locked(target) as file:
             partial = Path(file.name)
@@ -52,9 +56,18 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 def check_replaceable(path: str | os.PathLike[str]) -> None:
     """Raise OSError where :func:`replacing` could not write; nothing is left behind, nor what dead writers left."""
     target = Path(path)
+    _check_place(target)
     _sweep(target)
     with _locked(target) as file:
         os.unlink(file.name)
+
+
+def _check_place(target: Path) -> None:
+    """Raise OSError where a file must not take the place of what is there: a folder, a device, a pipe, a socket."""
+    if not target.name or target.is_dir():
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if target.exists() and not S_ISREG(target.stat().st_mode):
+        raise OSError(errno.EEXIST, "A device, a pipe or a socket is there")
 
 
 def _locked(target: Path) -> BinaryIO:

@@ -12,13 +12,16 @@ import base64
 import hashlib
 import html
 import json
+import os
 import zlib
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
-from hpop.text import printable
+from hpop.errors import OptionError
+from hpop.text import printable, shown
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -47,6 +50,15 @@ LOADER = """
 })();
 """
 LEVEL = 9  # of 9: 10 ms
+ENDINGS = (".html", ".htm")
+
+
+def page_file(path: str | os.PathLike[str]) -> Path:
+    """Where a page shall be written; OptionError where its name is not that of a page, such as the front's own file."""
+    target = Path(path)
+    if target.suffix.lower() not in ENDINGS:
+        raise OptionError(f"pages are HTML files, so the name must end in .html, got {shown(target.name)}")
+    return target
 
 
 @cache

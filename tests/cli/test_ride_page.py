@@ -47,6 +47,15 @@ def payload_of(page: Path) -> dict[str, object]:
     return json.loads(text)
 
 
+@pytest.mark.parametrize("out", ["front.json", "", "."])
+def test_the_front_does_not_give_way_to_its_page(run: Run, folder: Path, out: str) -> None:
+    before = (folder / "front.json").read_bytes()
+    result = run("ride", folder, "--out", out and folder / out)
+    assert result.exit_code == 10
+    assert "the name must end in .html" in " ".join(result.output.split())
+    assert (folder / "front.json").read_bytes() == before
+
+
 def test_the_page_has_the_rows_that_are_asked_for_as_a_b_c(run: Run, folder: Path) -> None:
     result = run("ride", folder, "--rows", "least length,0", "--rows", "knee")
     assert result.exit_code == 0, result.output

@@ -73,6 +73,17 @@ def test_where_it_cannot_be_written_is_told_and_nothing_is_left(tmp_path):
         save(problem(), front(), tmp_path / "file/out")
 
 
+def test_where_one_of_several_formats_fails_none_is_written(tmp_path):
+    @export_format("no_such_extra", suffix=".none", axes="none")
+    def fails(given: Exported) -> bytes:
+        """What needs a package that is not there."""
+        raise ImportError("pip install it")
+
+    with pytest.raises(OutputError, match="pip install it"):
+        save(problem(), front(), tmp_path / "out", formats=["csv", "no_such_extra"])
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_earlier_file_or_bag_gives_way_and_nothing_else_does(tmp_path):
     for name in ("cam.tum", "cam_bag"):
         first = write(GOES, tmp_path / name, rate=1)
@@ -120,7 +131,7 @@ def test_without_the_extra_it_says_how_to_get_it(tmp_path, monkeypatch, name):
     monkeypatch.setattr("hpop.lazy.import_module", without)
     with pytest.raises(OutputError, match=r"a bag needs rosbags.* pip install 'hpop\[bags\]'"):
         save(None, front(), tmp_path / "out", formats=[name])
-    assert not list((tmp_path / "out").iterdir())
+    assert not list(tmp_path.iterdir())
     assert save(None, front(), tmp_path / "out", formats=["tum"])
 
 

@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from hpop.frontier.atomic import replacing
+from hpop.frontier.atomic import check_replaceable, replacing
 
 WRITES_FOR_EVER = """
 import signal, sys
@@ -64,6 +64,20 @@ def test_an_error_of_the_disk_names_the_file_that_was_asked_for(path):
     with pytest.raises(OSError, match=r"front\.json") as caught, replacing(path):
         raise OSError(28, "No space left on device", "elsewhere.tmp")
     assert ".tmp" not in str(caught.value)
+
+
+def test_a_pipe_a_link_to_a_device_and_a_folder_keep_their_places(path):
+    os.mkfifo(path.with_name("pipe"))
+    path.with_name("link").symlink_to(os.devnull)
+    for write_or_check in (write, check_replaceable):
+        for place, said in (("pipe", "a pipe or a socket is there"), ("link", "A device"), ("", "directory")):
+            with pytest.raises(OSError, match=said):
+                write_or_check(path.parent / place)
+        with pytest.raises(IsADirectoryError):
+            write_or_check("")
+    assert sorted(os.listdir(path.parent)) == ["front.json", "link", "pipe"]
+    assert path.with_name("pipe").is_fifo()
+    assert path.with_name("link").is_symlink()
 
 
 def test_what_a_killed_writer_leaves_is_swept_by_the_next(path):

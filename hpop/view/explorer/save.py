@@ -10,7 +10,7 @@ from hpop.front import Front
 from hpop.frontier.atomic import replacing
 from hpop.problem import Problem
 from hpop.view.explorer.payload import SCRIPT, payload
-from hpop.view.single_page import single_page
+from hpop.view.single_page import page_file, single_page
 
 
 def save_explorer(
@@ -41,10 +41,12 @@ def save_explorer(
 
     Raises
     ------
+    OptionError
+        If the file's name does not end in .html.
     OutputError
         If the file cannot be written, or its folder not be made; nothing is then half-written.
     """
-    target = Path(path)
+    target = page_file(path)
     given = payload(problem, front, title=title, saved=None if saved is None else os.fspath(saved))
     page = single_page(SCRIPT, given["title"], given).encode(errors="backslashreplace")
     try:

@@ -23,7 +23,7 @@ from hpop.view.explorer.along import columns_of, words
 from hpop.view.ride.bodies import links_of, tilted_solids
 from hpop.view.ride.scene import Scene
 from hpop.view.ride.track import rates, track
-from hpop.view.single_page import single_page
+from hpop.view.single_page import page_file, single_page
 from hpop.view.style import quantities, written
 
 SCHEMA, VERSION = "hpop-ride", 1
@@ -50,17 +50,19 @@ def save_ride(
     rows : up to eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion
     blind : leave numbers, criteria and names of trajectories out of the page, for choices by what is seen
 
-    Raises OptionError for rows that cannot be, UnknownName for names of none, OutputError where the page cannot be
-    written; nothing is then half-written.
+    Raises OptionError for rows that cannot be or a name that does not end in .html, UnknownName for names of none,
+    OutputError where the page cannot be written; nothing is then half-written.
     """
+    target = page_file(path)
     text = ride_page(problem, front, rows=rows, blind=blind)
-    target = Path(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as file:
             file.write(text.encode())
     except OSError as error:
-        raise OutputError(f"the ride cannot be written to {target}: {error.strerror or error}") from None
+        raise OutputError(
+            f"the ride cannot be written to {target}: {error.strerror or error}; choose another file"
+        ) from None
     return target
 
 

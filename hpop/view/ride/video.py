@@ -317,5 +317,7 @@ def _written(target: Path) -> Iterator[None]:
     """Errors of writing, as one message; nothing is left of what was begun."""
     try:
         yield
+    except OutputError:  # which is whole
+        raise
     except OSError as error:
         raise OutputError(f"cannot write {target}: {error.strerror or error}; nothing was written") from None

@@ -111,7 +111,9 @@ def test_frames_as_pictures_need_no_encoder(problem, goes, tmp_path):
     with Image.open(folder / "frame_00003.png") as image:
         np.testing.assert_array_equal(np.asarray(image), render_360(problem, goes, 1.5, width=64))
     assert [progress.detail for progress in seen][-1] == f"frame {count} of {count}"
-    with pytest.raises(OutputError, match="there already"):
+    with pytest.raises(
+        OutputError, match=r"^[^:]+ is there already and is not an empty folder; remove it, or choose another$"
+    ):
         save_frames(problem, goes, folder, fps=2, width=64)
 
 
