@@ -170,13 +170,16 @@ def test_a_link_restores_what_was_chosen(page: Page, front: hpop.Front) -> None:
 
 @pytest.mark.proof
 def test_a_link_by_hand_as_the_documents_have_it(page: Page, front: hpop.Front) -> None:
-    page.evaluate("location.hash = '#b=turns:0-16,nothing:1-2&pin=7,70,99999&order=turns&wish=length:x'")
+    page.evaluate("location.hash = '#b=turns:0-16,nothing:1-2&pin=7,70,99999&order=turns&wish=length:,rotation:x'")
     until(page, "window.hpop.state.filter.bounds.size > 0")
     assert bounds(page) == {"turns": (0.0, 16.0)}
     assert counted(page) == len(front.where({"turns": "<=16"}))
     assert state(page, "s.pins") == [7, 70, None]
     assert state(page, "s.column(s.shown[0]).name") == "turns"
     assert state(page, "s.wishes.size") == 0
+    page.evaluate("location.hash = '#pin=7,7'")
+    until(page, "window.hpop.state.filter.bounds.size === 0")
+    assert state(page, "s.pins") == [7, None, None]
 
 
 def test_other_data_keep_bounds_pins_and_axes(page: Page, front: hpop.Front) -> None:
@@ -227,3 +230,50 @@ def test_brushes_and_wishes_of_eight_thousand_rows(browser: Browser, tmp_path: P
     assert (tmp_path / "front.html").stat().st_size <= 2_000_000
     watched.close()
     assert watched.errors == []
+
+
+def test_fewer_rows_come_while_some_are_kept(page: Page, front: hpop.Front) -> None:
+    problem = seeded.problem(K)
+    brush(page, "length", 0.9, -0.2)
+    page.keyboard.press("k")
+    assert selected(page).sum() > 40
+    brush(page, "turns", 0.8, -0.2)
+    asked, fewer = bounds(page), seeded.front(40, K, seed=2)
+    page.evaluate("given => window.hpop.update(given)", explored.payload(problem, fewer))
+    assert selected(page).tolist() == within(fewer, asked).tolist()
+    page.evaluate("given => window.hpop.update(given)", explored.payload(problem, front))
+
+
+def test_numbers_of_any_size_are_shown(page: Page, front: hpop.Front) -> None:
+    problem = seeded.problem(K)
+    for scale in (1e-300, 1e300):
+        odd = hpop.Front.of(
+            np.array([[1.0, 3.0], [2.0, 2.0], [3.0, 1.0]]) * scale,
+            front.trajectories[:3],
+            names=("a", "b"),
+            units=("m", "m"),
+            groups="PP",
+            quanta=(1e-6 * scale,) * 2,
+            status="complete",
+            certificate="exact",
+        )
+        page.evaluate("given => window.hpop.update(given)", explored.payload(problem, odd))
+        assert state(page, "s.column(0).high") == 3.0 * scale
+        assert page.locator(".grid .td").filter(has_text=f"{2 * scale:g}".replace("-", "\u2212")).count() == 2
+    page.evaluate("given => window.hpop.update(given)", explored.payload(problem, front))
+
+
+def test_a_step_back_shows_the_axis_that_it_bounds(page: Page) -> None:
+    brush(page, "length", 0.2, 0.6)
+    asked = bounds(page)
+    page.evaluate("() => window.hpop.state.show(0, false)")
+    assert bounds(page) == {}
+    page.keyboard.press("Alt+ArrowLeft")
+    assert bounds(page) == asked
+    assert page.locator(".axis[aria-label^='length ']").is_visible()
+
+
+def test_keys_do_what_buttons_do_and_nothing_where_these_are_off(page: Page) -> None:
+    for key in "kx0":
+        page.keyboard.press(key)
+    assert page.get_by_role("button", name="Back").is_disabled()

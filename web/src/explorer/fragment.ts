@@ -9,6 +9,7 @@ import type { Bound } from "./selection";
 import type { SortKey, State } from "./state";
 
 const NUMBER = String.raw`[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?`;
+const VALUE = new RegExp(`^${NUMBER}$`, "i");
 const BOUND = new RegExp(`^(\\*|${NUMBER})-(\\*|${NUMBER})$`, "i");
 
 const encoded = (name: string): string => encodeURIComponent(name).replace(/[-~!'()*.]/g, (c) => `%${c.charCodeAt(0).toString(16)}`);
@@ -62,8 +63,9 @@ export function restore(state: State, fragment: string): void {
     const high = found[2] === "*" ? Infinity : Number(found[2]);
     bounds.set(column, { low: Math.min(low, high), high: Math.max(low, high) });
   }
-  const pins = (parts.get("pin") ?? "").split(",").map((text) => (/^\d+$/.test(text) && Number(text) < state.model.n ? Number(text) : null));
-  const wishes = new Map(valued("wish").map(([column, text]) => [column, Number(text)] as const).filter(([, value]) => Number.isFinite(value)));
+  const pins = (parts.get("pin") ?? "").split(",").map((text) => (/^\d+$/.test(text) && Number(text) < state.model.n ? Number(text) : null))
+    .map((row, place, all) => (all.indexOf(row) < place ? null : row)); // a row has one pin
+  const wishes = new Map(valued("wish").map(([column, text]) => [column, VALUE.test(text) ? Number(text) : NaN] as const).filter(([, value]) => Number.isFinite(value)));
   const [, minus, key] = /^(-?)(.*)$/.exec(parts.get("sort") ?? ":wishes")!;
   const sort: SortKey = key === ":wishes" && wishes.size > 0 ? "wishes" : index(key!) >= 0 ? index(key!) : "row";
   state.restore({

@@ -53,15 +53,13 @@ export function headerView(state: State, actions: Actions): View {
   }
 
   function drawBase(): void {
-    const { model, history, filter } = state;
+    const { model, history } = state;
     counts.replaceChildren(make("strong", "", count(state.count)), ` of ${count(model.n)}${model.n === 1 ? " trajectory" : " trajectories"}`);
     counts.classList.toggle("none", state.count === 0);
     back.disabled = !history.canBack;
     forward.disabled = !history.canForward;
-    all.disabled = filter.kept === null && filter.bounds.size === 0;
-    const some = state.count > 0 && state.count < model.n;
-    keep.disabled = !some || filter.bounds.size === 0;
-    exclude.disabled = !some || filter.bounds.size === 0;
+    all.disabled = !state.isFiltered;
+    keep.disabled = exclude.disabled = !state.isChosen;
   }
 
   renew();

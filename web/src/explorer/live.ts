@@ -10,7 +10,10 @@ export function follow(page: Page, seen: number): void {
   let shown = Promise.resolve();
   source.addEventListener("open", () => { note.textContent = "live: the search goes on"; });
   source.addEventListener("front", ({ data }: MessageEvent<string>) => {
-    shown = shown.then(() => page.update(JSON.parse(data) as unknown)); // one after another
+    const told = shown.then(() => page.update(JSON.parse(data) as unknown)); // one after another
+    shown = told.catch((error: unknown) => { // the next ones are shown all the same
+      note.textContent = `live: what came last cannot be shown: ${String(error)}`;
+    });
   });
   source.addEventListener("end", () => {
     source.close();

@@ -17,7 +17,8 @@ export function text(column: Column, value: number): string {
 }
 
 /** A number with so many decimals, or with its power of ten where it has too many digits. */
-export function plain(value: number, places: number): string {
+export function plain(value: number, wanted: number): string {
+  const places = Math.min(wanted, MOST_DECIMALS);
   if (value !== 0 && (Math.abs(value) >= 1e7 || Math.abs(value) < 10 ** -places / 2)) return short(value);
   const written = value.toFixed(places);
   return (Number(written) === 0 ? written.replace("-", "") : written).replace("-", "\u2212");

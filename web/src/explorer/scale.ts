@@ -96,7 +96,7 @@ export function niceTicks(low: number, high: number, most: number, whole = false
 
 /** Powers of ten, with 2 and 5 times them where there are few. */
 function logTicks(low: number, high: number, most: number): number[] {
-  const decades = Math.log10(high / low);
+  const decades = Math.log10(high) - Math.log10(low); // a quotient may be beyond all numbers
   if (decades < 1) return niceTicks(low, high, most);
   const factors = decades * 3 <= most ? [1, 2, 5] : [1];
   const every = Math.max(1, Math.ceil(decades / most));

@@ -72,6 +72,16 @@ export class State {
     return this.history.now;
   }
 
+  /** Whether rows are left out, or might be. */
+  get isFiltered(): boolean {
+    return this.filter.kept !== null || this.filter.bounds.size > 0;
+  }
+
+  /** Whether the selected rows can be kept or excluded: bounds hold, and take in some rows but not all. */
+  get isChosen(): boolean {
+    return this.filter.bounds.size > 0 && this.count > 0 && this.count < this.model.n;
+  }
+
   /** The row at the focus, or null. */
   get focus(): number | null {
     return this.hovered[0] ?? null;
@@ -142,7 +152,7 @@ export class State {
 
   /** All rows again. */
   clear(): void {
-    this.filterBy(NO_FILTER, true);
+    if (this.isFiltered) this.filterBy(NO_FILTER, true);
   }
 
   back(): void {
@@ -180,7 +190,7 @@ export class State {
     this.changed("axes");
   }
 
-  /** Shows an axis or drops it; a bound that nobody sees would be a riddle, so it goes too. */
+  /** Shows an axis or drops it, and its bound with it. */
   show(index: number, shown: boolean): void {
     if (shown) this.hidden.delete(index);
     else this.hidden.add(index);
@@ -267,11 +277,11 @@ export class State {
     const order = this.order.map(moved).filter((i) => i >= 0);
     const wishes = new Map([...this.wishes].map(([i, value]) => [moved(i), value] as const).filter(([i]) => i >= 0));
     const sort = typeof this.sort.key === "number" ? { ...this.sort, key: moved(this.sort.key) } : this.sort;
+    this.history.restart({ bounds, kept: null }); // columns and rows have other numbers now
     this.take(model);
     this.order = [...order, ...this.order.filter((i) => !order.includes(i))];
     Object.assign(this, { hidden, flipped, logs, pins, wishes });
     this.sort = sort.key === -1 || (sort.key === "wishes" && wishes.size === 0) ? { key: "row", down: false } : sort;
-    this.history.restart({ bounds, kept: null });
     this.filtered("data");
   }
 
@@ -297,6 +307,7 @@ export class State {
   }
 
   private filtered(change: Change = "filter"): void {
+    for (const index of this.filter.bounds.keys()) this.hidden.delete(index); // a bound that nobody sees would be a riddle
     this.count = select(this.model, this.filter, this.selected);
     this.changed(change);
   }
