@@ -125,7 +125,11 @@ def plan(
             echo(f"going on from {checkpoint}")
     live = None if port is None else click.get_current_context().with_resource(LivePage(port, out, imports))
     if live is not None:
-        echo(f"shown while it runs at {live.address}", err=True)
+        is_served = live.is_served
+        echo(
+            f"shown while it runs at {live.address}" if is_served else "note: --web: no process could be begun",
+            err=True,
+        )
     # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:

@@ -55,6 +55,11 @@ class LivePage:
                 quiet: dict[str, Any] = {"stdout": DEVNULL, "stderr": DEVNULL, "start_new_session": True}
                 self._process = Popen(command, stdin=PIPE, pass_fds=[number], **quiet)
 
+    @property
+    def is_served(self) -> bool:
+        """Whether there is a process that serves it."""
+        return self._process is not None
+
     def __enter__(self) -> LivePage:
         return self
 

@@ -14,6 +14,7 @@ import socket
 import ssl
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from socketserver import TCPServer
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
@@ -55,6 +56,11 @@ class PageServer(ThreadingHTTPServer):
                 self.socket, server_side=True, do_handshake_on_connect=False
             )
         self.scheme = "http" if certificate is None else "https"
+
+    def server_bind(self) -> None:
+        """Without the name of this machine, for which http.server would ask the network, and may wait long."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = self.server_address[:2]
 
     def address(self, host: str) -> str:
         """Where the page is, as it is typed into a browser."""

@@ -195,6 +195,18 @@ def test_a_plan_says_where_it_is_shown_and_is_gone_with_the_command(run: Callabl
     client.close()
 
 
+@pytest.mark.usefixtures("no_pictures")
+def test_an_address_is_told_only_where_something_answers(
+    run: Callable[..., Result], room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.executable", str(room / "nothing"))
+    with LivePage(0, room) as live:
+        assert not live.is_served
+    result = run("plan", room / "room.yaml", "--out", room / "out", "--web", "0")
+    assert (result.exit_code, "http://" in result.output) == (0, False)
+    assert "no process could be begun" in result.output
+
+
 def test_another_process_shows_the_front_that_was_saved_and_tells_when_all_is_over(tmp_path: Path) -> None:
     _, front = seeded(20)
     front.save(tmp_path / "front.json")

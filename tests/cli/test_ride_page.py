@@ -157,6 +157,14 @@ def test_over_https_the_certificate_is_that_of_the_address_and_of_no_other() -> 
     assert {str(ip) for ip in named.value.get_values_for_type(x509.IPAddress)} == {"192.0.2.7", LOCAL}
 
 
+def test_nobody_is_asked_what_this_machine_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(socket, "getfqdn", asked.append)
+    with PageServer(PAGE, host="0.0.0.0", port=0) as server:
+        assert server.server_port == server.server_address[1]
+    assert asked == []
+
+
 def test_two_pages_have_two_tokens() -> None:
     with serving() as one, serving() as other:
         assert one.token != other.token
