@@ -60,7 +60,7 @@ class PageServer(ThreadingHTTPServer):
     def server_bind(self) -> None:
         """Without the name of this machine, for which http.server would ask the network, and may wait long."""
         TCPServer.server_bind(self)
-        self.server_name, self.server_port = self.server_address[:2]
+        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
     def address(self, host: str) -> str:
         """Where the page is, as it is typed into a browser."""
