@@ -37,6 +37,8 @@ BORDER = 0.2
 """Thickness of the wall round a map beyond which all is obstacle, m."""
 PLATE = (0.8, 0.5)
 """Width and height of a landmark, m."""
+BEFORE = 0.005
+"""How far before its place a landmark with a front hangs, m: the wall in whose face that lies shall not hide it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,7 +328,14 @@ PAPER: Colour = (248, 246, 240)
 
 
 def _plate(mark: Landmark, number: int) -> Plate:
-    return Plate(mark, *PLATE, number, PAPER)
+    return Plate(_hung(mark), *PLATE, number, PAPER)
+
+
+def _hung(mark: Landmark) -> Landmark:
+    """A landmark where its plate is drawn."""
+    if mark.facing is None:
+        return mark
+    return replace(mark, x=mark.x + BEFORE * math.cos(mark.facing), y=mark.y + BEFORE * math.sin(mark.facing))
 
 
 def _zones(world: World) -> Iterator[Zone]:
@@ -356,7 +365,7 @@ def _notes(world: World, storey: float) -> Iterator[str]:
     if tilted:
         listed = ", ".join([*(printable(name)[:40] for name in tilted[:8]), *["..."] * (len(tilted) > 8)])
         yield f"pictures show the upright prism round {counted(len(tilted), 'solid')} that are not upright: {listed}"
-    for mark in world.content.landmarks:
+    for mark in map(_hung, world.content.landmarks):
         inside = [
             o for o in world.obstacles if o.z_min < mark.z < o.z_max and o.polygon.covers(shapely.Point(mark.x, mark.y))
         ]

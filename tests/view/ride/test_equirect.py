@@ -197,6 +197,24 @@ def test_a_landmark_s_name_reads_from_left_to_right_and_from_its_front_only():
     assert np.ptp(behind[rows.min() + 10 : rows.max() - 10, columns.min() + 10 : columns.max() - 10]) == 0  # blank
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.3, 2.0])
+def test_a_landmark_in_the_face_of_a_wall_is_seen_whole(turn):
+    def turned(x, y):
+        return x * math.cos(turn) - y * math.sin(turn), x * math.sin(turn) + y * math.cos(turn)
+
+    wall = shapely.Polygon([turned(*corner) for corner in ((5, -5), (5.3, -5), (5.3, 5), (5, 5))])
+    mark = Landmark(*turned(5.0, 0.3), z=1.5, facing=math.pi + turn, name="hung")
+    world = hpop.World.from_polygons([wall], extent=shapely.box(-9, -9, 9, 9))
+    alone = hpop.World.from_polygons([], extent=shapely.box(-9, -9, 9, 9))
+    one, other = (drawn(it.with_content(landmarks=[mark]), 512) for it in (world, alone))
+    assert not any("landmark" in note for note in one.scene.notes)
+    for place in (turned(2.0, 0.0), turned(3.9, -1.1)):
+        at = np.array([*place, 1.2])
+        with_wall = one.numbers(at, 0.0, 0.0) == one.scene.plates[0].number
+        np.testing.assert_array_equal(with_wall, other.numbers(at, 0.0, 0.0) == 1)
+        assert with_wall.sum() > 200
+
+
 def test_a_landmark_without_a_front_turns_to_the_camera():
     world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 9, 4)).with_content(landmarks=[Landmark(5, 2)])
     picture = drawn(world, 512)
