@@ -266,7 +266,9 @@ def test_wheel_keys_and_drag_move_the_map_and_0_shows_the_whole_again(plane: Map
     assert alike(plane.picture(), whole)
 
 
-def test_two_fingers_come_nearer(opened: Callable[..., Page], tmp_path: Path) -> None:
+def test_two_fingers_come_nearer_and_one_scrolls_the_page_past_the_whole(
+    opened: Callable[..., Page], tmp_path: Path
+) -> None:
     world = hpop.World.from_cells(np.kron(np.eye(4, dtype=bool), np.ones((4, 4), dtype=bool)), 0.5)
     way: list[Point] = [(1, 7), (1, 5.5), (7, 5.5), (7, 1)]
     path = explored.written(problem_in(world, way[0], way[-1]), front_of([way]), tmp_path / "front.html")
@@ -280,9 +282,22 @@ def test_two_fingers_come_nearer(opened: Callable[..., Page], tmp_path: Path) ->
     session = page.context.new_cdp_session(page)
     x, y = plane.on_screen(5, 5)
 
+    def send(kind: str, *points: tuple[float, float]) -> None:
+        fingers = [{"x": at[0], "y": at[1], "id": finger} for finger, at in enumerate(points)]
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+
     def touch(kind: str, apart: float) -> None:
-        points = [{"x": x - apart, "y": y, "id": 0}, {"x": x + apart, "y": y, "id": 1}]
-        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [] if kind == "touchEnd" else points})
+        send(kind, *([] if kind == "touchEnd" else [(x - apart, y), (x + apart, y)]))
+
+    def swiped_up() -> float:
+        """How far the page scrolled when one finger moved up over the map, pixels."""
+        before = page.evaluate("scrollY")
+        send("touchStart", (x, y))
+        for up in (10, 20, 40, 60, 80):
+            send("touchMove", (x, y - up))
+        send("touchEnd")
+        page.evaluate(explored.FRAME)
+        return page.evaluate("scrollY") - before
 
     touch("touchStart", 20)
     for apart in (25, 40, 60):
@@ -293,6 +308,10 @@ def test_two_fingers_come_nearer(opened: Callable[..., Page], tmp_path: Path) ->
     assert page.get_attribute(".map .plot", "data-scale") != bar
     page.touchscreen.tap(x, y - 1)  # on nothing
     assert state(page, "s.pins") == [None, None, None]
+    assert swiped_up() == 0  # it is the map that moved
+    page.click(".map button:text('Whole')")
+    x, y = plane.on_screen(5, 5)
+    assert swiped_up() > 20
 
 
 def test_a_map_of_five_kilometres(opened: Callable[..., Page], tmp_path: Path) -> None:

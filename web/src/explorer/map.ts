@@ -43,6 +43,7 @@ export function mapView(state: State): View {
   /** Draws soon after the viewport changed: once a frame, however many events there were. */
   const move = () => {
     stale = true;
+    letPageScroll();
     if (asked) return;
     asked = true;
     requestAnimationFrame(() => {
@@ -50,6 +51,11 @@ export function mapView(state: State): View {
       drawBase();
       drawOverlay();
     });
+  };
+
+  /** A finger that moves up or down over the whole map scrolls the page; over a part of it, it moves the map. */
+  const letPageScroll = () => {
+    plot.style.touchAction = viewport.isWhole ? "pan-y" : "none";
   };
 
   const pick = (at: { x: number; y: number } | null) => {
@@ -94,6 +100,7 @@ export function mapView(state: State): View {
     drawLegend(); // it takes what room it needs, the map the rest
     fit(layers);
     viewport.resize(layers.width, layers.height);
+    letPageScroll();
     const { width, height } = layers.base.canvas;
     density = new Density(width, height);
     [floor.canvas.width, floor.canvas.height] = [width, height];

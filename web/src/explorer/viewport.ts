@@ -29,12 +29,19 @@ export class Viewport {
   resize(width: number, height: number): void {
     const near = this.scale / this.whole;
     const [x, y] = [this.x(this.width / 2), this.y(this.height / 2)];
+    const moved = !this.isWhole;
     [this.width, this.height] = [Math.max(width, 1), Math.max(height, 1)];
-    const moved = near !== 1 || Math.abs(x - middle(this.home, 0)) + Math.abs(y - middle(this.home, 1)) > 1e-6;
     this.reset();
     if (!moved) return;
     this.scale = this.whole * near;
     this.centre(x, y);
+  }
+
+  /** Whether it shows the whole, as after `reset`. */
+  get isWhole(): boolean {
+    const [x, y] = [this.x(this.width / 2), this.y(this.height / 2)];
+    const aside = Math.abs(x - middle(this.home, 0)) + Math.abs(y - middle(this.home, 1));
+    return this.scale === this.whole && aside < 1e-6;
   }
 
   /** Shows the whole. */
