@@ -107,7 +107,12 @@ def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         Zone("one-way", shapely.box(0.2, 5, 2, 7.8), path=way),
     ]
     world = hpop.World.from_polygons(
-        [shapely.box(4, 5, 8, 6), (shapely.box(10, 0.2, 11, 1), (0.0, 0.4))],
+        [
+            shapely.box(4, 5, 8, 6),
+            shapely.box(6.8, 5.2, 7.2, 5.8).reverse(),
+            (shapely.box(10, 0.2, 11, 1), (0.0, 0.4)),
+            (shapely.box(10.4, 0.3, 10.8, 0.9), (0.0, 0.4)),
+        ],
         extent=shapely.box(0, 0, 12, 8),
         keep_out=shapely.box(0, 0, 2, 1.5),
     ).with_content(people=people, groups=[(0, 1)], landmarks=[Landmark(10.5, 2.0, facing=np.pi / 2)], zones=zones)
@@ -167,6 +172,8 @@ def test_walls_floor_zones_people_landmarks_and_ends_are_where_they_are(plane: M
     assert plane.colour(-0.2, 4)[:3].max() < 245  # outside is no floor
     low = plane.colour(10.5, 0.6)
     assert wall[:3].max() < low[:3].max() < 230  # the camera sees over it: paler
+    assert wall.tolist() == plane.colour(5, 5.5).tolist()  # two obstacles in one place are neither a hole
+    assert low.tolist() == plane.colour(10.2, 0.6).tolist()  # nor twice as dark
     zone = plane.colour(4.2, 2.85)
     assert zone[0] > zone[2] + 15
     closed = [plane.colour(1, 0.75, aside=(dx, 0))[:3].sum() for dx in range(8)]

@@ -1,6 +1,7 @@
 """What a map of the explorer shows beside the paths: walls, people, landmarks, zones, start and goal.
 
-Outlines of all areas are in one table of rings; an area is a stretch of it, filled by the even-odd rule. Cells of a
+Outlines of all areas are in one table of rings; an area is a stretch of it, outlines
+counter-clockwise and holes clockwise: filled by the nonzero rule several areas are what any of them covers. Cells of a
 raster are outlined like all else: of a map too ragged for that some are taken together, which a note says.
 """
 
@@ -43,7 +44,7 @@ class _Rings:
     def area(self, *geometries: BaseGeometry) -> dict[str, int]:
         """The polygons of some geometries, as a stretch of the table."""
         first = len(self._rings)
-        for part in shapely.get_parts(shapely.get_parts(list(geometries))):
+        for part in shapely.orient_polygons(shapely.get_parts(shapely.get_parts(list(geometries)))):
             if part.geom_type == "Polygon" and not part.is_empty:
                 self._rings += [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
         return {"first": first, "count": len(self._rings) - first}

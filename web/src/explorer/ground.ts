@@ -56,15 +56,15 @@ export class Ground {
     context.lineWidth = 1 / viewport.scale;
     context.fillStyle = theme.paper;
     context.strokeStyle = theme.quiet;
-    context.fill(this.floor, "evenodd");
+    context.fill(this.floor);
     context.stroke(this.floor);
     for (const { zone, path } of this.zones) drawZone(context, zone, path, viewport, theme);
     this.hatch(context, viewport, theme, ratio);
     context.fillStyle = theme.wall;
     context.globalAlpha = LOWER;
-    context.fill(this.others, "evenodd");
+    context.fill(this.others);
     context.globalAlpha = 1;
-    context.fill(this.walls, "evenodd");
+    context.fill(this.walls);
     context.restore();
   }
 
@@ -100,7 +100,7 @@ export class Ground {
     if (this.world.closed.length === 0) return;
     const { width, height } = context.canvas;
     context.save();
-    context.clip(this.closed, "evenodd");
+    context.clip(this.closed);
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.strokeStyle = theme.quiet;
     context.globalAlpha = 0.6;
@@ -210,7 +210,7 @@ function drawZone(
   context.save();
   context.fillStyle = kind === "keep-out" ? theme.wall : theme.zone;
   context.globalAlpha = kind === "keep-out" ? 0.35 : 1;
-  context.fill(path, "evenodd");
+  context.fill(path);
   context.globalAlpha = 1;
   context.strokeStyle = theme.quiet;
   context.setLineDash([4 / scale, 3 / scale]);

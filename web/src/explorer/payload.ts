@@ -58,7 +58,7 @@ export interface Paths {
 /** A closed polygon: x0, y0, x1, y1, ... in m; the first corner is not repeated. */
 export type Ring = Float64Array;
 
-/** An area of one polygon or more with holes: filled by the even-odd rule. */
+/** An area of polygons: outlines counter-clockwise, holes clockwise. By the nonzero rule areas that overlap are one. */
 export type Area = readonly Ring[];
 
 export interface Obstacle {
