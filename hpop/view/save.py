@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -56,25 +58,30 @@ def save_pictures(
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
-    with limits.within(Spending(Budget(max_memory=max_memory))):
-        figures = {"map.png": draw_map(problem, front)}
-    if len(front) and not map_alone:
-        figures["front.png"] = draw_front(front)
-        knee = front.knee().item
-        if len(knee):
-            figures["trace.png"] = draw_trace(problem, knee, name="the knee")
-            figures["where.png"] = draw_where(problem, knee, name="the knee")
-        if camera_heights(problem, [front.trajectories[row] for row in drawn_rows(front)]).vary:
-            figures["side.png"] = draw_side(problem, front)
-        if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front)]):
-            figures["states.png"] = draw_states(front)
-    pictures = {name: _png(figure, dpi) for name, figure in figures.items()}
+    with ThreadPoolExecutor(1) as beside:  # one picture is compressed while the next is drawn
+        pictures = {}
+
+        def add(name: str, figure: Figure) -> None:
+            pictures[name] = beside.submit(_png(figure, dpi))
+
+        with limits.within(Spending(Budget(max_memory=max_memory))):
+            add("map.png", draw_map(problem, front))
+        if len(front) and not map_alone:
+            add("front.png", draw_front(front))
+            knee = front.knee().item
+            if len(knee):
+                add("trace.png", draw_trace(problem, knee, name="the knee"))
+                add("where.png", draw_where(problem, knee, name="the knee"))
+            if camera_heights(problem, [front.trajectories[row] for row in drawn_rows(front)]).vary:
+                add("side.png", draw_side(problem, front))
+            if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front)]):
+                add("states.png", draw_states(front))
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
         for name in OTHERS - pictures.keys():
             (target / name).unlink(missing_ok=True)
-        return [_write(target / name, data) for name, data in pictures.items()]
+        return [_write(target / name, data.result()) for name, data in pictures.items()]
     except OSError as error:
         raise OutputError(f"the pictures cannot be written to {target}: {error}") from error
 
@@ -82,17 +89,22 @@ def save_pictures(
 def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:
     """Write one picture, as PNG, to a file whose folder is made if it is missing; raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    _write(path, _png(figure, dpi))
+    _write(path, _png(figure, dpi)())
 
 
-def _png(figure: Figure, dpi: float) -> bytes:
-    """The picture as `savefig` makes it, from one drawing where that takes two: the first only to lay it out."""
+def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
+    """Draw the picture that `savefig` makes, once where that draws twice to lay it out; what is returned compresses it."""
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
-    picture, buffer = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"), io.BytesIO()
-    picture.save(buffer, format="png", dpi=(dpi, dpi), compress_level=COMPRESSION)
-    return buffer.getvalue()
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+    def compressed() -> bytes:
+        buffer = io.BytesIO()
+        picture.save(buffer, format="png", dpi=(dpi, dpi), compress_level=COMPRESSION)
+        return buffer.getvalue()
+
+    return compressed
 
 
 def _write(path: Path, data: bytes) -> Path:
