@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from hpop import __version__, examples
-from hpop.cli import results
+from hpop.cli import listing, results
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
 from hpop.cli.exporting import export
 from hpop.cli.live import LivePage
@@ -185,6 +185,8 @@ main.add_command(ride)
 main.add_command(export)
 main.add_command(look)
 main.add_command(new)
+for each in listing.COMMANDS:
+    main.add_command(each)
 
 
 @main.command()
@@ -209,94 +211,6 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
         registry = kind_of(made)
         called = getattr(made, "name", type(made).__name__)
         raise registry.error(f"{registry.kind} {called!r} fails {faults} check{'s' * (faults > 1)}")
-
-
-@main.command()
-@imports_option
-@user_errors
-def criteria(imports: tuple[str, ...]) -> None:
-    """List the criteria: group, unit, how motions add up, and what each is."""
-    from hpop.cli import registered, user_code
-
-    user_code.register(imports)
-    registered.print_criteria()
-
-
-@main.command()
-@imports_option
-@user_errors
-def models(imports: tuple[str, ...]) -> None:
-    """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
-    from hpop.cli import registered, user_code
-
-    user_code.register(imports)
-    registered.print_models()
-
-
-@main.command()
-@imports_option
-@user_errors
-def goals(imports: tuple[str, ...]) -> None:
-    """List the goals that are no states: their parameters, and what each is."""
-    from hpop.cli import registered, user_code
-
-    user_code.register(imports)
-    registered.print_goals()
-
-
-@main.command()
-@imports_option
-@user_errors
-def planners(imports: tuple[str, ...]) -> None:
-    """List the planners and their options."""
-    from hpop.cli import registered, user_code
-
-    user_code.register(imports)
-    registered.print_planners()
-
-
-@main.command()
-@imports_option
-@user_errors
-def formats(imports: tuple[str, ...]) -> None:
-    """List the formats of `hpop export`: how their files are called, their axes, and what each is."""
-    from hpop.cli import registered, user_code
-
-    user_code.register(imports)
-    registered.print_formats()
-
-
-@main.command()
-@click.argument("word", required=False)
-@imports_option
-@user_errors
-def explain(word: str | None, imports: tuple[str, ...]) -> None:
-    """Say what a printed word means.
-
-    A WORD is also the name of a criterion, planner, robot, goal, reader or export format. Without one those that are
-    explained are listed.
-    """
-    from hpop.cli import user_code
-    from hpop.cli.explain import explained, known
-
-    user_code.register(imports)
-    echo(known() if word is None else explained(word))
-
-
-@main.command()
-@imports_option
-@user_errors
-def schema(imports: tuple[str, ...]) -> None:
-    """Print the JSON schema of scenarios.
-
-    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario:
-    # yaml-language-server: $schema=FILE
-    """
-    from hpop.cli import user_code
-    from hpop.scenario import json_schema
-
-    user_code.register(imports)
-    echo(json_schema.written(json_schema.scenario_schema()).rstrip())
 
 
 @contextmanager

@@ -93,7 +93,7 @@ def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:
 
 
 def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
-    """Draw the picture that `savefig` makes, once where that draws twice to lay it out; what is returned compresses it."""
+    """Draw what `savefig` makes, once where that draws twice to lay it out; what is returned compresses it."""
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()

@@ -1,0 +1,99 @@
+"""Commands that list and explain: `hpop criteria`, `models`, `goals`, `planners`, `formats`, `explain`, `schema`."""
+
+from __future__ import annotations
+
+import click
+
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.terminal import echo
+
+
+@click.command()
+@imports_option
+@user_errors
+def criteria(imports: tuple[str, ...]) -> None:
+    """List the criteria: group, unit, how motions add up, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_criteria()
+
+
+@click.command()
+@imports_option
+@user_errors
+def models(imports: tuple[str, ...]) -> None:
+    """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_models()
+
+
+@click.command()
+@imports_option
+@user_errors
+def goals(imports: tuple[str, ...]) -> None:
+    """List the goals that are no states: their parameters, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_goals()
+
+
+@click.command()
+@imports_option
+@user_errors
+def planners(imports: tuple[str, ...]) -> None:
+    """List the planners and their options."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_planners()
+
+
+@click.command()
+@imports_option
+@user_errors
+def formats(imports: tuple[str, ...]) -> None:
+    """List the formats of `hpop export`: how their files are called, their axes, and what each is."""
+    from hpop.cli import registered, user_code
+
+    user_code.register(imports)
+    registered.print_formats()
+
+
+@click.command()
+@click.argument("word", required=False)
+@imports_option
+@user_errors
+def explain(word: str | None, imports: tuple[str, ...]) -> None:
+    """Say what a printed word means.
+
+    A WORD is also the name of a criterion, planner, robot, goal, reader or export format. Without one those that are
+    explained are listed.
+    """
+    from hpop.cli import user_code
+    from hpop.cli.explain import explained, known
+
+    user_code.register(imports)
+    echo(known() if word is None else explained(word))
+
+
+@click.command()
+@imports_option
+@user_errors
+def schema(imports: tuple[str, ...]) -> None:
+    """Print the JSON schema of scenarios.
+
+    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario:
+    # yaml-language-server: $schema=FILE
+    """
+    from hpop.cli import user_code
+    from hpop.scenario import json_schema
+
+    user_code.register(imports)
+    echo(json_schema.written(json_schema.scenario_schema()).rstrip())
+
+
+COMMANDS = (criteria, models, goals, planners, formats, explain, schema)
