@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 import hpop
 from benchmarks import seeded_fronts as seeded
@@ -98,7 +98,7 @@ def alike(one: FloatArray, other: FloatArray) -> bool:
 
 
 @pytest.fixture(scope="module")
-def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def shared(opened_once: Watched, tmp_path_factory: pytest.TempPathFactory) -> Page:
     """One page for the claims about one map with everything on it."""
     people = [Person(10.5, 6.5, 0.0, name="Ann"), Person(10.5, 5.5, np.pi / 2), Person(11.3, 2.5, velocity=(0.0, 0.5))]
     way = shapely.LineString([(1.1, 5), (1.1, 7.8)])
@@ -118,10 +118,7 @@ def shared(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     ).with_content(people=people, groups=[(0, 1)], landmarks=[Landmark(10.5, 2.0, facing=np.pi / 2)], zones=zones)
     path = tmp_path_factory.mktemp("map") / "front.html"
     explored.written(problem_in(world, (1, 4), (11, 4)), front_of(WAYS), path)
-    watched = Watched(browser)
-    yield watched(path)
-    watched.close()
-    assert watched.errors == []
+    return opened_once(path)
 
 
 @pytest.fixture

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 import hpop
 from benchmarks import seeded_fronts as seeded
@@ -29,12 +29,9 @@ def front() -> hpop.Front:
 
 
 @pytest.fixture(scope="module")
-def shared(front: hpop.Front, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def shared(front: hpop.Front, opened_once: Watched, tmp_path_factory: pytest.TempPathFactory) -> Page:
     path = explored.written(seeded.problem(K), front, tmp_path_factory.mktemp("matrix") / "front.html")
-    watched = Watched(browser)
-    yield watched(path)
-    watched.close()
-    assert watched.errors == []
+    return opened_once(path)
 
 
 @dataclass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +23,10 @@ def front() -> hpop.Front:
 
 
 @pytest.fixture(scope="module")
-def shared(front: hpop.Front, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def shared(front: hpop.Front, opened_once: Watched, tmp_path_factory: pytest.TempPathFactory) -> Page:
     """One page for all claims of this file."""
     path = explored.written(seeded.problem(K), front, tmp_path_factory.mktemp("page") / "front.html")
-    watched = Watched(browser)
-    yield watched(path, size=(1190, 700))
-    watched.close()
-    assert watched.errors == []
-    assert [url for url in watched.requests if not url.startswith("file:")] == []
+    return opened_once(path, size=(1190, 700))
 
 
 @pytest.fixture
@@ -276,4 +271,5 @@ def test_a_step_back_shows_the_axis_that_it_bounds(page: Page) -> None:
 def test_keys_do_what_buttons_do_and_nothing_where_these_are_off(page: Page) -> None:
     for key in "kx0":
         page.keyboard.press(key)
+    page.evaluate(explored.FRAME)
     assert page.get_by_role("button", name="Back").is_disabled()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 import hpop
 from benchmarks import seeded_fronts as seeded
@@ -22,12 +20,9 @@ def front() -> hpop.Front:
 
 
 @pytest.fixture(scope="module")
-def shared(front: hpop.Front, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+def shared(front: hpop.Front, opened_once: Watched, tmp_path_factory: pytest.TempPathFactory) -> Page:
     path = explored.written(seeded.problem(3), front, tmp_path_factory.mktemp("trace") / "front.html")
-    watched = Watched(browser)
-    yield watched(path)
-    watched.close()
-    assert watched.errors == []
+    return opened_once(path)
 
 
 @pytest.fixture
