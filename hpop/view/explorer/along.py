@@ -58,7 +58,7 @@ def traces(
 
 
 def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-    ends = _ends(len(found.pieces))
+    ends = told_ends(len(found.pieces), MOST_PIECES)
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
     places = millimetres(np.stack([x, y], axis=1), origin)
@@ -73,9 +73,21 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
     }
 
 
-def _ends(pieces: int) -> IntArray:
+def told_ends(pieces: int, most: int) -> IntArray:
     """Which of the ends (n+1,) of pieces are told: all, or so many evenly."""
-    return np.unique(np.linspace(0, pieces, min(pieces, MOST_PIECES) + 1).round().astype(np.int64))
+    return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
+
+
+def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
+    """The rate of a criterion in pieces taken together between some ends (m+1,): the worst of a maximum, else the mean.
+
+    Returns (m,).
+    """
+    rate, lasts = found.rate[:, column], found.pieces.durations
+    if found.criteria[column].aggregate == "max":
+        return np.asarray(np.maximum.reduceat(rate, ends[:-1]))
+    total, time = np.add.reduceat(rate * lasts, ends[:-1]), np.add.reduceat(lasts, ends[:-1])
+    return np.asarray(np.divide(total, time, out=np.zeros_like(total), where=time > 0))
 
 
 def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
@@ -83,17 +95,11 @@ def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray
 
     Of a sum, and with memory, by how much it grows in each; of a mean and a worst moment what it is in each.
     """
-    criterion = found.criteria[column]
-    rate, running, lasts = found.rate[:, column], found.running[:, column], found.pieces.durations
-    if criterion.aggregate not in ADDS:
-        reached = np.concatenate([[0.0], running])[ends]
+    if found.criteria[column].aggregate not in ADDS:
+        reached = np.concatenate([[0.0], found.running[:, column]])[ends]
         step = _step(reached)
         return step, np.diff(np.rint(reached / step))
-    if criterion.aggregate == "max":
-        joined = np.maximum.reduceat(rate, ends[:-1])
-    else:
-        total, time = np.add.reduceat(rate * lasts, ends[:-1]), np.add.reduceat(lasts, ends[:-1])
-        joined = np.divide(total, time, out=np.zeros_like(total), where=time > 0)
+    joined = taken_together(found, column, ends)
     step = _step(joined)
     return step, np.rint(joined / step)
 

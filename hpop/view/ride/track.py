@@ -12,6 +12,7 @@ from hpop.criteria.base import Criterion
 from hpop.poses import poses
 from hpop.trace import trace
 from hpop.trajectory import Trajectory
+from hpop.view.explorer.along import taken_together, told_ends
 from hpop.view.ride.bodies import link_poses
 from hpop.world import World
 
@@ -51,17 +52,11 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
     if not len(run) or not criteria:
         return None
     found = trace(criteria, run, world)
-    count = len(found.pieces)
-    ends = np.unique(np.linspace(0, count, min(count, MOST_PIECES) + 1).round().astype(np.int64))
-    lasts = found.pieces.durations
-    columns = []
-    for criterion, rate in zip(found.criteria, found.rate.T, strict=True):
-        if criterion.aggregate == "max":
-            joined = np.maximum.reduceat(rate, ends[:-1])
-        else:
-            total, time = np.add.reduceat(rate * lasts, ends[:-1]), np.add.reduceat(lasts, ends[:-1])
-            joined = np.divide(total, time, out=np.zeros_like(total), where=time > 0)
-        columns.append([float(f"{value:.{FIGURES}g}") for value in joined.tolist()])
+    ends = told_ends(len(found.pieces), MOST_PIECES)
+    columns = [
+        [float(f"{value:.{FIGURES}g}") for value in taken_together(found, column, ends).tolist()]
+        for column in range(len(found.criteria))
+    ]
     return {"times": np.round(found.times[ends], 4).tolist(), "values": columns}
 
 
