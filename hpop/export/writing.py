@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hpop.errors import OptionError, OutputError
+from hpop.errors import OptionError, OutputError, OwnCodeError
 from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
 from hpop.front import Front
 from hpop.frontier import strict_json
@@ -147,9 +147,15 @@ def _given(
 def _content(chosen: Format, given: Exported) -> Content:
     """What a format makes of a trajectory."""
     try:
-        return chosen(given)
+        made: Any = chosen(given)
     except ImportError as error:  # of an extra, which says how to install it
         raise OutputError(f"{error}") from None
+    files = made.values() if isinstance(made, Mapping) else [made]
+    if not all(isinstance(file, bytes) for file in files):
+        raise OwnCodeError(
+            f"format {chosen.name!r} must return bytes, or those of each file of a folder by name; got {shown(made)}"
+        )
+    return cast(Content, made)
 
 
 def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:

@@ -26,6 +26,8 @@ except ImportError:  # no such locks on this system: what dead writers left stay
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """A file to write into, which at the end takes the place of ``path``; after any error ``path`` is as it was.
 
+    A link stays one: what it leads to is replaced.
+
     Several may write the same file at once: each is whole, and the last one stays.
 
     Raises
@@ -34,9 +36,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         If it cannot be written, or something is there that is no file, such as a device or a pipe, whose place a file
         must not take; the error names ``path``.
     """
-    target = Path(path)
+    asked = Path(path)
     try:
-        _check_place(target)
+        target = _place(asked)
         _sweep(target)
         with _locked(target) as file:
             partial = Path(file.name)
@@ -50,24 +52,24 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
                     partial.unlink(missing_ok=True)
                 raise
     except OSError as error:  # it may name the temporary file
-        raise OSError(error.errno, error.strerror or str(error), str(target)) from None
+        raise OSError(error.errno, error.strerror or str(error), str(asked)) from None
 
 
 def check_replaceable(path: str | os.PathLike[str]) -> None:
     """Raise OSError where :func:`replacing` could not write; nothing is left behind, nor what dead writers left."""
-    target = Path(path)
-    _check_place(target)
+    target = _place(Path(path))
     _sweep(target)
     with _locked(target) as file:
         os.unlink(file.name)
 
 
-def _check_place(target: Path) -> None:
-    """Raise OSError where a file must not take the place of what is there: a folder, a device, a pipe, a socket."""
+def _place(target: Path) -> Path:
+    """Where a file is written, links followed; OSError where a folder, a device, a pipe or a socket is there."""
     if not target.name or target.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not S_ISREG(target.stat().st_mode):
         raise OSError(errno.EEXIST, "A device, a pipe or a socket is there")
+    return Path(os.path.realpath(target))
 
 
 def _locked(target: Path) -> BinaryIO:

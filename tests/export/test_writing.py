@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import hpop
-from hpop.errors import OptionError, OutputError, UnknownName
+from hpop.errors import OptionError, OutputError, OwnCodeError, UnknownName
 from hpop.export import Exported, export_format, save, write
 from hpop.front import Front
 from hpop.registry import formats
@@ -71,6 +71,18 @@ def test_where_it_cannot_be_written_is_told_and_nothing_is_left(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"cam.tum", "file"}
     with pytest.raises(OutputError, match="cannot write"):
         save(problem(), front(), tmp_path / "file/out")
+
+
+@pytest.mark.parametrize("made", ["text", None, {"a": "text"}])
+def test_a_format_of_ones_own_that_makes_no_bytes_is_told(tmp_path, made):
+    @export_format("no_bytes", suffix=".none", axes="none")
+    def wrong(given: Exported) -> bytes:
+        """What is no bytes."""
+        return made
+
+    with pytest.raises(OwnCodeError, match="format 'no_bytes' must return bytes"):
+        write(GOES, tmp_path / "cam.none")
+    assert not list(tmp_path.iterdir())
 
 
 def test_where_one_of_several_formats_fails_none_is_written(tmp_path):

@@ -47,6 +47,16 @@ def test_a_file_that_was_not_there_gets_the_usual_rights(path):
     assert path.stat().st_mode == (path.parent / "plain").stat().st_mode
 
 
+def test_a_link_stays_a_link_to_what_is_replaced(path):
+    link = path.with_name("folder") / "link"
+    link.parent.mkdir()
+    link.symlink_to(path)
+    write(link)
+    assert (link.is_symlink(), path.read_bytes()) == (True, b"new")
+    assert sorted(os.listdir(path.parent)) == ["folder", "front.json"]
+    assert os.listdir(link.parent) == ["link"]
+
+
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), ValueError("wrong")])
 def test_where_writing_fails_the_old_file_stays_alone(path, error):
     def fail():
