@@ -7,6 +7,7 @@ the port, before hours are spent on a search that nobody sees, and says each tim
 
 from __future__ import annotations
 
+import os
 import secrets
 import socket
 import sys
@@ -20,6 +21,7 @@ from typing import Any
 from hpop.errors import OutputError
 from hpop.interrupts import interrupts_held
 
+TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
 HOST = "127.0.0.1"  # nobody else's machine gets there
 WAITING = 64  # browsers that ask before the other process answers
 LAST = 20.0  # s: so long the last front may take to be shown; then the command ends all the same
@@ -49,11 +51,12 @@ class LivePage:
                 ) from None
             self.address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
             number = listening.fileno()
-            command = [sys.executable, "-P", "-m", "hpop.cli.live_server", str(number), token, str(folder), *imports]
+            command = [sys.executable, "-P", "-m", "hpop.cli.live_server", str(number), str(folder), *imports]
+            known = {**os.environ, TOKEN: token}  # not in the command, which all users of a machine see
             # A session of its own: Ctrl-C on the terminal is not meant for it. Without a process there is no page.
             with suppress(OSError), interrupts_held():
                 quiet: dict[str, Any] = {"stdout": DEVNULL, "stderr": DEVNULL, "start_new_session": True}
-                self._process = Popen(command, stdin=PIPE, pass_fds=[number], **quiet)
+                self._process = Popen(command, stdin=PIPE, pass_fds=[number], env=known, **quiet)
 
     @property
     def is_served(self) -> bool:

@@ -1,8 +1,9 @@
-"""The process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET TOKEN FOLDER ...``.
+"""The process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET FOLDER ...``.
 
-SOCKET is the number of a listening socket that it inherits, what comes after FOLDER registers the user's own code. Each
-line on its standard input says that a new front is saved in FOLDER; at the end of the input it shows the last one and
-ends. Of fronts that come while it works it takes the newest.
+SOCKET is the number of a listening socket that it inherits, what comes after FOLDER registers the user's own code, and
+the token is in its environment: commands are seen by all users of a machine. Each line on its standard input says that
+a new front is saved in FOLDER; at the end of the input it shows the last one and ends. Of fronts that come while it
+works it takes the newest.
 
 It answers to whoever names the token and asks for this machine by its own name: another page in the same browser, made
 to look as if it came from here (DNS rebinding), does neither. It serves the page and its events, and no file.
@@ -25,6 +26,7 @@ from threading import Condition, Thread
 from urllib.parse import parse_qs, urlsplit
 
 from hpop import current_folder
+from hpop.cli.live import TOKEN
 from hpop.cli.pictures import NICENESS
 from hpop.text import printable
 
@@ -219,4 +221,4 @@ def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
 
 if __name__ == "__main__":
     current_folder.distrust()
-    main(int(sys.argv[1]), sys.argv[2], Path(sys.argv[3]), sys.argv[4:])
+    main(int(sys.argv[1]), os.environ[TOKEN], Path(sys.argv[2]), sys.argv[3:])
