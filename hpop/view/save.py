@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -96,7 +97,9 @@ def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
     """Draw what `savefig` makes, once where that draws twice to lay it out; what is returned compresses it."""
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
+    with warnings.catch_warnings():  # of letters that the font lacks: the picture shows a box, the page has them
+        warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
+        canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
     def compressed() -> bytes:

@@ -14,6 +14,7 @@ from hpop.planners.spending import Spending
 from hpop.status import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
 from hpop.world import limits
+from hpop.world.content import Landmark
 
 
 @pytest.fixture
@@ -115,3 +116,10 @@ def test_the_core_does_not_import_matplotlib_and_pictures_need_no_pyplot():
         "import hpop.view; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_names_in_letters_that_the_font_lacks_are_drawn_without_a_warning(problem, empty, tmp_path):
+    x, y, _ = problem.start
+    named = replace(problem, world=problem.world.with_content(landmarks=[Landmark(x, y, name="\u6f22\u5b57")]))
+    (path,) = save_pictures(named, empty, tmp_path, dpi=20)
+    assert path.name == "map.png"
