@@ -25,7 +25,8 @@ MOST_PIECES = 160  # of a trajectory: a screen tells hardly more apart
 STEPS = 2**14 - 1  # that the largest value of a criterion is told in, so that differences have 16 bits
 ADDS: dict[str, str] = {"time-mean": "mean", "max": "max"}  # what else adds up, with memory or without, is a sum
 TRACES, ONE_IN, MOST = 10, 400, 30  # rows that are traced: so many, one in so many more, and so many at most
-THOUSANDTHS = 1000.0  # s, rad
+TICKS = 2**22  # that a duration is told in: rates of pieces of milliseconds are right, and differences have few bytes
+THOUSANDTHS = 1000.0  # rad
 
 
 def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
@@ -62,9 +63,11 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
     places = millimetres(np.stack([x, y], axis=1), origin)
+    tick = float(found.times[-1]) / TICKS or 1.0  # s
     several = [_along(found, column, ends) for column in range(len(found.criteria))]
     return {
-        "t": packer.integers(np.rint(found.times[ends] * THOUSANDTHS), order=1),
+        "tick": tick,
+        "t": packer.integers(np.rint(found.times[ends] / tick), order=1),
         "x": packer.integers(places[:, 0], order=2),
         "y": packer.integers(places[:, 1], order=2),
         "yaw": packer.integers(np.rint(np.unwrap(yaw) * THOUSANDTHS), order=1),

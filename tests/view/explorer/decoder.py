@@ -67,7 +67,7 @@ class Page:
         return found
 
     def trace(self, trace: dict[str, Any]) -> dict[str, Any]:
-        t, values = self.numbers(trace["t"]) / 1000, self.numbers(trace["values"])
+        t, values = self.numbers(trace["t"]) * trace["tick"], self.numbers(trace["values"])
         traced = [column for column in self.raw["columns"] if column["along"] is not None]
         parts = values.reshape(-1, len(t) - 1)
         return {

@@ -133,6 +133,17 @@ def test_traces_add_up_to_the_costs_and_go_where_the_camera_goes(problem, front)
             assert total == pytest.approx(costs[name], rel=2e-3, abs=1e-6)
 
 
+def test_the_rates_of_short_pieces_are_right(make_problem):
+    problem = make_problem(["turns", "length"])
+    x, y, _ = problem.start
+    way = hpop.Trajectory.from_poses(problem.model, [(x + 0.0043 * k, y, 0.0) for k in range(140)])
+    front = hpop.Front.of([[0.0, 0.5977]], [way], names=["turns", "length"], units=["1", "m"])
+    trace = Page(payload(problem, front)).traces[0]
+    speed = trace["each"]["length"][1] / np.diff(trace["t"])  # m/s; a millisecond is a quarter of a piece
+    assert len(speed) == 139
+    assert speed == pytest.approx(problem.model.speed, rel=0.01)
+
+
 def test_of_many_rows_some_are_traced_the_named_ones_among_them():
     problem, front = seeded(60)
     rows = [trace["row"] for trace in payload(problem, front)["traces"]]

@@ -208,6 +208,8 @@ interface Payload {
   };
   readonly traces: readonly {
     readonly row: number;
+    /** s, one in `t`. */
+    readonly tick: number;
     readonly t: Packed;
     readonly x: Packed;
     readonly y: Packed;
@@ -235,7 +237,7 @@ export async function decode(given: unknown): Promise<Model> {
   const bytes = await inflated(payload.data);
   const numbers = (packed: Packed): Float64Array | Int32Array | Int16Array => unpacked(bytes, packed);
   // Divided, not multiplied: 0.001 is no float, and 2500 mm are 2.5 m.
-  const seconds = (packed: Packed): Float64Array => Float64Array.from(numbers(packed), (value) => value / 1000);
+  const radians = (packed: Packed): Float64Array => Float64Array.from(numbers(packed), (value) => value / 1000);
   const metres = (packed: Packed, axis: 0 | 1): Float64Array =>
     Float64Array.from(numbers(packed), (value) => payload.origin[axis] + value / 1000);
 
@@ -244,9 +246,9 @@ export async function decode(given: unknown): Promise<Model> {
     const [low, high] = rangeOf(values);
     return { ...column, values, low, high };
   });
-  const traces = payload.traces.map(({ row, t, x, y, yaw, steps, values }): [number, Trace] => {
+  const traces = payload.traces.map(({ row, tick, t, x, y, yaw, steps, values }): [number, Trace] => {
     const all = numbers(values);
-    const times = seconds(t);
+    const times = Float64Array.from(numbers(t), (value) => value * tick);
     const pieces = times.length - 1;
     let place = 0;
     const along = columns.map((column) => {
@@ -255,7 +257,7 @@ export async function decode(given: unknown): Promise<Model> {
       const step = steps[place++]!;
       return alongOf(Float64Array.from(own, (value) => value * step), times, column.adds);
     });
-    return [row, { t: times, x: metres(x, 0), y: metres(y, 1), yaw: seconds(yaw), along }];
+    return [row, { t: times, x: metres(x, 0), y: metres(y, 1), yaw: radians(yaw), along }];
   });
   return {
     title: payload.title,
