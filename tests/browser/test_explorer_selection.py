@@ -258,6 +258,30 @@ def test_numbers_of_any_size_are_shown(page: Page, front: hpop.Front) -> None:
     page.evaluate("given => window.hpop.update(given)", explored.payload(problem, front))
 
 
+def test_a_bound_holds_where_the_front_says_so(page: Page, front: hpop.Front) -> None:
+    """Halves of a step, bounds of no size, values that differ by their last digits."""
+    odd = hpop.Front.of(
+        [[1.5, 9.0], [2.5, 8.0], [3.5, 7.0], [0.0, 10.0]],
+        front.trajectories[:4],
+        names=("a", "b"),
+        units=("m", "m"),
+        groups="PP",
+        quanta=(1.0, 1.0),
+        reported=[[1.0], [1.0 + 20 * np.finfo(float).eps], [2.0], [0.0]],
+        reported_names=["c"],
+        reported_units=["s"],
+        status="complete",
+        certificate="exact",
+    )
+    page.evaluate("given => window.hpop.update(given)", explored.payload(seeded.problem(K), odd))
+    for name, low, high in (("a", 0, 3.0), ("a", 3.0, 4.0), ("a", 1e-20, 2.5), ("c", 0.0, 1.0), ("c", 1.5, 2.0)):
+        place = ("a", "b", "c").index(name)
+        asked = state(page, f"(s.clear(), s.bound({place}, {{low: {low}, high: {high}}}), [...s.selected])")
+        expected = odd.where({name: f">={low}"}).where({name: f"<={high}"})
+        assert odd.costs[np.array(asked) == 1].tolist() == expected.costs.tolist()
+    page.evaluate("given => window.hpop.update(given)", explored.payload(seeded.problem(K), front))
+
+
 def test_a_step_back_shows_the_axis_that_it_bounds(page: Page) -> None:
     brush(page, "length", 0.2, 0.6)
     asked = bounds(page)

@@ -3,6 +3,15 @@ import type { Column } from "./payload";
 
 const MOST_DECIMALS = 9;
 
+/** As in hpop/frontier/choosing.py: a difference below this part of the values' size is rounding. */
+export const ROUNDING = 64 * Number.EPSILON;
+
+/** Rounds a half to the even neighbour, as NumPy does. */
+export function evenRound(x: number): number {
+  const near = Math.round(x);
+  return Math.abs(near - x) === 0.5 && near % 2 !== 0 ? near - 1 : near;
+}
+
 /** Decimals that tell the values of a column apart to a thousandth of their range. */
 export function decimals(column: Column): number {
   if (column.counts) return 0;

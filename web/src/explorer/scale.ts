@@ -1,9 +1,8 @@
 // Where a value lies on its axis, and what ticks the axis has.
+import { ROUNDING } from "./numbers";
 import type { Column } from "./payload";
 import type { Bound } from "./selection";
 
-// Of the size of the values: a smaller range is rounding, and the column the same all over.
-const ROUNDING = 64 * Number.EPSILON;
 const NEAR_END = 2; // pixels from the end of an axis at which a brush leaves that end open
 
 export function isEqual({ low, high }: Column): boolean {

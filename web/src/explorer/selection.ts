@@ -1,5 +1,6 @@
 // Which rows are selected: those within all bounds, of those that were kept.
-import type { Column, Model } from "./payload";
+import { evenRound, ROUNDING } from "./numbers";
+import type { Model } from "./payload";
 
 /** Both ends belong to it; an end may be infinite. */
 export interface Bound {
@@ -18,14 +19,11 @@ export const NO_FILTER: Filter = { bounds: new Map(), kept: null };
 // As in hpop/frontier/conditions.py: a bound as a count of quanta is off by its rounding.
 const ALIKE = 8 * Number.EPSILON;
 
-/** The least and the greatest value within a bound: costs are compared in whole steps, as `front.where` compares them. */
-export function limits({ quantum }: Column, { low, high }: Bound): [number, number] {
-  if (quantum === 0) return [low - ALIKE * Math.abs(low), high + ALIKE * Math.abs(high)];
-  const [least, most] = [low / quantum, high / quantum];
-  return [
-    Number.isFinite(low) ? (Math.ceil(least - ALIKE * Math.abs(least)) - 0.5) * quantum : low,
-    Number.isFinite(high) ? (Math.floor(most + ALIKE * Math.abs(most)) + 0.5) * quantum : high,
-  ];
+/** Between which values a bound holds, in whole steps where there are steps: as `front.where` compares them. */
+function limits(quantum: number, { low, high }: Bound): [number, number] {
+  const [least, most] = quantum === 0 ? [low, high] : [low / quantum, high / quantum];
+  const slack = (end: number): number => (quantum === 0 ? ROUNDING * Math.abs(end) : ALIKE * Math.max(1, Math.abs(end)));
+  return [least - slack(least), most + slack(most)];
 }
 
 /** Writes 1 into `into` for each row that is selected, 0 for others, and returns how many are. */
@@ -33,11 +31,10 @@ export function select(model: Model, filter: Filter, into: Uint8Array): number {
   if (filter.kept === null) into.fill(1);
   else into.set(filter.kept);
   for (const [index, bound] of filter.bounds) {
-    const column = model.columns[index]!;
-    const [least, most] = limits(column, bound);
-    const values = column.values;
+    const { values, quantum } = model.columns[index]!;
+    const [least, most] = limits(quantum, bound);
     for (let row = 0; row < values.length; row++) {
-      const value = values[row]!;
+      const value = quantum === 0 ? values[row]! : evenRound(values[row]! / quantum);
       if (value < least || value > most) into[row] = 0;
     }
   }

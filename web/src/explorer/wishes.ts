@@ -1,9 +1,9 @@
 // Which rows are nearest to wished values: `front.nearest` of hpop, step by step, and an order of all rows by it.
+import { evenRound, ROUNDING } from "./numbers";
 import type { Column, Model } from "./payload";
 
-// As in hpop/frontier/choosing.py: scaled values that differ by less are tied, a smaller range is rounding.
+// As in hpop/frontier/choosing.py: scaled values that differ by less are tied.
 const TIE = 1e-12;
-const ROUNDING = 64 * Number.EPSILON;
 
 /** Rows, the nearest first: the first is that of `front.nearest(wishes)`, others by distance, then by the rest. */
 export function ranked(model: Model, wishes: ReadonlyMap<number, number>): Int32Array {
@@ -27,12 +27,6 @@ export function ranked(model: Model, wishes: ReadonlyMap<number, number>): Int32
 function inSteps(column: Column, wish: number): [Float64Array, number] {
   if (column.quantum === 0) return [column.values, wish];
   return [column.values.map((value) => evenRound(value / column.quantum)), wish / column.quantum];
-}
-
-/** Rounds a half to the even neighbour, as NumPy does. */
-function evenRound(x: number): number {
-  const near = Math.round(x);
-  return Math.abs(near - x) === 0.5 && near % 2 !== 0 ? near - 1 : near;
 }
 
 /** Least and greatest, or null of a column that is the same all over. */
