@@ -57,7 +57,7 @@ def payload(problem: Problem, front: Front, *, title: str | None = None, saved: 
         "version": VERSION,
         "title": printable(title if title is not None else _title(front)),
         "status": printable(front.status),
-        "unfinished": Status.UNFINISHED in front.status,
+        "complete": front.status == Status.COMPLETE,
         "certificate": [printable(claim) for claim in front.certificate.split(JOINT)],
         "notes": [printable(note) for note in dict.fromkeys((*front.notes, *problem.world.notes, *left_out))],
         "count": len(front),

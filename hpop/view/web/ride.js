@@ -1,4 +1,4 @@
-/* hpop, sources 099f5d6e5ec9ad538187055a06cc084ec850d0e2faacb3eb96eb53953c1893e2 */
+/* hpop, sources 46505672fa535588d7cdeeb82c4d28b3da4d359c28e4eba4772e2e5407e00a9e */
 "use strict";(()=>{function Nl(i,e){let t=document.getElementById("payload")?.textContent??"",n=JSON.parse(t);if(n.schema!==i||n.version!==e)throw new Error(`this page reads ${i} version ${e}; its data are something else`);return n}function Ul(i){let e=document.createElement("style");e.textContent=i,document.head.append(e)}function Pe(i,e="",t=""){let n=document.createElement(i);return e!==""&&(n.className=e),t!==""&&(n.textContent=t),n}function Qt(i,e,t){let n=Pe("button","",i);return n.type="button",n.title=e,n.addEventListener("click",t),n}function Fl(){return Nl("hpop-ride",1)}/**
  * @license
  * Copyright 2010-2026 Three.js Authors

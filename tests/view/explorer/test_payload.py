@@ -237,6 +237,7 @@ def test_fronts_of_none_and_of_one(problem, make_front, rows):
     assert page.raw["count"] == len(page.counts) == rows == len(page.raw["marks"])
     assert all(len(values) == rows for values in page.columns.values())
     assert page.raw["title"].startswith("Trade-offs" if rows else "No path")
+    assert page.raw["complete"] is bool(rows)
 
 
 def test_columns_that_are_equal_and_a_start_that_is_the_goal(make_problem, make_front):

@@ -41,7 +41,7 @@ export function headerView(state: State, actions: Actions): View {
     title.textContent = model.title;
     title.title = model.title;
     badge.textContent = model.status;
-    badge.classList.toggle("unfinished", model.unfinished);
+    badge.classList.toggle("complete", model.complete);
     const notes = model.notes.length === 0 ? "" : model.notes.length === 1 ? " \u00b7 1 note" : ` \u00b7 ${model.notes.length} notes`;
     claim.textContent = (model.certificate[0] ?? "") + notes;
     full.replaceChildren(

@@ -151,8 +151,8 @@ export interface Trace {
 export interface Model {
   readonly title: string;
   readonly status: string;
-  /** Whether a search goes on and better ones may come. */
-  readonly unfinished: boolean;
+  /** Whether nothing is missing that was searched for. */
+  readonly complete: boolean;
   /** A paragraph for each claim. */
   readonly certificate: readonly string[];
   readonly notes: readonly string[];
@@ -186,7 +186,7 @@ interface Payload {
   readonly version: 1;
   readonly title: string;
   readonly status: string;
-  readonly unfinished: boolean;
+  readonly complete: boolean;
   readonly certificate: readonly string[];
   readonly notes: readonly string[];
   readonly count: number;
@@ -262,7 +262,7 @@ export async function decode(given: unknown): Promise<Model> {
   return {
     title: payload.title,
     status: payload.status,
-    unfinished: payload.unfinished,
+    complete: payload.complete,
     certificate: payload.certificate,
     notes: payload.notes,
     n: payload.count,
