@@ -1,0 +1,227 @@
+"""A graph on a clock: what arcs cost, and whether they are open, depends on the tick at which they are left for.
+
+Time is counted in ticks from 0, when the source may be left. The horizon H is the tick from which on nothing changes:
+the last column of every table, column H, stands for leaving at H and at any later tick.
+
+**An arc** a = (u, v) left for at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one, else
+its static cost; an arc that `stays` adds, in the columns that are in `standing`, what standing at its place costs
+meanwhile, W(t', t' + d_a), where t' = min(t, H) (the larger one where the cost is a maximum). So from H on an arc
+costs what it costs at H, to the last count.
+
+**A hold** at a node, from t1 to t2, costs W(t1, t2) at its place: for a sum Omega(t2) - Omega(t1), where Omega is its
+table up to H and after it Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table; for a
+maximum the largest rate of the ticks t1 to t2 - 1. It lasts at least `hold` ticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.errors import GraphError
+from hpop.options import whole
+from hpop.search.graph import MAX_SUM, Graph
+from hpop.text import shown
+
+MAX_TICKS = 2**20  # of an arc, of a hold, of the horizon: fourteen hours at 1/20 s
+RATE_BITS = 20
+RATE = 2**RATE_BITS  # a rate of one count a tick
+LEFT_OUT: Any = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TimedGraph:
+    """A graph whose arcs take time, and cost what depends on the tick at which they are left for.
+
+    graph       n nodes, m arcs by their tails, static costs (m, k); places of arcs below are those in its tables
+    durations   (m,) int32        ticks, at least 1
+    horizon     H                 tables have H + 1 columns, the last for H and whatever is later
+    timed       (q,) int32        arcs with tables of their own, rising
+    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by the tick; a column not given is static
+    blocked     (q, H + 1) bool   ticks at which a timed arc cannot be left for
+    place       (n,) int32        where a node is; nodes of one place share what standing there costs
+    stays       (m,) bool         arcs in place, whose cost is their static one and what standing costs meanwhile
+    standing    {j: (P, H + 1)}   int64: of a sum, Omega, rising from tick 0; of a maximum, the rate during [t, t + 1)
+    rate        (P, k) int64      of a sum, 2^-20 counts a tick: all the time if j has no Omega, else from H on; of a
+                                  maximum without a table, its counts at any tick
+    cut         (P, H + 1) bool   ticks during which, [t, t + 1), nobody may stand at the place: they end holds, and
+                                  block arcs that stay; timed arcs have `blocked` instead
+    hold        ticks a hold lasts at least; None: nobody holds
+    arrive_by   the latest tick of an arrival; None: any
+
+    Arrays of these types that are read-only already are taken as they are, others are copied. What is left out is
+    empty: nothing timed, every node a place of its own, standing free of charge, no cuts.
+
+    Raises GraphError for what does not fit.
+
+    >>> graph = Graph.from_arcs(2, [0], [1], [[3, 1]])
+    >>> somebody_passes = TimedGraph(graph, [4], 2, timed=[0], costs={1: [[9, 9, 0]]}, hold=1)
+    >>> somebody_passes
+    <TimedGraph: 2 nodes, 1 arcs, 2 costs (sum, sum), 1 arcs timed up to tick 2>
+    """
+
+    graph: Graph
+    durations: NDArray[np.int32]
+    horizon: int
+    timed: NDArray[np.int32] = LEFT_OUT
+    costs: Mapping[int, NDArray[Any]] = field(default_factory=dict)
+    blocked: BoolArray = LEFT_OUT
+    place: NDArray[np.int32] = LEFT_OUT
+    stays: BoolArray = LEFT_OUT
+    standing: Mapping[int, IntArray] = field(default_factory=dict)
+    rate: IntArray = LEFT_OUT
+    cut: BoolArray = LEFT_OUT
+    hold: int | None = None
+    arrive_by: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.graph, Graph):
+            raise GraphError(f"graph must be a Graph of hpop.search, got {shown(self.graph)}")
+        n, m, k = self.graph.nodes, self.graph.arcs, self.graph.criteria
+        horizon = whole("horizon", self.horizon, 0, MAX_TICKS, "ticks", error=GraphError)
+        width = horizon + 1
+        kept: dict[str, Any] = {"horizon": horizon}
+        kept["durations"] = _table(self.durations, "durations", np.int32, (m,), least=1, most=MAX_TICKS)
+        timed = [] if self.timed is None else self.timed
+        timed = kept["timed"] = _table(timed, "timed", np.int32, (None,), most=m - 1)
+        if (np.diff(timed) <= 0).any():
+            raise GraphError("timed must be places of arcs, each once, rising")
+        q = len(timed)
+        kept["costs"] = {
+            j: _table(table, f"costs[{j}]", None, (q, width), most=MAX_SUM) for j, table in _columns(self.costs, k)
+        }
+        kept["blocked"] = _flags(self.blocked, "blocked", (q, width))
+        place = kept["place"] = (
+            _read_only(np.arange(n, dtype=np.int32))
+            if self.place is None
+            else _table(self.place, "place", np.int32, (n,))
+        )
+        places = int(place.max()) + 1
+        if self.rate is not None:
+            places = len(_table(self.rate, "rate", np.int64, (None, k), most=MAX_SUM))
+        kept["rate"] = (
+            _read_only(np.zeros((places, k), np.int64))
+            if self.rate is None
+            else _table(self.rate, "rate", np.int64, (places, k), most=MAX_SUM)
+        )
+        if place.max() >= places:
+            raise GraphError(f"place must be from 0 to {places - 1}, as rate has {places} rows, got {place.max()}")
+        kept["standing"] = {
+            j: _table(table, f"standing[{j}]", np.int64, (places, width), most=MAX_SUM)
+            for j, table in _columns(self.standing, k)
+        }
+        for j, table in kept["standing"].items():
+            if self.graph.aggregates[j] == "sum" and (np.diff(table, axis=1) < 0).any():
+                raise GraphError(f"standing[{j}] adds up what standing costs since tick 0, so it must not fall")
+        kept["cut"] = _flags(self.cut, "cut", (places, width))
+        stays = kept["stays"] = _flags(self.stays, "stays", (m,))
+        if stays[timed].any():
+            raise GraphError("an arc that stays has no table of its own: leave it out of timed, or out of stays")
+        heads = self.graph.heads
+        tails = np.repeat(np.arange(n), np.diff(self.graph.indptr))
+        if (place[tails] != place[heads])[stays].any():
+            raise GraphError("an arc that stays leads to a node at the place of its tail")
+        for name, least in (("hold", 1), ("arrive_by", 0)):
+            given = getattr(self, name)
+            kept[name] = None if given is None else whole(name, given, least, MAX_TICKS, "ticks", error=GraphError)
+        for name, value in kept.items():
+            object.__setattr__(self, name, value)
+        self._check_sums()
+
+    @property
+    def places(self) -> int:
+        """Number of places, P."""
+        return len(self.rate)
+
+    @cached_property
+    def largest(self) -> IntArray:
+        """Largest cost (k,) of any arc at any tick, what standing meanwhile costs included."""
+        most = self.graph.largest.copy()
+        longest = int(self.durations.max(initial=0))
+        for j, table in self.costs.items():
+            most[j] = max(most[j], table.max(initial=0))
+        for j, aggregate in enumerate(self.graph.aggregates):
+            rate = int(self.rate[:, j].max(initial=0))
+            if aggregate == "max":
+                most[j] = max(most[j], rate, self.standing[j].max(initial=0) if j in self.standing else 0)
+            elif j in self.standing:
+                most[j] += int((self.standing[j][:, -1] - self.standing[j][:, 0]).max(initial=0))
+                most[j] += (rate * longest >> RATE_BITS) + 1
+        return most
+
+    def _check_sums(self) -> None:
+        """Refuse costs whose sums could overflow: until H a path takes an arc a tick, after it no node twice."""
+        for j, aggregate in enumerate(self.graph.aggregates):
+            worst = int(self.largest[j])
+            held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS
+            bound = worst if aggregate == "max" else worst * (self.graph.nodes + self.horizon + 2) + held
+            if bound > MAX_SUM:
+                raise GraphError(
+                    f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; use a coarser "
+                    "quantum"
+                )
+
+    def __repr__(self) -> str:
+        costs = f"{self.graph.criteria} costs ({', '.join(self.graph.aggregates)})"
+        size = f"{self.graph.nodes:,} nodes, {self.graph.arcs:,} arcs, {costs}"
+        return f"<TimedGraph: {size}, {len(self.timed):,} arcs timed up to tick {self.horizon}>"
+
+
+def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
+    """Tables by the column of their cost, checked to be columns of the graph."""
+    if not isinstance(tables, Mapping):
+        raise GraphError(f"tables are given by the column of their cost, {{j: table}}; got {shown(tables)}")
+    return [
+        (whole("the column of a table", j, 0, k - 1, "a cost's", error=GraphError), tables[j]) for j in sorted(tables)
+    ]
+
+
+def _table(
+    values: ArrayLike, name: str, dtype: Any, shape: tuple[int | None, ...], least: int = 0, most: int = 2**31 - 1
+) -> NDArray[Any]:
+    """A read-only array of whole numbers within bounds; of int32 or int64 as it comes where no type is given."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # rows of different lengths
+        raise GraphError(f"{name} must be an array of integers: {error}") from None
+    if array.size == 0 and len(shape) == 1 and shape[0] in (0, None):
+        array = np.zeros(0, np.int32)
+    if array.dtype.kind not in "iu" and array.size:
+        raise GraphError(f"{name} must be integers, got {array.dtype}: choose a quantum and quantise first")
+    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("any" if s is None else f"{s:,}" for s in shape)
+        raise GraphError(f"{name} must have the shape ({wanted}), got {array.shape}")
+    if array.size and (array.min() < least or array.max() > most):
+        raise GraphError(f"{name} must be from {least} to {most:,}, got {array.min()} to {array.max()}")
+    if dtype is None:
+        dtype = np.int32 if array.dtype == np.int32 else np.int64
+    return _kept(array, dtype)
+
+
+def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
+    """A read-only array of booleans of that shape; none are all False."""
+    if values is None:
+        return _read_only(np.zeros(shape, np.bool_))
+    array = np.asarray(values)
+    if array.size and array.dtype != np.bool_:
+        raise GraphError(f"{name} must be booleans, got {array.dtype}")
+    if array.shape != shape:
+        raise GraphError(f"{name} must have the shape {shape}, got {array.shape}")
+    return _kept(array, np.bool_)
+
+
+def _kept(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
+    if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
+        return array
+    return _read_only(np.array(array, dtype, order="C"))
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.setflags(write=False)
+    return array
