@@ -2,20 +2,25 @@
 
 from hpop.world.field import Field
 from hpop.world.ground import Ground
+from hpop.world.people import Future, Person
 from hpop.world.shapes import Obstacle, Raster
 from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
+from hpop.world.tracks import Track
 from hpop.world.world import World
 
 __all__ = [
     "Box",
     "Cylinder",
     "Field",
+    "Future",
     "Ground",
     "Hull",
     "Obstacle",
+    "Person",
     "Raster",
     "Solid",
     "Sphere",
+    "Track",
     "World",
     "pose_at",
 ]

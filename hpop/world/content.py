@@ -1,7 +1,7 @@
 """What else a world holds: people and their conversations, landmarks to be seen, zones with rules.
 
 Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A person who stands blocks
-the robot like a column of its radius; one who moves is where :meth:`Person.at` says, at any time.
+the robot like a column of its radius; one who moves is where :mod:`hpop.world.people` predicts, at any time.
 """
 
 from __future__ import annotations
@@ -17,60 +17,17 @@ import shapely
 from shapely.geometry import LineString, MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import Column
 from hpop.errors import MapError
-from hpop.math import not_radians
-from hpop.options import FARTHEST, LEAST, MOST, real
+from hpop.options import LEAST
 from hpop.text import shown
+from hpop.world.checked import check_radians, named_as, set_numbers
 from hpop.world.crossings import check_joinable
+from hpop.world.people import Person, described_person, person_from
 from hpop.world.shapes import check_coordinates
 
+__all__ = ["Content", "Landmark", "Person", "Zone"]
+
 ZoneKind = Literal["speed", "keep-out", "one-way"]
-
-
-@dataclass(frozen=True)
-class Person:
-    """A person: where, looking where, moving how. The prediction is constant velocity.
-
-    x, y      m
-    yaw       rad  heading of the body
-    velocity  (x, y) m/s
-    radius    m    of the body
-    name
-    """
-
-    x: float
-    y: float
-    yaw: float = 0.0
-    velocity: tuple[float, float] = (0.0, 0.0)
-    radius: float = 0.25
-    name: str = ""
-
-    def __post_init__(self) -> None:
-        what = _named("person", self.name)
-        try:
-            x, y = self.velocity
-        except (TypeError, ValueError):
-            raise MapError(f"{what} needs a velocity (x, y), m/s; got {shown(self.velocity)}.") from None
-        object.__setattr__(self, "velocity", tuple(_number(what, "velocity", v) for v in (x, y)))
-        _set_numbers(self, what, "x", "y", "yaw", "radius")
-        _check_radians(what, "yaw", self.yaw)
-        if not self.radius >= LEAST:
-            raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
-
-    @property
-    def moves(self) -> bool:
-        """Whether the person has a velocity."""
-        return self.velocity != (0.0, 0.0)
-
-    def at(self, t: Column) -> tuple[Column, Column]:
-        """Predicted position (x, y), m, at times t, s."""
-        return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
-
-    def later(self, t: float) -> Person:
-        """The person where it is predicted to be ``t`` seconds from now."""
-        x, y = self.at(np.float64(t))
-        return dataclasses.replace(self, x=float(x), y=float(y)) if self.moves else self
 
 
 @dataclass(frozen=True)
@@ -91,9 +48,9 @@ class Landmark:
     name: str = ""
 
     def __post_init__(self) -> None:
-        what = _named("landmark", self.name)
-        _set_numbers(self, what, "x", "y", "z", "weight", *(() if self.facing is None else ("facing",)))
-        _check_radians(what, "facing", self.facing or 0.0)
+        what = named_as("landmark", self.name)
+        set_numbers(self, what, "x", "y", "z", "weight", *(() if self.facing is None else ("facing",)))
+        check_radians(what, "facing", self.facing or 0.0)
         if not self.weight >= LEAST:
             raise MapError(f"{what} needs a weight above {LEAST:g}; got {self.weight!r}.")
 
@@ -117,7 +74,7 @@ class Zone:
 
     def __post_init__(self) -> None:
         known = isinstance(self.kind, str) and self.kind in get_args(ZoneKind)
-        what = _named(f"{self.kind} zone" if known else "zone", self.name)
+        what = named_as(f"{self.kind} zone" if known else "zone", self.name)
         if not known:
             raise MapError(f"{what}: kind must be one of {', '.join(get_args(ZoneKind))}; got {shown(self.kind)}.")
         if not isinstance(self.area, Polygon | MultiPolygon) or self.area.is_empty:
@@ -127,7 +84,7 @@ class Zone:
         if not self.area.is_valid:
             raise MapError(f"{what}: its area is no valid polygon: {shapely.is_valid_reason(self.area)}.")
         if self.kind == "speed":
-            _set_numbers(self, what, "limit")
+            set_numbers(self, what, "limit")
             if not (self.limit and self.limit >= LEAST):
                 raise MapError(f"{what} needs a limit above {LEAST:g} m/s; got {self.limit!r}.")
         elif self.limit is not None:
@@ -199,7 +156,7 @@ class Content:
     def describe(self) -> dict[str, Any]:
         """JSON-able description, from which :meth:`build` makes the same content."""
         return {
-            "people": [_plain(person) for person in self.people],
+            "people": [described_person(person) for person in self.people],
             "groups": [list(group) for group in self.groups],
             "landmarks": [_plain(landmark) for landmark in self.landmarks],
             "zones": [
@@ -212,7 +169,7 @@ class Content:
     def build(cls, data: Mapping[str, Any]) -> Content:
         """Content from its description; MapError, TypeError or LookupError where it is malformed."""
         return cls(
-            people=tuple(Person(**person) for person in data["people"]),
+            people=tuple(person_from(person) for person in data["people"]),
             groups=tuple(tuple(group) for group in data["groups"]),
             landmarks=tuple(Landmark(**landmark) for landmark in data["landmarks"]),
             zones=tuple(
@@ -229,26 +186,3 @@ class Content:
 def _plain(value: Any) -> dict[str, Any]:
     fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     return {name: list(item) if isinstance(item, tuple) else item for name, item in fields.items()}
-
-
-def _named(what: str, name: object) -> str:
-    """What an error is about; a name is text."""
-    if not isinstance(name, str):
-        raise MapError(f"a {what}'s name must be text; got {shown(name)}.")
-    return f"{what} {name!r}" if name else f"a {what}"
-
-
-def _set_numbers(value: object, what: str, *names: str) -> None:
-    """Make attributes floats, so that a description holds the same numbers."""
-    for name in names:
-        object.__setattr__(value, name, _number(what, name, getattr(value, name)))
-
-
-def _number(what: str, name: str, value: Any) -> float:
-    most = FARTHEST if name in ("x", "y") else MOST
-    return float(real(f"{what}: {name}", value, -most, most, error=MapError))
-
-
-def _check_radians(what: str, name: str, angle: float) -> None:
-    if advice := not_radians(angle):
-        raise MapError(f"{what}: {name} {advice}.")

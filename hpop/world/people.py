@@ -1,0 +1,327 @@
+"""People: where they are, where they will be, and how sure that is.
+
+A person stands, walks at a constant velocity, follows a track, or has several futures of which each may come true. The
+prediction may be uncertain (a normal distribution about the place, the same in all directions), and it may end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from hpop.arrays import Column
+from hpop.errors import MapError
+from hpop.math import smooth_step
+from hpop.options import LEAST, one_of
+from hpop.text import shown
+from hpop.world.checked import check_radians, named_as, number, pair, set_numbers
+from hpop.world.tracks.track import Track
+
+Afterwards = Literal["gone", "stays"]
+STANDS = (0.0, 0.0)
+SAME_PLACE = 1e-3  # m, by which a person's place may differ from where the track has it
+SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
+
+
+@dataclass(frozen=True)
+class Future:
+    """One of several things that a person may do.
+
+    weight      above 0; those of a person's futures are divided by their sum
+    velocity    (x, y) m/s
+    track       in the place of a velocity
+    until       s   when this future ends; None as the person's
+    x, y        m   where it begins without a track; None where the person is
+    yaw, afterwards, spread, growth  as the person's, where None
+    """
+
+    weight: float
+    velocity: tuple[float, float] = STANDS
+    track: Track | None = None
+    until: float | None = None
+    afterwards: Afterwards | None = None
+    spread: float | None = None
+    growth: float | None = None
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+
+    def __post_init__(self) -> None:
+        what = "a future"
+        object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
+        object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
+        if self.track is not None:
+            _check_track(what, self.track, self.velocity)
+        for name in ("x", "y", "yaw", "until", "spread", "growth"):
+            if getattr(self, name) is not None:
+                least = None if name in ("x", "y", "yaw") else 0.0
+                object.__setattr__(self, name, number(what, name, getattr(self, name), least))
+        check_radians(what, "yaw", self.yaw or 0.0)
+        if self.afterwards is not None:
+            one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
+
+    @classmethod
+    def of(cls, weight: float, person: Person) -> Future:
+        """What a person without futures will do, as one of several things that may be."""
+        names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
+        return cls(weight, **{name: getattr(person, name) for name in names})
+
+
+@dataclass(frozen=True)
+class Person:
+    """A person: where, looking where, moving how. Without more, the prediction is a constant velocity, for ever.
+
+    x, y        m     now
+    yaw         rad   heading of the body, of who stands
+    velocity    (x, y) m/s
+    radius      m     of the body
+    name
+    track       waypoints or a recorded track, in the place of a velocity; x and y are where it is at time 0
+    futures     several things that may be, in the place of a velocity or a track
+    spread      m     standard deviation, along each axis, of the place now
+    growth      m/s   how much that grows: σ(t)² = spread² + (growth (t + age))², up to ``until``
+    until       s     when the prediction ends, None: never; a track ends it too
+    afterwards  what is assumed then: "gone", or that the person "stays" where the prediction ends
+    age         s     how old the prediction is now
+
+    Raises MapError for what makes no sense.
+    """
+
+    x: float
+    y: float
+    yaw: float = 0.0
+    velocity: tuple[float, float] = STANDS
+    radius: float = 0.25
+    name: str = ""
+    track: Track | None = None
+    futures: tuple[Future, ...] = ()
+    spread: float = 0.0
+    growth: float = 0.0
+    until: float | None = None
+    afterwards: Afterwards = "gone"
+    age: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = named_as("person", self.name)
+        object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
+        set_numbers(self, what, "x", "y", "yaw", "radius")
+        check_radians(what, "yaw", self.yaw)
+        if not self.radius >= LEAST:
+            raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
+        for name in ("spread", "growth", "age", *(() if self.until is None else ("until",))):
+            object.__setattr__(self, name, number(what, name, getattr(self, name), 0.0))
+        one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
+        if self.track is not None:
+            self._set_track(what, self.track)
+        object.__setattr__(self, "futures", _checked_futures(what, self.futures))
+        if self.futures and (self.track is not None or self.velocity != STANDS):
+            raise MapError(f"{what} has futures, which say where each goes: leave velocity and track out.")
+
+    def _set_track(self, what: str, track: Track) -> None:
+        """Check the track against the person's place, and let the prediction end with it."""
+        _check_track(what, track, self.velocity)
+        x, y = (float(place) for place in track.at(0.0))
+        if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
+            raise MapError(
+                f"{what} is at ({self.x:g}, {self.y:g}), but the track has ({x:g}, {y:g}) at time 0; give the same "
+                "place, or hpop.world.Person.along(track), which takes it from the track."
+            )
+        if self.until is not None and self.until < track.begin:
+            raise MapError(
+                f"{what}: the prediction ends at {self.until:g} s, before the track begins, at {track.begin:g} s; "
+                "give a later end (until), or leave the person out."
+            )
+        until = track.end if self.until is None else min(self.until, track.end)
+        for name, value in (("x", x), ("y", y), ("until", max(until, 0.0))):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def along(cls, track: Track, **others: Any) -> Person:
+        """A person who follows a track, with other attributes by name."""
+        if not isinstance(track, Track):
+            raise MapError(f"a person follows an hpop.world.Track; got {shown(track)}.")
+        x, y = track.at(0.0)
+        return cls(float(x), float(y), track=track, **others)
+
+    @property
+    def moves(self) -> bool:
+        """Whether time matters: anything but standing for ever, as surely later as now."""
+        leaves = self.until is not None and self.afterwards == "gone"
+        return self.velocity != STANDS or self.track is not None or bool(self.futures) or self.growth > 0 or leaves
+
+    @property
+    def recorded(self) -> bool:
+        """Whether this is what the person did, and no prediction."""
+        return self.track is not None and self.track.recorded
+
+    @property
+    def speed(self) -> float:
+        """Greatest speed, m/s, of all futures."""
+        if self.futures:
+            return max(person.speed for _, person in self.hypotheses)
+        return math.hypot(*self.velocity) if self.track is None else self.track.speed
+
+    @property
+    def settled(self) -> float:
+        """Time, s, after which nothing about the person changes: 0 of who stands, ∞ where the prediction never ends."""
+        if self.futures:
+            return max(person.settled for _, person in self.hypotheses)
+        if not self.moves:
+            return 0.0
+        return math.inf if self.until is None else self.until
+
+    @cached_property
+    def hypotheses(self) -> tuple[tuple[float, Person], ...]:
+        """Weights, of sum 1, and what may be with each of them, as people without futures."""
+        if not self.futures:
+            return ((1.0, self),)
+        return tuple((future.weight, self._with(future)) for future in self.futures)
+
+    def _with(self, future: Future) -> Person:
+        """The person whose future is sure."""
+        names = ("x", "y", "yaw", "until", "afterwards", "spread", "growth")
+        own = {name: value for name in names if (value := getattr(future, name)) is not None}
+        if future.until is not None and self.until is not None:
+            own["until"] = min(self.until, future.until)
+        if future.track is not None:
+            own["x"], own["y"] = (float(place) for place in future.track.at(0.0))
+        return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
+
+    def at(self, t: Column) -> tuple[Column, Column]:
+        """Predicted position (x, y), m, at times t, s; after ``until`` where it was then. Not of several futures."""
+        self._check_one("at")
+        if self.track is not None:
+            return self.track.at(self._up_to_end(t))
+        t = self._up_to_end(t)
+        return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
+
+    def velocity_at(self, t: Column) -> tuple[Column, Column]:
+        """Predicted velocity (x, y), m/s, at times t, s; 0 from ``until`` on. Not of several futures."""
+        self._check_one("velocity_at")
+        if self.velocity == STANDS and self.track is None:
+            return STANDS
+        vx, vy = self.velocity if self.track is None else self.track.velocity(t)
+        walks = 1.0 if self.until is None else 1.0 - smooth_step(t - self.until)
+        return vx * walks, vy * walks
+
+    def ahead_at(self, t: Column) -> tuple[Column, Column]:
+        """Unit vector (x, y) in which the person walks or, standing, faces, at times t, s. Not of several futures.
+
+        Who stops goes on facing where the last steps led.
+        """
+        self._check_one("ahead_at")
+        along = None if self.track is None else self.track.ahead(self._up_to_end(t))
+        if along is not None:
+            return along
+        yaw = self.yaw if self.velocity == STANDS else math.atan2(self.velocity[1], self.velocity[0])
+        return math.cos(yaw), math.sin(yaw)
+
+    def there(self, t: Column) -> Column:
+        """1 at times t, s, at which the person is there, else 0; the number 1.0 of who is there always.
+
+        That is from a track's first time on, and before ``until`` of who is gone afterwards.
+        """
+        self._check_one("there")
+        there: Column = 1.0
+        if self.until is not None and self.afterwards == "gone":
+            there = 1.0 - smooth_step(t - self.until)
+        if self.track is not None and self.track.begin > 0:
+            there = there * smooth_step(t - self.track.begin)
+        return there
+
+    def deviation(self, t: Column) -> Column:
+        """Standard deviation σ(t) of the place along each axis, m, at times t, s; the number 0.0 where it is sure."""
+        if self.growth == 0.0:
+            return self.spread
+        grown = self.growth * (self._up_to_end(t) + self.age)
+        return np.sqrt(self.spread * self.spread + grown * grown)
+
+    def later(self, t: float) -> Person:
+        """The person as it is predicted, ``t`` seconds on: what was time t is time 0 then."""
+        if not self.moves:
+            return self
+        if self.futures:
+            each = [(weight, person.later(t)) for weight, person in self.hypotheses]
+            x, y = (math.fsum(weight * getattr(person, name) for weight, person in each) for name in "xy")
+            futures = tuple(Future.of(weight, person) for weight, person in each)
+            return replace(self, x=x, y=y, futures=futures, until=None, age=self._age(t))
+        x, y = (float(place) for place in self.at(np.float64(t)))
+        if self.until is None:
+            return replace(self, x=x, y=y, age=self._age(t))
+        if t < self.until:
+            track = None if self.track is None else self.track.later(t)
+            return replace(self, x=x, y=y, track=track, until=self.until - t, age=self._age(t))
+        ux, uy = self.ahead_at(np.float64(t))
+        until, yaw = 0.0 if self.afterwards == "gone" else None, math.atan2(uy, ux)
+        ended = replace(self, x=x, y=y, yaw=yaw, velocity=STANDS, track=None, until=until)
+        return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
+
+    def _age(self, t: float) -> float:
+        """How old the prediction is after so many seconds more; nobody asks where nothing grows."""
+        grows = any(person.growth > 0 for _, person in self.hypotheses)
+        return self.age + t if grows else self.age
+
+    def _up_to_end(self, t: Column) -> Column:
+        return t if self.until is None else np.minimum(t, self.until)
+
+    def _check_one(self, name: str) -> None:
+        if self.futures:
+            raise MapError(
+                f"{named_as('person', self.name)} has {len(self.futures)} futures, so there is no one answer to "
+                f"{name}(t): ask each of person.hypotheses, which are (weight, person)."
+            )
+
+
+def described_person(person: Person) -> dict[str, Any]:
+    """JSON-able description, from which :func:`person_from` makes the same person; defaults of predictions left out."""
+    kept = ("x", "y", "yaw", "velocity", "radius", "name")
+    return {name: _plain(value) for name, value in _given(person) if name in kept or value != _DEFAULTS[name]}
+
+
+def person_from(data: Mapping[str, Any]) -> Person:
+    """A person from a description; MapError, TypeError or LookupError where it is malformed."""
+    futures = tuple(Future(**_with_track(future)) for future in data.get("futures", ()))
+    return Person(**{**_with_track(data), "futures": futures})
+
+
+def _with_track(data: Mapping[str, Any]) -> dict[str, Any]:
+    return {**data, "track": Track(**data["track"])} if data.get("track") is not None else {**data}
+
+
+def _given(value: Person | Future) -> Iterator[tuple[str, Any]]:
+    return ((field.name, getattr(value, field.name)) for field in fields(value))
+
+
+def _plain(value: Any) -> Any:
+    """A person's attribute as JSON has it."""
+    if isinstance(value, Track):
+        return value.describe()
+    if isinstance(value, Future):
+        return {name: _plain(given) for name, given in _given(value) if given is not None}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+_DEFAULTS = {field.name: field.default for field in fields(Person)}
+
+
+def _check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
+    if not isinstance(track, Track):
+        raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
+    if velocity != STANDS:
+        raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
+
+
+def _checked_futures(what: str, given: Any) -> tuple[Future, ...]:
+    """Futures whose weights sum to 1."""
+    futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
+    if futures is None or not all(isinstance(future, Future) for future in futures):
+        raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
+    total = math.fsum(future.weight for future in futures)
+    if not futures or abs(total - 1.0) <= SAME_SUM:
+        return futures
+    return tuple(replace(future, weight=future.weight / total) for future in futures)

@@ -1,0 +1,219 @@
+"""Where somebody is at which time: waypoints with times, or what a camera has recorded; straight between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import Column, FloatArray, frozen
+from hpop.errors import MapError
+from hpop.math import is_symbolic
+from hpop.options import FARTHEST, MOST
+from hpop.text import shown
+
+FASTEST = 10.0
+"""m/s; nobody in a building runs faster, so that a greater speed tells of a wrong unit or frame rate."""
+MOST_POINTS = 100_000
+"""Points of a track: more than an hour at 25 a second."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Track:
+    """Places at times, straight lines at constant speed between them.
+
+    times     (N,)  s  rising, two at least; 0 is now, and what was before it does no harm
+    x, y      (N,)  m
+    recorded  it is what somebody did, not a prediction: walls and horizons do not change it
+
+    Raises MapError for what is no track: times that do not rise, numbers that are none, fewer than two points, or a
+    speed above ``FASTEST`` (of what is recorded, on the whole way: single points may be wrong).
+
+    >>> track = Track.through([(0, 0.0, 0.0), (2, 2.0, 0.0), (3, 2.0, 1.0)])
+    >>> [float(column) for column in track.at(2.5)], [float(column) for column in track.velocity(2.5)]
+    ([2.0, 0.5], [0.0, 1.0])
+    """
+
+    times: FloatArray
+    x: FloatArray
+    y: FloatArray
+    recorded: bool = False
+
+    def __post_init__(self) -> None:
+        for name, most in (("times", MOST), ("x", FARTHEST), ("y", FARTHEST)):
+            object.__setattr__(self, name, _column(name, getattr(self, name), most))
+        if type(self.recorded) is not bool:
+            raise MapError(f"whether a track is recorded is True or False; got {shown(self.recorded)}.")
+        count = self.times.size
+        if not count == self.x.size == self.y.size:
+            raise MapError(f"a track has as many times as x and y; got {count}, {self.x.size} and {self.y.size}.")
+        if not 2 <= count <= MOST_POINTS:
+            least = "; who stands is a person without a track" if count < 2 else ""
+            raise MapError(f"a track has 2 to {MOST_POINTS:,} points; got {count:,}{least}.")
+        steps = np.diff(self.times)
+        if not (steps > 0).all():
+            place = int(np.argmin(steps > 0))
+            before, after = self.times[place : place + 2].tolist()
+            fault = "the same time twice" if before == after else "a time that goes back"
+            raise MapError(
+                f"the times of a track must rise; got {fault}: {before:g} s at point {place}, then {after:g} s (points "
+                "are counted from 0). Sort the points by time, and leave repeated ones out."
+            )
+        ways = np.hypot(np.diff(self.x), np.diff(self.y))
+        speed = ways.sum() / (self.end - self.begin) if self.recorded else (ways / steps).max()
+        if speed > FASTEST:
+            raise MapError(
+                f"a track of {speed:.3g} m/s is faster than anybody runs ({FASTEST:g} m/s). Places are in m and times "
+                "in s: check the unit (cm, mm?) and the frame rate."
+            )
+
+    @classmethod
+    def through(cls, waypoints: Sequence[Sequence[float]]) -> Track:
+        """A predicted track through waypoints (t s, x m, y m); MapError where they are none."""
+        wrong = f"waypoints are a list of (t, x, y), s and m; got {shown(waypoints)}."
+        try:
+            rows = [tuple(point) for point in waypoints]
+        except TypeError:
+            raise MapError(wrong) from None
+        if any(len(row) != 3 for row in rows):
+            raise MapError(wrong)
+        times, x, y = ([row[i] for row in rows] for i in range(3))
+        return cls(times, x, y)  # type: ignore[arg-type]  # checked there
+
+    @property
+    def begin(self) -> float:
+        """First time, s."""
+        return float(self.times[0])
+
+    @property
+    def end(self) -> float:
+        """Last time, s."""
+        return float(self.times[-1])
+
+    @property
+    def speed(self) -> float:
+        """Greatest speed of a leg, m/s."""
+        return float(np.hypot(*self._velocities).max())
+
+    def at(self, t: Column) -> tuple[Column, Column]:
+        """Place (x, y), m, at times t, s; before the first and after the last time that of the first and last."""
+        if not is_symbolic(t):
+            return np.interp(t, self.times, self.x), np.interp(t, self.times, self.y)
+        within = np.minimum(np.maximum(t, self.begin), self.end)
+        legs = _symbolic_legs(self.times[:-1], within)
+        since = within - legs(self.times[:-1])
+        vx, vy = self._velocities
+        return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
+
+    def velocity(self, t: Column) -> tuple[Column, Column]:
+        """Velocity (x, y), m/s, at times t, s: of the leg that begins there, 0 before the first, from the last on."""
+        vx, vy = (np.concatenate([[0.0], part, [0.0]]) for part in self._velocities)
+        return self._of_leg(t, vx), self._of_leg(t, vy)
+
+    def ahead(self, t: Column) -> tuple[Column, Column] | None:
+        """Unit vector (x, y) in which one walks at times t, s; who stops goes on facing there. None: nobody walks."""
+        if self._ahead is None:
+            return None
+        ux, uy = self._ahead
+        return self._of_leg(t, ux), self._of_leg(t, uy)
+
+    def later(self, t: float) -> Track:
+        """The same track with times from ``t`` seconds on, without what was before."""
+        first = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), self.times.size - 2)
+        return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
+
+    def until(self, t: float) -> Track:
+        """The same track up to a time after its first one, s: it ends where one is then."""
+        kept = int(np.searchsorted(self.times, t, side="left"))
+        if kept == 0 or t <= self.begin:
+            raise MapError(f"a track that begins at {self.begin:g} s has no part until {t:g} s.")
+        if kept == self.times.size:
+            return self
+        x, y = self.at(t)
+        parts = ((self.times, t), (self.x, x), (self.y, y))
+        times, x, y = (np.append(column[:kept], last) for column, last in parts)
+        return replace(self, times=times, x=x, y=y)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able description: the arguments of a track."""
+        columns = {"times": self.times.tolist(), "x": self.x.tolist(), "y": self.y.tolist()}
+        return {**columns, **({"recorded": True} if self.recorded else {})}
+
+    @cached_property
+    def _velocities(self) -> tuple[FloatArray, FloatArray]:
+        """Velocity (N-1,) of each leg, m/s."""
+        steps = np.diff(self.times)
+        return np.diff(self.x) / steps, np.diff(self.y) / steps
+
+    @cached_property
+    def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
+        """Unit vectors (N+1,): before the track, on its legs, after it; those who stand look where they went last."""
+        vx, vy = self._velocities
+        speed = np.hypot(vx, vy)
+        walks = np.flatnonzero(speed > 0)
+        if not walks.size:
+            return None
+        last = walks[np.maximum(np.searchsorted(walks, np.arange(speed.size), side="right") - 1, 0)]
+        last = np.concatenate([last[:1], last, last[-1:]])
+        return vx[last] / speed[last], vy[last] / speed[last]
+
+    def _of_leg(self, t: Column, values: FloatArray) -> Column:
+        """Values (N+1,), of before the track, its legs, and after it, at times t."""
+        if is_symbolic(t):
+            before = np.array([min(self.begin, 0.0) - MOST])
+            return _symbolic_legs(np.concatenate([before, self.times]), t)(values)
+        return values[np.searchsorted(self.times, t, side="right")]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Track):
+            return NotImplemented
+        pairs = ((self.times, other.times), (self.x, other.x), (self.y, other.y))
+        return self.recorded == other.recorded and all(np.array_equal(one, another) for one, another in pairs)
+
+    def __hash__(self) -> int:
+        return hash((self.recorded, self.times.tobytes(), self.x.tobytes(), self.y.tobytes()))
+
+    def __repr__(self) -> str:
+        kind = "recorded" if self.recorded else "predicted"
+        return f"<Track: {kind}, {self.times.size} points, {self.begin:g} to {self.end:g} s>"
+
+
+def _column(name: str, given: Any, most: float) -> FloatArray:
+    """A frozen column of finite numbers."""
+    try:
+        array = np.array(given)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0, dtype=object)
+    if array.ndim != 1 or array.dtype.kind not in "iuf":
+        raise MapError(f"{name} of a track must be a list of numbers; got {shown(given)}.")
+    column = array.astype(np.float64)
+    if not (np.abs(column) <= most).all():
+        place = int(np.argmin(np.abs(column) <= most))
+        raise MapError(
+            f"{name} of a track must be numbers from {-most:,.0f} to {most:,.0f}; got {column[place]} at "
+            f"point {place} (counted from 0)."
+        )
+    return frozen(column)
+
+
+def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
+    """A function that gives the value of the leg in which symbols t lie, of values of which there is one a leg."""
+    import casadi
+
+    expression = t.to_casadi()
+    interface: Any = casadi.ArrayInterface
+    if isinstance(expression, casadi.SX):  # cannot be looked up in a table: a sum of steps
+
+        def stepped(values: FloatArray) -> Column:
+            rises = np.diff(values).tolist()
+            steps = zip(begins[1:].tolist(), rises, strict=True)
+            total = sum((rise * (expression >= begin) for begin, rise in steps), casadi.SX(float(values[0])))
+            return interface.SX(total + 0.0 * expression, shape=t.shape)
+
+        return stepped
+    knots = np.append(begins, begins[-1] + MOST)  # the last leg begins at the last but one
+    leg = casadi.low(casadi.DM(knots), casadi.vec(expression), {"lookup_mode": "binary"})
+    return lambda values: interface.MX(casadi.MX(casadi.DM(values))[leg], shape=t.shape)
