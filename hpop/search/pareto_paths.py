@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import IntArray, distinct
+from hpop.arrays import IntArray
 from hpop.errors import OptionError, did_you_mean
 from hpop.options import MOST_COUNTED, amounts, whole
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
+from hpop.search.methods import Question, chosen_method
 from hpop.search.networks import WHOLE
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
@@ -24,11 +25,8 @@ if TYPE_CHECKING:
     from hpop.search.asked_arcs import Free
     from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock, Search
-    from hpop.search.machinery.turns import Groups
 
 METHODS = ("auto", "staircase", "general")
-SMALL = 1024  # an index cost is small if some good path stays below it (others may dawdle where turns are free)
-SAMPLE = 10_000  # arcs that tell how many values a cost takes
 MOST_COMPARED = 500_000  # costs of open labels: what is missing is proven of them in a tenth of a second
 
 
@@ -169,59 +167,14 @@ class _ParetoRun:
         self.after_bounds = clock.seconds()
         if status is not None:
             return status
-        index = self._index(samples)
-        if self.method == "auto":
-            self.method = "staircase" if index >= 0 and self.graph.criteria == 3 else "general"
+        self.method, index = chosen_method(self.graph, self.method, samples)
         if h[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        by_spread = _by_spread(samples, h[:, self.source])
-        if self.method == "staircase":
-            from hpop.search.staircase.search import Staircase
-            from hpop.search.staircase.tables import TooWide
-
-            others = [j for j in by_spread if j != index]
-            others.sort(key=lambda j: self._is_raised(j, index, groups))  # free turns first
-            self.order = (others[0], index, *others[1:])
-            three = (others[0], index, others[1] if len(others) > 1 else -1)
-            if groups.column != index:
-                groups = Groups.none(self.graph, clock)
-            try:
-                return Staircase(
-                    self.graph, self.source, self.targets, h, three, groups, clock, self.precision, self.at_most,
-                    jointly=self.keeper is None,
-                )  # fmt: skip
-            except TooWide:
-                self.method = "general"
-        from hpop.search.general.search import General
-
-        self.order = _free_first(self.graph, by_spread, groups)
-        order, precision = self.order, self.precision
-        return General(self.graph, self.source, self.targets, h, order, groups, clock, precision, self.at_most)
-
-    def _is_raised(self, j: int, index: int, groups: Groups) -> bool:
-        """Whether any turn, an arc with a positive index, raises cost j."""
-        if groups.column == index:
-            return bool(groups.dearest[:, j].any())
-        turns = self.graph.costs[:, index] > 0
-        return bool(self.graph.costs[:, j].max(where=turns, initial=0))
-
-    def _index(self, samples: IntArray) -> int:
-        """Column of the smallest small-integer cost, -1 if there is none."""
-        graph = self.graph
-        reach = samples.min(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
-        fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
-        fit = [j for j in fit if graph.largest[j] < SMALL]
-        if self.method == "staircase":
-            if graph.criteria not in (2, 3):
-                raise OptionError(
-                    f"method 'staircase' takes 2 or 3 costs, this graph has {graph.criteria}; use 'general'"
-                )
-            if not fit:
-                raise OptionError(
-                    "method 'staircase' needs a summed cost that is a small integer "
-                    f"(below {SMALL} along good paths), this graph has none; use 'general'"
-                )
-        return min(fit, key=lambda j: int(reach[j])) if fit else -1
+        question = Question(self.graph, self.source, self.targets, self.precision, self.at_most)
+        search, self.method, self.order = question.search(
+            self.method, index, h, samples, groups, clock, jointly=self.keeper is None
+        )
+        return search
 
     def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
         """What was found; ``proven`` says that the gap is, which takes seconds where millions of labels are open.
@@ -312,29 +265,6 @@ def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, nothing: int | 
     if not (listed or (isinstance(values, np.ndarray) and values.ndim)) or len(values) not in (0, graph.criteria):
         raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
     return tuple(values)
-
-
-def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Order the costs: first the one that grows least, in proportion, on the way that is best in another cost.
-
-    Found by measurement: on museum lattices it puts the length first, which took 0.6 of the time of starting
-    with the exposure, and the turns never, which took five times as long.
-    """
-    ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the way best in i
-    np.fill_diagonal(ratios, np.inf)
-    return [int(j) for j in np.argsort(ratios.min(axis=0), kind="stable")]
-
-
-def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Where turns make groups, begin with a cost that they do not raise: then they are taken at once.
-
-    If there are several, with the sum that takes most values: it drops out of the sets of vectors, which are the
-    smaller the fewer values the others take. Proximity before the length took 0.6 to 1.2 of the time, and less memory.
-    """
-    free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
-    some = graph.costs[:SAMPLE]
-    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(distinct(some[:, j]))))
-    return (*free, *(j for j in by_spread if j not in free))
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:

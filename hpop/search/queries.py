@@ -172,6 +172,15 @@ class ParetoPaths:
         nodes[heads] = self._graph.heads[np.concatenate([np.zeros(0, np.int64), *several])]
         return nodes, sizes
 
+    def suffixes(self, node: int) -> list[IntArray]:
+        """What is left of each path that passes a node, from there on: places of arcs in the graph, as known paths."""
+        rest = []
+        for i, path in enumerate(self._paths):
+            at = np.flatnonzero(self.nodes(i) == node)
+            if at.size:
+                rest.append(path[at[-1] :])
+        return rest
+
     def arcs(self, i: int) -> IntArray:
         """Arcs of path i, as indices into the arcs that the caller gave."""
         return self._graph.arc[self._paths[i]].astype(np.int64)

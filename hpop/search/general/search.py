@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.compiled import lean
 from hpop.search.general.tables import build, trace
 from hpop.search.general.vector_sets import SET_COLUMNS, SIZE, enter, enter_all, is_covered, needs, weigh
@@ -288,6 +288,11 @@ class General(HeapSearch):
             scratch,
         )
         return int(code)
+
+    def close(self, arcs: BoolArray) -> None:
+        """Let no path take some arcs (m,) of the graph: they then lead back to where they begin, for nothing."""
+        places = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
+        self.table[places, 0] = np.searchsorted(self.start, places, side="right") - 1
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Nodes (n,) and estimates (n, k) of labels."""

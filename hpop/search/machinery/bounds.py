@@ -211,13 +211,20 @@ def lower_bounds(
     """
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
-    is_max = np.array([a == "max" for a in graph.aggregates], np.int64)
     groups = groups or Groups.of(graph, clock)
     m = len(groups.heads)
     memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k)
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
+    h, onward = costs_to_go(graph, targets, clock, groups)
+    return h, costs_of_least(graph, source, h, onward, clock), clock.exceeded(0, memory)
+
+
+def costs_to_go(graph: Graph, targets: IntArray, clock: Clock, groups: Groups) -> tuple[IntArray, NDArray[np.int32]]:
+    """Compute h (k, n), and the next node (k, n) on a way of that cost, -1 for none."""
+    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+    is_max = _is_max(graph)
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
     clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
@@ -234,13 +241,22 @@ def lower_bounds(
         return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j], *marks, *piles)
 
     clock.call_all(cost_to_go, [arguments(j) for j in range(k)])
+    for j in range(k if not same else 0):
+        h[j] = h[j][groups.place]
+        parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.place]
+    return h, parents
+
+
+def costs_of_least(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
+    """The cost vectors (k, k) of the paths that :func:`costs_to_go` found least in each cost; none (0, k) without."""
+    k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
-        onward = parents[j]
-        if not same:
-            h[j] = h[j][groups.place]
-            onward = np.where(onward < 0, -1, groups.nodes[onward]).astype(np.int32)[groups.place]
         if h[j, source] < UNREACHABLE:
-            arrays = (graph.indptr, graph.heads, graph.costs, is_max)
-            clock.call(cost_along, *arrays, j, h[j], onward, source, vectors[j])
-    return h, vectors[h[:, source] < UNREACHABLE], clock.exceeded(0, memory)
+            arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))
+            clock.call(cost_along, *arrays, j, h[j], onward[j], source, vectors[j])
+    return vectors[h[:, source] < UNREACHABLE]
+
+
+def _is_max(graph: Graph) -> IntArray:
+    return np.array([aggregate == "max" for aggregate in graph.aggregates], np.int64)

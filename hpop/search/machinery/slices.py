@@ -57,6 +57,11 @@ class Clock:
         clock.begin = self.begin + self.compiled
         return clock
 
+    @property
+    def work(self) -> int:
+        """Elementary steps of the next slice."""
+        return WORK
+
     def seconds(self) -> float:
         """Seconds since the search began, without compiling."""
         return perf_counter() - self.begin - self.compiled
@@ -171,7 +176,7 @@ class Search(ABC):
     def slice_work(self, clock: Clock) -> int:
         """Work of the next slice: less when the label limit is near, so that it is kept closely."""
         limit = clock.budget.max_labels
-        return WORK if limit is None else min(WORK, max(1, limit - int(self.counters[N_GENERATED])))
+        return clock.work if limit is None else min(clock.work, max(1, limit - int(self.counters[N_GENERATED])))
 
     def memory(self) -> int:
         """Bytes of all arrays."""

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision, thinned
@@ -58,10 +58,12 @@ from hpop.search.staircase.labels import enter_all, enter_goal, retrace, weigh
 from hpop.search.staircase.tables import (
     ARC_COLUMNS,
     BELOW,
+    DEAREST,
     GROUP_COLUMNS,
     H_FIRST,
     H_REST,
     NODE_COLUMNS,
+    REST,
     TooWide,
     fill_tables,
     trace,
@@ -140,6 +142,15 @@ class Staircase(BucketSearch):
         super().__init__(3, int((degrees + sizes).max()))
         self.fresh = np.zeros((self.fan, 3), np.int64)
         self._queue(f)
+
+    def close(self, arcs: BoolArray, groups: BoolArray) -> None:
+        """Let no path take some arcs (m,) of the graph, nor any turn of some groups (g,).
+
+        Their rest cost then is more than any solution's, so that no test of dominance lets them pass.
+        """
+        far = self._empty(1)[0]
+        self.arcs[arcs[self.origin], REST] = far
+        self.group_table[groups, DEAREST] = far
 
     def _no_more_than(self) -> list[int]:
         """What no solution may exceed, in the order of the search."""

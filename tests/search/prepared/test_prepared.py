@@ -1,0 +1,205 @@
+"""Claims: a prepared graph finds what a fresh one without the closed arcs has, and never promises more than that."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.errors import GraphError, QueryError
+from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.slices import Clock
+from hpop.status import Budget, Progress, Status
+
+EVENTS = 10  # of one drive: closings and openings, each followed by a question
+
+
+def any_graph(seed: int, lattice: Callable[..., Graph]) -> Graph:
+    """By turns a lattice whose turns are alike, one whose turns differ, and graphs without turns, of 1 to 5 costs."""
+    rng = np.random.default_rng(seed)
+    kind = seed % 4
+    if kind in (0, 1):
+        graph = lattice(seed)
+        if kind == 0:
+            return graph
+        costs = graph.costs.copy()
+        turns = costs[:, 1] > 0
+        angle = np.abs(np.subtract.outer(np.arange(4), np.arange(4))).ravel()
+        tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+        apart = angle[(tails % 4) * 4 + graph.heads % 4]
+        costs[turns, 0] += 3 + np.minimum(apart, 4 - apart)[turns]
+        return Graph.from_csr(graph.indptr, graph.heads, costs, aggregates=["sum", "sum", "sum"])
+    k = 1 + seed // 4 % 5
+    tails, heads = rng.integers(0, 25, (2, 150))
+    aggregates = [("sum", "max")[int(rng.integers(2))] for _ in range(k)]
+    return Graph.from_arcs(25, tails, heads, rng.integers(0, (5, 2000)[kind == 3], (150, k)), aggregates=aggregates)
+
+
+def an_event(graph: Graph, closed: BoolArray, rng: np.random.Generator, number: int) -> tuple[IntArray, IntArray]:
+    """Arcs to close and to open: single ones, those of a node and its neighbours, or what was closed before."""
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    kind = number % 4
+    if kind == 0:
+        chosen = rng.choice(graph.arcs, 4)
+    elif kind == 1:  # a place: all arcs of four nodes in a row, turns as well
+        first = 4 * rng.integers(graph.nodes // 4)
+        chosen = np.flatnonzero((tails // 4 == first // 4) | (graph.heads // 4 == first // 4))
+    else:
+        chosen = rng.choice(graph.arcs, graph.arcs // 8)
+    shut = np.flatnonzero(closed)
+    opened = rng.choice(shut, rng.integers(len(shut) + 1), replace=False) if kind == 3 and len(shut) else shut[:0]
+    return chosen if kind != 3 else chosen[:0], opened
+
+
+def costs_along(graph: Graph, paths: ParetoPaths, closed: BoolArray, source: int, targets: set[int]) -> list[list[int]]:
+    """What the paths cost, added up; each leads from the source to a target by arcs that are open."""
+    worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    found = []
+    for arcs in np.split(paths.all_arcs, np.cumsum(paths.lengths)[:-1]) if len(paths) else []:
+        nodes = [source, *graph.heads[arcs].tolist()]
+        assert tails[arcs].tolist() == nodes[:-1]
+        assert nodes[-1] in targets
+        assert not closed[arcs].any()
+        rows = graph.costs[arcs]
+        found.append(np.where(worst, rows.max(axis=0, initial=0), rows.sum(axis=0)).tolist())
+    return found
+
+
+@pytest.mark.seeds(6, of=120)
+def test_after_every_event_the_front_is_that_of_a_fresh_graph(seed: int, lattice: Callable[..., Graph]) -> None:
+    graph, rng = any_graph(seed, lattice), np.random.default_rng(seed)
+    targets = {int(node) for node in rng.integers(0, graph.nodes, 2)}
+    prepared, closed, known = Prepared(graph, targets), np.zeros(graph.arcs, np.bool_), pareto_paths(graph, 0, targets)
+    for number in range(EVENTS):
+        shut, opened = an_event(graph, closed, rng, number)
+        closed[shut], closed[opened] = True, False
+        prepared.close(shut)
+        prepared.open(opened)
+        assert (prepared.closed == closed).all()
+        source = int(rng.integers(graph.nodes))
+        if number % 2 and len(known):  # as in a drive: on the way of a plan, whose rest is known
+            nodes = known.nodes(int(rng.integers(len(known))))
+            source = int(nodes[rng.integers(nodes.size)])
+        expected = pareto_paths(graph.without(closed), source, targets)
+        found = prepared.paths(source, known=known.suffixes(source))
+        assert found.status is expected.status
+        assert found.costs.tolist() == expected.costs.tolist() == costs_along(graph, found, closed, source, targets)
+        assert found.gap == 0
+        known = found
+
+
+@pytest.mark.seeds(4, of=120)
+def test_bounds_stay_consistent_and_openings_restore_them(seed: int, lattice: Callable[..., Graph]) -> None:
+    graph, rng = any_graph(seed, lattice), np.random.default_rng(seed)
+    targets = np.array([graph.nodes - 1])
+    prepared, closed = Prepared(graph, graph.nodes - 1), np.zeros(graph.arcs, np.bool_)
+    tails, worst = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr)), np.array(graph.aggregates) == "max"
+    for number in range(EVENTS):
+        shut, opened = an_event(graph, closed, rng, number)
+        closed[shut], closed[opened] = True, False
+        prepared.close(shut)
+        prepared.open(opened)
+        h, arcs = prepared.bounds.T, ~closed & (prepared.bounds[0, graph.heads] < UNREACHABLE)
+        ahead, costs = h[graph.heads[arcs]], graph.costs[arcs]
+        assert (h[tails[arcs]] <= np.where(worst, np.maximum(costs, ahead), costs + ahead)).all()
+        anew, _, _ = lower_bounds(graph.without(closed), 0, targets, Clock(Budget(), None))
+        assert (prepared.bounds <= anew).all()
+    prepared.open(np.flatnonzero(closed))
+    anew, _, _ = lower_bounds(graph, 0, targets, Clock(Budget(), None))
+    assert (prepared.bounds == anew).all()
+
+
+def covers(front: IntArray, exact: IntArray, gap: float) -> bool:
+    """Whether every exact vector has one of the front that is at most (1 + gap) times it."""
+    return all((front <= exact[i] * (1 + gap) + 1e-9).all(axis=1).any() for i in range(len(exact)))
+
+
+@pytest.mark.seeds(6, of=80)
+@pytest.mark.parametrize("limit", [1, 40, 300])
+def test_the_gap_that_is_told_is_true_of_what_was_found_and_known(
+    seed: int, limit: int, lattice: Callable[..., Graph]
+) -> None:
+    graph, rng = lattice(seed, 7), np.random.default_rng(seed)
+    costs = graph.costs + (graph.costs > 0) * rng.integers(0, 50, graph.costs.shape) * [1, 0, 1]
+    graph = Graph.from_csr(graph.indptr, graph.heads, costs)
+    prepared, exact = Prepared(graph, graph.nodes - 1), pareto_paths(graph, 0, graph.nodes - 1)
+    some = exact.select(exact.costs, np.arange(0, len(exact), 5)).suffixes(0)
+    for known in ([], some):
+        found = prepared.paths(0, budget=Budget(max_labels=limit), known=known)
+        assert found.status in (Status.LABEL_LIMIT, exact.status)
+        if len(found):
+            assert found.gap < math.inf
+            assert covers(found.costs, exact.costs, found.gap)
+        assert len(found) >= len(known)
+        assert costs_along(graph, found, prepared.closed, 0, {graph.nodes - 1}) == found.costs.tolist()
+
+
+def test_after_a_deadline_of_nothing_there_is_what_was_known_and_its_gap(lattice: Callable[..., Graph]) -> None:
+    graph = lattice(3, 7)
+    exact, prepared = pareto_paths(graph, 0, graph.nodes - 1), Prepared(graph, graph.nodes - 1)
+    found = prepared.paths(0, deadline=0, known=exact.suffixes(0))
+    assert found.status is Status.TIME_LIMIT
+    assert found.costs.tolist() == exact.costs.tolist()
+    least = exact.costs.min(axis=0)  # all that is known without a search
+    assert found.gap == pytest.approx((exact.costs / least - 1).max(axis=1).min())
+    nothing = prepared.paths(0, deadline=0)
+    assert (len(nothing), nothing.gap) == (0, math.inf)
+
+
+def test_known_paths_through_what_was_closed_since_are_left_out(lattice: Callable[..., Graph]) -> None:
+    graph = lattice(3, 7)
+    exact, prepared = pareto_paths(graph, 0, graph.nodes - 1), Prepared(graph, graph.nodes - 1)
+    shut = exact.all_arcs[:1]
+    prepared.close(shut)
+    found = prepared.paths(0, deadline=0, known=exact.suffixes(0))
+    assert 0 < len(found) < len(exact)
+    assert not np.isin(found.all_arcs, shut).any()
+
+
+def test_an_interrupted_search_returns_what_it_has(chain: Callable[..., Graph]) -> None:
+    graph = chain(60)
+
+    def interrupt(progress: Progress) -> None:
+        if progress.stage == "search" and progress.front:
+            signal.raise_signal(signal.SIGINT)
+
+    prepared = Prepared(graph, 60)
+    found = prepared.paths(0, progress=interrupt)
+    assert found.status is Status.INTERRUPTED
+    assert found.gap > 0
+    exact = prepared.paths(0)
+    assert exact.status is Status.COMPLETE
+    assert covers(found.costs, exact.costs, found.gap)
+
+
+def test_suffixes_are_the_rest_of_the_paths_that_pass_a_node() -> None:
+    graph = Graph.from_arcs(4, [0, 1, 1, 2, 0], [1, 2, 3, 3, 3], [[1, 5], [1, 1], [3, 1], [1, 1], [1, 9]])
+    paths = pareto_paths(graph, 0, 3)
+    assert sorted(rest.tolist() for rest in paths.suffixes(1)) == [[2, 4], [3]]  # places of arcs, sorted by tail
+    assert [rest.size for rest in paths.suffixes(3)] == [0] * len(paths)
+
+
+@pytest.mark.parametrize(
+    ("known", "why"),
+    [([2], "arc by arc"), ([0], "to a target"), ([9], "from 0 to 2"), ([-1], "from 0 to 2"), ([0.5], "places of arcs")],
+)
+def test_a_known_path_that_is_none_is_refused(known: list[float], why: str) -> None:
+    prepared = Prepared(Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1], [1], [9]]), 2)
+    with pytest.raises(QueryError, match=why):
+        prepared.paths(0, known=[np.array(known)])
+
+
+@pytest.mark.parametrize("arcs", [[3], [-1], [0.5], [[0]]])
+def test_arcs_that_are_none_can_neither_be_closed_nor_opened(arcs: list[int]) -> None:
+    prepared = Prepared(Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1], [1], [9]]), 2)
+    for change in (prepared.close, prepared.open):
+        with pytest.raises(GraphError, match="places"):
+            change(arcs)
+    with pytest.raises(QueryError, match="source"):
+        prepared.paths(3)
