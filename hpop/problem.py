@@ -24,7 +24,7 @@ from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
 from hpop.html import facts_html, picture_html
 from hpop.motions import Model
 from hpop.motions.space import StateSpec, Values
-from hpop.options import MOST, real
+from hpop.options import LEAST, MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
 from hpop.registry import make_model
 from hpop.solving import StageCallback
@@ -33,6 +33,7 @@ from hpop.text import shown
 from hpop.trace import Trace, trace
 from hpop.trajectory import Trajectory
 from hpop.world import World
+from hpop.world.predictions import bounded, with_people
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,6 +48,10 @@ class Problem:
               of these, of which any will do
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
     quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
+    horizon   s, up to which people are predicted; None: until they leave the map or come to an obstacle
+
+    The world's people are those of the world given, their predictions cut where they cannot be true
+    (:func:`hpop.world.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures are of these.
 
     ``read_seconds``, s, and ``read_memory``, bytes that stay of it, are what reading its files took: the limits of a
     planner cover it.
@@ -60,6 +65,8 @@ class Problem:
     goal: Values | Goal
     criteria: tuple[Criterion, ...]
     quanta: Mapping[str, float]
+    horizon: float | None
+    notes: tuple[str, ...] = field(init=False)
     read_seconds: float = field(default=0.0, init=False)
     read_memory: int = field(default=0, init=False)
 
@@ -72,6 +79,7 @@ class Problem:
         criteria: Sequence[CriterionSpec],
         *,
         quanta: Mapping[str, float] | None = None,
+        horizon: float | None = None,
     ) -> None:
         if not isinstance(world, World):
             raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
@@ -86,11 +94,17 @@ class Problem:
         repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
         if repeated:
             raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
+        if horizon is not None:
+            horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
+        people, notes = bounded(world, horizon)
+        world = with_people(world, people)
         for criterion in made:
             check_usable(criterion, model, world)
         _check_stand_ins(made)
         made = with_quanta(made, quanta)
         object.__setattr__(self, "world", world)
+        object.__setattr__(self, "horizon", horizon)
+        object.__setattr__(self, "notes", notes)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(model.space.state(start, what="start")))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
@@ -175,13 +189,10 @@ class Problem:
     def at(self, state: StateSpec, t: float) -> Problem:
         """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.
 
-        People who move are where their velocity has brought them by then, which is what is predicted; all else stays.
+        People who move are where they are predicted to be by then, and go on as predicted now; all else stays.
         """
         real("t", t, 0, MOST, "a time in s", error=QueryError)
-        now, world = self.world.content, self.world
-        people = tuple(person.later(t) for person in now.people)
-        if people != now.people:
-            world = world.with_content(people=people, groups=now.groups, landmarks=now.landmarks, zones=now.zones)
+        world = with_people(self.world, tuple(person.later(t) for person in self.world.content.people))
         return replace(self, world=world, start=cast(tuple[float, ...], state))  # checked there
 
     @overload
@@ -223,6 +234,7 @@ class Problem:
             "goal": self.target.describe(),
             "criteria": [describe_criterion(criterion) for criterion in self.criteria],
             **({"quanta": dict(self.quanta)} if self.quanta else {}),
+            **({} if self.horizon is None else {"horizon": self.horizon}),
         }
 
     @classmethod
@@ -241,6 +253,7 @@ class Problem:
                 goal,
                 criteria,
                 quanta=description.get("quanta"),
+                horizon=description.get("horizon"),
             )
         except HpopError:
             raise

@@ -119,7 +119,12 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         problem=problem.describe(),
         runs=[
             {
-                "notes": [*candidates.notes, *_empty_groups(problem.criteria), *getattr(problem.model, "notes", ())],
+                "notes": [
+                    *candidates.notes,
+                    *_empty_groups(problem.criteria),
+                    *getattr(problem.model, "notes", ()),
+                    *problem.notes,
+                ],
                 "evaluated": [c.name for c in candidates.filters],
                 **candidates.stats,
             }

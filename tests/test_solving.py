@@ -26,7 +26,8 @@ def asked(*people: Person, criteria: tuple[str, ...] = ("hall_zones", "length"))
 def test_people_who_move_are_where_their_velocity_brings_them_and_all_else_stays():
     now = asked(WALKER, GUARD)
     later = now.at((3, 2, 0.5), 4.0)
-    assert later.world.content.people == (Person(6.0, 3.0, math.pi, (-0.5, 0.25)), GUARD)
+    walker = Person(6.0, 3.0, math.pi, (-0.5, 0.25), until=12.0)  # then it leaves the hall
+    assert later.world.content.people == (walker, GUARD)
     assert later.world.content.groups == now.world.content.groups
     assert later.start == (3, 2, 0.5)
     assert (later.goal, later.criteria, later.quanta) == (now.goal, now.criteria, now.quanta)

@@ -91,7 +91,7 @@ def look(
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
         save_figure(seen.figure, out, DPI)
-    for note in (*problem.world.notes, *seen.notes):
+    for note in (*problem.world.notes, *problem.notes, *seen.notes):
         echo(f"note: {note}")
     echo(f"written to {out}")
     if seen.refused:

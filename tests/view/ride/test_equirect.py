@@ -160,7 +160,7 @@ def test_the_same_bytes_whoever_draws_and_beside_whatever():
 
 
 def test_a_person_is_where_they_have_walked_as_wide_and_as_tall_as_they_are():
-    walker = Person(5.0, -1.0, velocity=(0.0, 0.5), radius=0.3)
+    walker = Person(5.0, 0.8, velocity=(0.0, 0.2), radius=0.3)
     picture = drawn(ROOM.with_content(people=[Person(2, 4), walker]), 2048)
     place = np.array([2.0, 2.0, 1.2])
     numbers = picture.numbers(place, 0.0, 6.0)  # now at (5, 2), straight ahead

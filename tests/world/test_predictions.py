@@ -1,0 +1,233 @@
+"""Predictions that end: at walls, at the border of the map, at a horizon; and what a problem makes of them."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hpop
+from hpop.errors import MapError, QueryError
+from hpop.world import Future, Person, Track, World
+from hpop.world.predictions import bounded
+
+WALL = shapely.box(6, 0, 6.5, 4)
+HALL = World.from_polygons([WALL, (shapely.box(1, 5, 2, 6), (2.2, 2.5))], extent=shapely.box(0, 0, 10, 8))
+
+
+def people_of(*people: Person, world: World = HALL, horizon: float | None = None) -> tuple[Person, ...]:
+    return bounded(world.with_content(people=people), horizon)[0]
+
+
+def notes_of(*people: Person, horizon: float | None = None) -> tuple[str, ...]:
+    return bounded(HALL.with_content(people=people), horizon)[1]
+
+
+def test_who_would_walk_into_a_wall_stops_a_radius_before_it_and_stays():
+    (ada,) = people_of(Person(2.0, 2.0, velocity=(1.0, 0.0), radius=0.3, name="Ada"))
+    assert ada.until == pytest.approx(3.7, abs=1e-9)  # the wall is at x = 6
+    assert ada.afterwards == "stays"
+    assert ada.settled == ada.until
+    np.testing.assert_allclose(ada.at(np.array([1.0, 50.0]))[0], [3.0, 5.7])
+    (note,) = notes_of(Person(2.0, 2.0, velocity=(1.0, 0.0), radius=0.3, name="Ada"))
+    expected = "walk into an obstacle, and are predicted to stop before it and to stay: 'Ada' after 3.7 s"
+    assert note == f"people who would {expected}"
+
+
+def test_what_hangs_overhead_stops_nobody():
+    (person,) = people_of(Person(0.5, 5.5, velocity=(1.0, 0.0)))
+    assert person.until == pytest.approx(9.5)
+    assert person.afterwards == "gone"
+
+
+def test_who_leaves_the_map_is_gone_from_then():
+    (person,) = people_of(Person(8.0, 2.0, velocity=(0.5, 0.5)))
+    assert person.until == pytest.approx(4.0)
+    assert person.there(np.array([3.9, 4.1])).tolist() == [1.0, 0.0]
+    assert notes_of(Person(8.0, 2.0, velocity=(0.5, 0.5))) == (
+        "people who leave the map, and are gone from then on: number 0 after 4 s",
+    )
+
+
+@pytest.mark.parametrize(("x", "speed", "until"), [(-2.0, 1.0, 12.0), (12.0, 1.0, 0.0), (-2.0, -1.0, 0.0)])
+def test_who_comes_from_outside_is_there_until_he_has_crossed_the_map(x, speed, until):
+    (person,) = people_of(Person(x, 6.0, velocity=(speed, 0.0)))
+    assert person.until == pytest.approx(until)
+
+
+def test_a_horizon_ends_predictions_but_not_what_was_recorded():
+    walks, stays = Person(1, 7, velocity=(0.5, 0)), Person(1, 7, velocity=(0.5, 0), afterwards="stays")
+    track = Track.through([(0, 1, 7), (9, 5, 7)])
+    recorded = Track(track.times, track.x, track.y, recorded=True)
+    stands = Person(1.0, 1.0, growth=0.1)
+    given = (walks, stays, Person.along(track), Person.along(recorded), stands, Person(3.0, 3.0))
+    people = people_of(*given, horizon=5.0)
+    assert [person.until for person in people] == [5.0, 5.0, 5.0, 9.0, 5.0, None]
+    assert [person.afterwards for person in people] == ["gone", "stays", "gone", "gone", "stays", "gone"]
+    assert float(people[4].deviation(np.float64(90.0))) == pytest.approx(0.5)
+    assert notes_of(*given, horizon=5.0) == (
+        "people who are predicted up to the horizon, and are gone from then on: number 0 after 5 s, number 2 after 5 s",
+        "people who are predicted up to the horizon, and stay where they are then: number 1 after 5 s, "
+        "number 4 after 5 s",
+        "people who are recorded up to an end, and are gone from then on: number 3 after 9 s",
+    )
+
+
+def test_a_track_that_begins_after_the_horizon_is_never_there():
+    late = Person.along(Track.through([(7, 1, 7), (9, 3, 7)]))
+    (person,) = people_of(late, horizon=5.0)
+    assert person.there(np.arange(20.0)).max() == 0.0
+    assert person.settled == 0.0
+
+
+def test_each_future_ends_by_itself():
+    given = Person(4.0, 2.0, futures=(Future(3, velocity=(1, 0)), Future(1, velocity=(0, -1))), name="Ada")
+    (person,) = people_of(given)
+    (_, stops), (_, leaves) = person.hypotheses
+    assert (stops.afterwards, leaves.afterwards) == ("stays", "gone")
+    assert [stops.until, leaves.until] == pytest.approx([1.75, 2.0])
+    assert person.settled == leaves.until
+    assert notes_of(given)[1].endswith("gone from then on: 'Ada' (future 1) after 2 s")
+
+
+def test_of_many_people_a_note_names_a_few():
+    notes = notes_of(*(Person(0.5 + i / 10, 7, velocity=(0.5, 0)) for i in range(7)), horizon=2.0)
+    assert len(notes) == 1
+    assert notes[0].endswith("number 3 after 2 s and 3 others")
+
+
+def test_walls_do_not_change_what_people_did():
+    track = Track([0.0, 4.0], [4.0, 8.0], [2.0, 2.0], recorded=True)
+    (person,) = people_of(Person.along(track))
+    assert person == Person.along(track)
+
+
+def test_a_person_within_a_wall_is_an_error():
+    for person in (Person(6.25, 2, velocity=(1, 0)), Person.along(Track([0, 4], [6.25, 8], [2, 2], recorded=True))):
+        with pytest.raises(MapError, match=r"person number 0 begins at \(6.25, 2\), within an obstacle"):
+            people_of(person)
+    assert people_of(Person(6.25, 2.0)) == (Person(6.25, 2.0),)  # who sits in an armchair is
+
+
+def test_who_leans_on_a_wall_may_walk_away_but_not_through():
+    away, through = Person(6.05, 2, velocity=(-1, 0)), Person(6.05, 2, velocity=(1, 0))
+    (away, through) = people_of(away, through)
+    assert (away.afterwards, through.afterwards, through.until) == ("gone", "stays", 0.0)
+
+
+def test_who_is_ever_less_surely_there_needs_an_end():
+    with pytest.raises(MapError, match=r"ever less surely there .*\(until\), or a horizon"):
+        people_of(Person(1.0, 1.0, growth=0.1, name="Ada"))
+
+
+def entry(x: float, y: float, vx: float, vy: float) -> float:
+    """When a point first is within the wall, by small steps: up to a tick late."""
+    t = np.arange(0.0, 40.0, 1e-3)
+    inside = (x + vx * t > 6) & (x + vx * t < 6.5) & (y + vy * t > 0) & (y + vy * t < 4)
+    return float(t[np.argmax(inside)]) if inside.any() else math.inf
+
+
+@given(
+    st.tuples(st.integers(1, 23), st.integers(1, 31), st.integers(-3, 3), st.integers(-3, 3)).filter(
+        lambda p: (p[2], p[3]) != (0, 0)
+    )
+)
+def test_an_end_is_when_the_centre_meets_wall_or_border_whatever_the_direction(numbers):
+    x, y, vx, vy = (number / 4 for number in numbers)
+    (person,) = people_of(Person(x, y, velocity=(vx, vy)))
+    border = min(((10 if v > 0 else 0) - p) / v for p, v in ((x, vx),) if v) if vx else math.inf
+    border = min(border, ((8 if vy > 0 else 0) - y) / vy if vy else math.inf)
+    wall = entry(x, y, vx, vy)
+    if wall < border:
+        assert person.afterwards == "stays"
+        assert person.until == pytest.approx(max(wall - 0.25 / math.hypot(vx, vy), 0.0), abs=2e-3)
+    else:
+        assert (person.until, person.afterwards) == (pytest.approx(border), "gone")
+
+
+walkers = st.builds(
+    lambda x, y, vx, vy, until, kind: (
+        Person.along(Track.through([(0, x, y), (3, x, y), (9, x + vx, y + 2 * vy)]), until=until)
+        if kind
+        else Person(x, y, velocity=(vx, vy), until=until)
+    ),
+    *(st.integers(1, 5), st.integers(1, 7), st.integers(-2, 2), st.integers(-2, 2)),
+    st.none() | st.integers(1, 9),
+    st.booleans(),
+)
+
+
+@given(st.lists(walkers, max_size=4), st.none() | st.integers(1, 6), st.integers(0, 8))
+def test_what_is_bounded_stays_as_it_is_also_later_and_after_saving(people, horizon, t):
+    world = HALL.with_content(people=people)
+    cut, notes = bounded(world, horizon)
+    again = World.from_description(json.loads(json.dumps(world.with_content(people=cut).describe())))
+    assert bounded(again, horizon) == (cut, notes)
+    later = tuple(person.later(float(t)) for person in cut)
+    for now, then in zip(people_of(*later, horizon=horizon), later, strict=True):
+        assert now.settled == pytest.approx(then.settled, abs=1e-5)
+        assert now.afterwards == then.afterwards
+
+
+def problem_with(*people: Person, **options: object) -> hpop.Problem:
+    model = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
+    world = HALL.with_content(people=people)
+    return hpop.Problem(world, model, (1, 1, 0), (9, 1, 0), ["length", "personal_space"], **options)
+
+
+def test_a_problem_has_bounded_people_and_says_so():
+    problem = problem_with(Person(4.0, 2.0, velocity=(1.0, 0.0), name="Ada"), Person(1.0, 7.0))
+    assert [person.settled for person in problem.world.content.people] == [pytest.approx(1.75), 0.0]
+    assert problem.notes == (
+        "people who would walk into an obstacle, and are predicted to stop before it and to stay: 'Ada' after 1.75 s",
+    )
+    again = hpop.Problem.from_description(json.loads(json.dumps(problem.describe())))
+    assert (again.notes, again.world.content.people) == (problem.notes, problem.world.content.people)
+
+
+def test_a_problem_later_predicts_the_same():
+    problem = problem_with(Person(1.0, 7.0, velocity=(1.0, 0.0)), horizon=4.0)
+    later = problem.at((2, 1, 0), 1.5)
+    (person,), (then,) = problem.world.content.people, later.world.content.people
+    assert then.until == 2.5
+    np.testing.assert_allclose(then.at(np.array([0.0, 1.0, 9.0])), person.at(np.array([1.5, 2.5, 9.0])))
+    assert later.notes[0].endswith("number 0 after 2.5 s")
+    assert later.describe()["horizon"] == 4.0
+
+
+def test_who_stands_leaves_world_and_description_alone():
+    problem = problem_with(Person(1.0, 7.0), Person(3.0, 7.0, spread=0.2))
+    assert problem.notes == ()
+    assert "horizon" not in problem.describe()
+    world = HALL.with_content(people=[Person(1.0, 7.0)])
+    assert hpop.Problem(world, problem.model, (1, 1, 0), (9, 1, 0), ["length"]).world is world
+
+
+@pytest.mark.parametrize("horizon", [0, -1, math.inf, math.nan, "8", True])
+def test_a_horizon_is_a_time(horizon):
+    with pytest.raises(QueryError, match=r"horizon must be a time in s"):
+        problem_with(Person(1.0, 7.0), horizon=horizon)
+
+
+def test_fronts_carry_how_predictions_end():
+    problem = problem_with(Person(1.0, 7.0, velocity=(1.0, 0.0), name="Ada"), horizon=4.0)
+    trajectory = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (5, 1, 0)])
+    from hpop.planners.base import Candidates
+    from hpop.status import Status
+
+    costs = np.array([list(problem.evaluate(trajectory).values())])
+    candidates = Candidates(
+        trajectories=[trajectory],
+        objectives=problem.criteria,
+        planned=costs,
+        tolerance=np.zeros((1, 2)),
+        status=Status.COMPLETE,
+        certificate="none",
+        provenance=({},),
+    )
+    assert problem.notes[0] in problem.front(candidates).notes
