@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
     from hpop.status import Status
     from hpop.trajectory import Trajectory
-    from hpop.world import World
+    from hpop.world import Person, Track, World, read_tracks
 
 __version__ = "0.1.0"
 
@@ -38,13 +38,16 @@ _HOMES = {
     "MobileArm": "hpop.models",
     "Motions": "hpop.motions",
     "PanTilt": "hpop.models",
+    "Person": "hpop.world",
     "Problem": "hpop.problem",
     "SerialArm": "hpop.models",
     "Status": "hpop.status",
+    "Track": "hpop.world",
     "Trajectory": "hpop.trajectory",
     "World": "hpop.world",
     "criterion": "hpop.criteria.base",
     "model": "hpop.models.base",
+    "read_tracks": "hpop.world",
 }
 
 _MODULES = ("errors", "examples", "export", "frontier", "search", "testing", "view")  # each after ``import hpop`` alone
@@ -57,13 +60,16 @@ __all__ = [
     "MobileArm",
     "Motions",
     "PanTilt",
+    "Person",
     "Problem",
     "SerialArm",
     "Status",
+    "Track",
     "Trajectory",
     "World",
     "criterion",
     "model",
+    "read_tracks",
 ]
 
 __getattr__ = on_first_use(__name__, _HOMES, _MODULES)

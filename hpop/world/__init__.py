@@ -5,7 +5,7 @@ from hpop.world.ground import Ground
 from hpop.world.people import Future, Person
 from hpop.world.shapes import Obstacle, Raster
 from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
-from hpop.world.tracks import Track
+from hpop.world.tracks import Track, read_tracks
 from hpop.world.world import World
 
 __all__ = [
@@ -23,4 +23,5 @@ __all__ = [
     "Track",
     "World",
     "pose_at",
+    "read_tracks",
 ]

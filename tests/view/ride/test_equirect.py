@@ -160,17 +160,17 @@ def test_the_same_bytes_whoever_draws_and_beside_whatever():
 
 
 def test_a_person_is_where_they_have_walked_as_wide_and_as_tall_as_they_are():
-    walker = Person(5.0, 0.8, velocity=(0.0, 0.2), radius=0.3)
+    walker = Person(4.0, 0.8, velocity=(0.0, 0.2), radius=0.3)
     picture = drawn(ROOM.with_content(people=[Person(2, 4), walker]), 2048)
     place = np.array([2.0, 2.0, 1.2])
-    numbers = picture.numbers(place, 0.0, 6.0)  # now at (5, 2), straight ahead
+    numbers = picture.numbers(place, 0.0, 6.0)  # now at (4, 2), straight ahead
     number = picture.scene.figures[1].number
     columns = np.flatnonzero((numbers == number).any(axis=0))
     assert (columns[0] + columns[-1] + 1) / 2 == pytest.approx(1024, abs=1)
-    assert (columns[-1] + 1 - columns[0]) * 360 / 2048 == pytest.approx(2 * math.degrees(math.asin(0.3 / 3)), abs=0.4)
+    assert (columns[-1] + 1 - columns[0]) * 360 / 2048 == pytest.approx(2 * math.degrees(math.asin(0.3 / 2)), abs=0.4)
     rows = np.flatnonzero((numbers == number).any(axis=1))
-    assert 90 - rows[0] * 180 / 1024 == pytest.approx(math.degrees(math.atan((1.73 - 1.2) / 3)), abs=0.4)
-    assert 90 - (rows[-1] + 1) * 180 / 1024 == pytest.approx(math.degrees(math.atan(-1.2 / (3 - 0.55 * 0.3))), abs=0.4)
+    assert 90 - rows[0] * 180 / 1024 == pytest.approx(math.degrees(math.atan((1.73 - 1.2) / 2)), abs=0.4)
+    assert 90 - (rows[-1] + 1) * 180 / 1024 == pytest.approx(math.degrees(math.atan(-1.2 / (2 - 0.55 * 0.3))), abs=0.4)
 
 
 def test_a_person_shows_their_face_to_whom_they_look_at():

@@ -1,0 +1,166 @@
+"""Tracks from files: what each format says, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.errors import MapError
+from hpop.world import Track
+
+PETRACK = """# PeTrack project: corridor.pet
+# framerate: 20 fps
+# id frame x/cm y/cm z/cm
+1 40 100 250.5 176
+1 42 110 250.5 176
+2 41 -300 20 180
+1 44 130 255 176
+2 43 -290 20 180
+"""
+CSV = "id,t,x,y\nAda,0,1.0,2.0\nAda,0.5,1.5,2.0\n7,0.25,0,0\n7,1.25,0,1\n"
+# The layout of the ETH data set, not its content: frame id x z y vx vz vy.
+OBSMAT = """ 7.80e+02 1.0e+00 8.456 0.0 3.588 1.671 0.0 0.306
+ 7.86e+02 1.0e+00 9.125 0.0 3.658 1.677 0.0 0.174
+ 7.92e+02 1.0e+00 9.795 0.0 3.728 1.677 0.0 0.174
+"""
+
+
+def written(folder: Path, text: str, name: str = "tracks.txt") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_petrack_files_say_unit_and_frame_rate(tmp_path):
+    tracks = hpop.read_tracks(written(tmp_path, PETRACK))
+    assert list(tracks) == [1, 2]
+    assert tracks[1] == Track([2.0, 2.1, 2.2], [1.0, 1.1, 1.3], [2.505, 2.505, 2.55], recorded=True)
+    assert tracks[2] == Track([2.05, 2.15], [-3.0, -2.9], [0.2, 0.2], recorded=True)
+
+
+def test_petrack_files_without_a_unit_are_in_metres(tmp_path):
+    head = "# description: corridor\n# framerate: 25.00\n\n# PersID\tFrame\tX\tY\tZ\n"
+    text = f"{head}9\t100\t4.5\t1.25\t1.76\n9\t125\t3.5\t1.5\t1.76\n"
+    assert hpop.read_tracks(written(tmp_path, text)) == {9: Track([4.0, 5.0], [4.5, 3.5], [1.25, 1.5], recorded=True)}
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (CSV, {}),
+        (CSV.partition("\n")[2], {}),
+        (CSV.replace(",", ";"), {"unit": "m"}),
+        (CSV.replace(",", "\t"), {}),
+        ("# drawn by hand\n\n" + CSV, {"format": "csv"}),
+        ("y/cm,x/cm,frame,agent_id\n200,100,0,Ada\n200,150,10,Ada\n0,0,5,7\n100,0,25,7\n", {"frame_rate": 20}),
+        ("id,time [s],x [mm],y [mm],note\nAda,0,1000,2000,a\nAda,0.5,1500,2000,b\n7,.25,0,0,c\n7,1.25,0,1e3,d\n", {}),
+        ("Ada,0,100,200\nAda,10,150,200\n7,5,0,0\n7,25,0,100\n", {"frame_rate": 20, "unit": "cm"}),
+    ],
+)
+def test_csv_may_name_its_columns_or_have_them_in_order(tmp_path, text, options):
+    tracks = hpop.read_tracks(written(tmp_path, text, "tracks.csv"), **options)
+    assert tracks == {
+        "Ada": Track([0.0, 0.5], [1.0, 1.5], [2.0, 2.0], recorded=True),
+        7: Track([0.25, 1.25], [0.0, 0.0], [0.0, 1.0], recorded=True),
+    }
+
+
+def test_obsmat_was_annotated_two_and_a_half_times_a_second(tmp_path):
+    (track,) = hpop.read_tracks(written(tmp_path, OBSMAT)).values()
+    np.testing.assert_allclose(np.diff(track.times), 0.4)
+    np.testing.assert_allclose(track.x, [8.456, 9.125, 9.795])
+    np.testing.assert_allclose(track.y, [3.588, 3.658, 3.728])
+    np.testing.assert_allclose(np.hypot(*track.velocity(track.times[:-1])), [1.68, 1.68], atol=0.01)  # as the file says
+    (given,) = hpop.read_tracks(written(tmp_path, OBSMAT), frame_rate=30).values()
+    np.testing.assert_allclose(np.diff(given.times), 0.2)
+
+
+def test_some_of_a_file_may_be_asked_for(tmp_path):
+    path = written(tmp_path, PETRACK + "3 50 0 0 170\n")  # one point only, of whom nobody asks
+    assert list(hpop.read_tracks(path, ids=[2, 1])) == [2, 1]
+    with pytest.raises(MapError, match="nobody with the id 4; it has 3 ids: 1, 2, 3"):
+        hpop.read_tracks(path, ids=[4])
+    with pytest.raises(MapError, match="the id 2 twice"):
+        hpop.read_tracks(path, ids=[2, 2])
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        ("id,t,x,y\n1,1,0,0\n1,0.5,1,0\n", {}, "at the id 1: .* goes back: 1 s at point 0, then 0.5 s"),
+        ("id,t,x,y\n1,1,0,0\n1,1,1,0\n", {}, "at the id 1: .* the same time twice"),
+        (PETRACK + "3 50 0 0 170\n", {}, "at the id 3: a track has 2 to .* got 1"),
+        ("id,t,x,y\n1,0,0,0\n1,1,nan,0\n", {}, "has nan in the column x"),
+        (PETRACK.replace("110", "inf"), {}, "a number that is none in row 1"),
+        ("id,t,x,y\n1,0,0,0\n1,1,150,0\n", {}, "150 m/s is faster than anybody .* check the unit .*frame rate"),
+        (PETRACK.replace("20 fps", "2000 fps"), {}, "faster than anybody"),
+        ("id,frame,x,y\n1,0,0,0\n1,1,1,0\n", {}, "does not say how many there are a second; give frame_rate="),
+        (CSV, {"frame_rate": 25}, "has times in s; leave frame_rate out"),
+        (PETRACK, {"frame_rate": 25}, "says 20 frames a second, and frame_rate 25; leave"),
+        (PETRACK, {"unit": "m"}, "says that places are in cm, and unit m; leave"),
+        (PETRACK.replace("20 fps", "0 fps"), {}, "0 frames a second; expected more"),
+        (PETRACK, {"unit": "feet"}, "must be one of m, cm, mm; got 'feet'"),
+        (PETRACK, {"frame_rate": 0}, "frame_rate must be pictures a second"),
+        (PETRACK, {"format": "trc"}, "must be one of csv, petrack, obsmat"),
+        (PETRACK, {"format": "obsmat"}, "expected rows of 8 numbers .* got 5"),
+        (PETRACK + "1 44\n", {}, "cannot be read: expected rows of 4 or 5 numbers"),
+        (PETRACK + "1 forty 0 0 0\n", {}, "cannot be read: .*forty"),
+        ("# framerate: 25\n", {"format": "petrack"}, "has no rows"),
+        ("id,t,x,y\n", {}, "has no rows"),
+        ("# nothing\n", {}, "has no rows: expected id, t, x, y"),
+        ("id,t,x\n1,0,0\n", {}, "lacks a column for y"),
+        ("id,when,x,y\n1,0,0,0\n", {}, "lacks a column for t or frame"),
+        ("id,t,x,x,y\n1,0,0,0,0\n", {}, "has two columns for x"),
+        ("id,t,x/ft,y/ft\n1,0,0,0\n", {}, "has places in ft; expected one of m, cm, mm"),
+        ("id,t,x,y\n1,0,0\n", {}, "a row with too few columns"),
+        ("id,t,x,y\n1,soon,0,0\n", {}, "has 'soon' in the column t"),
+        ("1,2,3\n", {}, "has no header, and 3 columns"),
+        ('id,t,x,y\n"1,0,0,0\n', {}, "cannot be read as CSV"),
+        ("", {}, "is empty"),
+    ],
+)
+def test_what_are_no_tracks_is_refused_with_the_file(tmp_path, text, options, message):
+    with pytest.raises(MapError, match=message) as raised:
+        hpop.read_tracks(written(tmp_path, text, "people.csv"), **options)
+    assert "people.csv" in str(raised.value) or options
+
+
+def test_a_file_is_regular_small_and_text(tmp_path):
+    with pytest.raises(MapError, match="cannot be opened"):
+        hpop.read_tracks(tmp_path / "none.csv")
+    with pytest.raises(MapError, match="named by its path; got 3"):
+        hpop.read_tracks(3)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(MapError, match="UTF-8"):
+        hpop.read_tracks(tmp_path / "binary")
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(MapError, match="a FIFO"):
+        hpop.read_tracks(tmp_path / "fifo")
+    with (tmp_path / "huge").open("wb") as file:
+        file.truncate(10**12)  # a hole: it takes no room
+    with pytest.raises(MapError, match="at most 200,000,000 bytes"):
+        hpop.read_tracks(tmp_path / "huge")
+
+
+@pytest.mark.parametrize(
+    ("name", "people", "ways"), [("bi_corr_400_b_03.txt", 480, {-1, 1}), ("traj_UNI_CORR_500_01.txt", 148, {-1})]
+)
+def test_real_people_walk_through_corridors_at_the_speed_of_people(name, people, ways, shared_data):
+    """Ids, units and rates were read off the files' first lines by hand; directions are those of the file names."""
+    path = shared_data("pedpy_corridors") / name
+    tracks = hpop.read_tracks(path)
+    lines = [line.split() for line in path.read_text().splitlines() if line and line[0] != "#"]
+    assert len(tracks) == len({line[0] for line in lines}) == people
+    assert sum(track.times.size for track in tracks.values()) == len(lines)
+    metre = 100 if name.startswith("bi") else 1
+    one, frame, x, y = (float(number) for number in lines[500][:4])
+    assert [float(v) for v in tracks[int(one)].at(frame / 25)] == pytest.approx([x / metre, y / metre])
+    ahead = [float(track.x[-1] - track.x[0]) for track in tracks.values()]
+    assert {math.copysign(1, way) for way in ahead} == ways
+    speeds = [abs(way) / (track.end - track.begin) for way, track in zip(ahead, tracks.values(), strict=True)]
+    assert 0.4 < np.median(speeds) < 1.6
