@@ -24,7 +24,7 @@ SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
 PAGE = "front.html"
 RIDE = "ride.html"
-PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", PAGE, RIDE)
+PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", "encounters.png", PAGE, RIDE)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from hpop import matplotlib_folder
 matplotlib_folder.provide()
 
 from hpop.view import notebook
+from hpop.view.encounters import draw_encounters
 from hpop.view.explorer.save import save_explorer
 from hpop.view.explorer.widget import widget
 from hpop.view.front_plot import draw_front
@@ -31,6 +32,7 @@ from hpop.view.where import draw_where
 notebook.provide()
 
 __all__ = [
+    "draw_encounters",
     "draw_front",
     "draw_map",
     "draw_side",

@@ -21,6 +21,7 @@ from hpop.frontier.atomic import replacing
 from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget
+from hpop.view.encounters import draw_encounters
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
 from hpop.view.paths import camera_heights
@@ -32,7 +33,14 @@ from hpop.view.where import draw_where
 from hpop.world import limits
 
 DPI = 200
-OTHERS = {"front.png", "trace.png", "where.png", "side.png", "states.png"}  # beside the map, which there always is
+OTHERS = {
+    "front.png",
+    "trace.png",
+    "where.png",
+    "side.png",
+    "states.png",
+    "encounters.png",
+}  # beside the map, which there always is
 COMPRESSION = 4  # of 9: a third of the time of zlib's usual 6, for a tenth of the bytes
 
 
@@ -47,6 +55,7 @@ def save_pictures(
 ) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
+    Where people move there is ``encounters.png``, the knee over time among them.
     Where the camera rises or sinks there is ``side.png``, a view from the side; where states change that maps do not
     show, such as joints, ``states.png``.
     The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes.
@@ -73,6 +82,8 @@ def save_pictures(
             if len(knee):
                 add("trace.png", draw_trace(problem, knee, name="the knee"))
                 add("where.png", draw_where(problem, knee, name="the knee"))
+                if any(person.moves for person in problem.world.content.people):
+                    add("encounters.png", draw_encounters(problem, knee, name="the knee"))
             if camera_heights(problem, [front.trajectories[row] for row in drawn_rows(front)]).vary:
                 add("side.png", draw_side(problem, front))
             if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front)]):

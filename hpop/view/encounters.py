@@ -1,0 +1,213 @@
+"""A trajectory among people who move: where everybody is at some moments, and the robot's way over time.
+
+The lower panel has the way that the robot drives, m, over the time: its line rises where it drives and is level where
+it turns or holds. Behind it, each place of the way at each time is coloured by how near somebody is to it then: people
+who cross the way are tubes, and a line beside a tube has let them pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+
+from hpop.arrays import FloatArray
+from hpop.criteria.others.robot import reach
+from hpop.errors import QueryError
+from hpop.problem import Problem
+from hpop.text import printable
+from hpop.trajectory import Trajectory
+from hpop.view.canvas import figure_for, whole
+from hpop.view.content import INK, SKIN
+from hpop.view.ground import View, draw_bare_floor, view_of
+from hpop.view.paths import camera_heights, path_points
+from hpop.view.silhouettes import draw_map_obstacles
+from hpop.view.style import COLOURS, HALO, LARGE, NORMAL, QUIET, SMALL, mapped_points, plain
+from hpop.world.content import Person
+from hpop.world.proxemics import HALL
+
+TIMES, PLACES = 400, 300  # of the coloured way
+MOMENTS = 4  # maps above it
+TRAIL = 2.0  # s of each way that a map shows behind whoever walks
+NEARNESS = ("#7f1d1d", "#e8956d", "#f6cf9f", "#fbf0dc", "#ffffff")  # touching, and Hall's zones, from within
+WORDS = ("robot and person would touch", *(f"{zone} zone, to {limit:g} m" for zone, limit in HALL.items()))
+ROBOT = COLOURS[2]
+
+
+@plain
+def draw_encounters(
+    problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
+) -> Figure:
+    """Draw a trajectory over time among people who move, and maps of the moments at which they are nearest.
+
+    Distances are between surfaces, the robot round about its axis. Of a person with several hypotheses each is drawn;
+    those whose position is uncertain are drawn where they are predicted to be.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its world has the people.
+    trajectory : Trajectory
+        A planned trajectory of the problem's model.
+    name : str
+        What the title calls it.
+    ax : Axes, optional
+        Where to draw, one of a grid such as `plt.subplots` makes; by default a new figure that fits.
+
+    Raises QueryError where nobody moves.
+    """
+    walkers = _walkers(problem)
+    if not walkers:
+        raise QueryError("nobody moves in this problem's world: a map (hpop.view.draw_map) shows all there is")
+    driven = _Driven.of(trajectory)
+    view = view_of(problem, [path_points(trajectory)])
+    wide = view.width >= view.height
+    figure = figure_for(ax, 9.0, (2.2 + 7.6 / MOMENTS * view.height / view.width if wide else 4.6) + 3.4)
+    above, below = figure.subfigures(2, 1, height_ratios=(1, 1.25))  # type: ignore[misc]  # two of them
+    nearness = [_gap(problem, person, driven) for person in walkers]
+    moments = _moments(walkers, driven, np.min(nearness, axis=0))
+    maps = np.atleast_1d(above.subplots(1, moments.size, sharey=True))
+    for axes, moment in zip(maps, moments, strict=True):
+        _draw_moment(axes, problem, trajectory, walkers, view, float(moment))
+    way = below.subplots()
+    _draw_way(way, driven, np.min(nearness, axis=0), moments)
+    for person, gaps in zip(walkers, nearness, strict=True):
+        _name_tube(way, person, driven, gaps)
+    figure.suptitle(f"Among people who move, {name}: {trajectory.duration:.1f} s", fontsize=LARGE)
+    handles = [
+        Line2D([], [], color=ROBOT, linewidth=2.2, label="robot, level where it turns or stands"),
+        Line2D([], [], color=INK, linewidth=1.1, linestyle=":", label="person, way of the last 2 s"),
+        *(Patch(facecolor=c, edgecolor=QUIET, linewidth=0.4, label=w) for c, w in zip(NEARNESS, WORDS, strict=False)),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
+    return whole(figure)
+
+
+class _Driven(NamedTuple):
+    """A trajectory over time.
+
+    times   (T,)    s
+    points  (T, 2)  m, of the body that maps show
+    along   (T,)    m, driven until then
+    """
+
+    times: FloatArray
+    points: FloatArray
+    along: FloatArray
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Driven:
+        times = np.union1d(np.linspace(0.0, trajectory.duration, TIMES), trajectory.times)
+        points = mapped_points(trajectory.model, trajectory.at(times))
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        return cls(times, points, np.append(0.0, np.cumsum(steps)))
+
+
+def _walkers(problem: Problem) -> list[Person]:
+    """Everybody who moves, a person with several hypotheses once for each."""
+    people = problem.world.content.people
+    return [one for person in people if person.moves for _, one in person.hypotheses]
+
+
+def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
+    """How far (PLACES, TIMES), m, a person is from the robot, were it at a place of its way at a time; inf if gone."""
+    along = np.linspace(0.0, driven.along[-1], PLACES)
+    rising = np.append(True, np.diff(driven.along) > 0)
+    x, y = (np.interp(along, driven.along[rising], column[rising]) for column in driven.points.T)
+    t = np.linspace(0.0, driven.times[-1], TIMES)
+    at_x, at_y = person.at(t)
+    apart: FloatArray = np.hypot(x[:, None] - at_x, y[:, None] - at_y) - person.radius - reach(problem.model, None)
+    return np.where(person.there(t) > 0, apart, np.inf)
+
+
+def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> FloatArray:
+    """Times (MOMENTS,), s: the start, and of the shortest distance in equal parts of the time until nothing changes."""
+    t = np.linspace(0.0, driven.times[-1], TIMES)
+    changing = np.flatnonzero(t <= max(person.settled for person in walkers))
+    places = np.interp(t, driven.times, driven.along) / max(driven.along[-1], 1e-9) * (PLACES - 1)
+    met = gaps[np.round(places).astype(np.int64), np.arange(TIMES)]
+    apart = changing.size // (3 * MOMENTS)  # two maps of nearly the same moment tell nothing new
+    parts = [part[apart:] for part in np.array_split(changing, MOMENTS - 1)]
+    return np.array([0.0, *(t[part[np.argmin(met[part])]] for part in parts if part.size)])
+
+
+def _draw_moment(
+    axes: Axes, problem: Problem, trajectory: Trajectory, walkers: Sequence[Person], view: View, moment: float
+) -> None:
+    """A map at a moment: the way until then, and where everybody is."""
+    draw_bare_floor(axes, problem.world)
+    draw_map_obstacles(axes, problem, camera_heights(problem, [trajectory]), view)
+    axes.plot(*path_points(trajectory).T, color=ROBOT, linewidth=0.8, alpha=0.5, zorder=3)
+    until = mapped_points(trajectory.model, trajectory.at(np.linspace(0.0, moment, TIMES)))
+    axes.plot(*until.T, color=ROBOT, linewidth=2.2, zorder=3.1)
+    axes.add_patch(Circle(tuple(until[-1]), reach(problem.model, None), facecolor=ROBOT, edgecolor="white", zorder=5))
+    for person in problem.world.content.people:
+        for weight, one in person.hypotheses:
+            _draw_person(axes, one, moment, weight)
+    axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
+    axes.set_title(f"{moment:.1f} s", fontsize=NORMAL)
+    axes.tick_params(labelsize=SMALL)
+    axes.set_xlabel("x (m)", fontsize=SMALL)
+    if axes.get_subplotspec() is not None and axes.get_subplotspec().is_first_col():  # type: ignore[union-attr]
+        axes.set_ylabel("y (m)", fontsize=SMALL)
+
+
+def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> None:
+    """A disc, fainter the less likely, and behind it a dotted way; nothing of who is gone."""
+    t = np.linspace(max(0.0, moment - TRAIL), moment, 40)
+    x, y = (np.broadcast_to(column, t.shape) for column in person.at(t))
+    there = np.broadcast_to(person.there(t), t.shape) > 0
+    if person.moves:
+        axes.plot(x[there], y[there], color=INK, linewidth=1.1, linestyle=":", alpha=weight, zorder=5.5)
+    if there[-1]:
+        disc = {"facecolor": SKIN, "edgecolor": INK, "alpha": max(weight, 0.3), "zorder": 6}
+        axes.add_patch(Circle((x[-1], y[-1]), person.radius, gid="person", **disc))
+        if person.name:
+            text = axes.annotate(
+                printable(person.name), (x[-1], y[-1]), (4, 4), textcoords="offset points", fontsize=SMALL, zorder=6.5,
+                annotation_clip=True,
+            )  # fmt: skip
+            text.set_path_effects(list(HALO))
+
+
+def _draw_way(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
+    """The way over time among the tubes of people."""
+    levels = [-1e9, 0.0, *HALL.values(), 1e9]
+    axes.imshow(
+        gaps,
+        cmap=ListedColormap(list(NEARNESS)),
+        norm=BoundaryNorm(levels, len(NEARNESS)),
+        extent=(0.0, driven.times[-1], 0.0, driven.along[-1]),
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        zorder=0,
+    )
+    axes.plot(driven.times, driven.along, color="white", linewidth=4.0, zorder=3)
+    axes.plot(driven.times, driven.along, color=ROBOT, linewidth=2.2, zorder=3.1, gid="way")
+    for moment in moments:
+        axes.axvline(moment, color=QUIET, linewidth=0.7, linestyle=(0, (3, 3)), zorder=2)
+    axes.set_xlabel("time (s); dashed: the moments of the maps", fontsize=NORMAL)
+    axes.set_ylabel("way of the robot (m)", fontsize=NORMAL)
+    axes.tick_params(labelsize=SMALL)
+    axes.set_title("how near somebody is to each place of the way", fontsize=SMALL, color=QUIET, loc="left", pad=2)
+
+
+def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
+    """The name of a person, in the middle of where it touches the way or comes nearest to it."""
+    touching = max(float(gaps.min()), 0.0)
+    moments, places = np.nonzero((gaps <= touching).T)  # by time
+    middle = moments.size // 2
+    moment, place = moments[middle], places[middle]
+    if person.name and gaps[place, moment] < HALL["social"]:
+        t, along = moment / TIMES * driven.times[-1], place / PLACES * driven.along[-1]
+        text = axes.annotate(
+            printable(person.name), (t, along), fontsize=SMALL, ha="center", va="center", zorder=4, annotation_clip=True
+        )
+        text.set_path_effects(list(HALO))
