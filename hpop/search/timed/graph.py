@@ -31,6 +31,7 @@ from hpop.text import shown
 
 MAX_TICKS = 2**20  # of an arc, of a hold, of the horizon: fourteen hours at 1/20 s
 RATE_BITS = 20
+MAX_PRODUCT = 2**62  # of a rate and ticks
 RATE = 2**RATE_BITS  # a rate of one count a tick
 LEFT_OUT: Any = None
 
@@ -155,11 +156,21 @@ class TimedGraph:
                 most[j] += (rate * longest >> RATE_BITS) + 1
         return most
 
+    def _longest(self) -> int:
+        """Ticks of the longest arc or shortest hold: what may reach beyond the horizon."""
+        return max(int(self.durations.max(initial=1)), self.hold or 0)
+
     def _check_sums(self) -> None:
         """Refuse costs whose sums could overflow: until H a path takes an arc a tick, after it no node twice."""
         for j, aggregate in enumerate(self.graph.aggregates):
             worst = int(self.largest[j])
             held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS
+            product = int(self.rate[:, j].max(initial=0)) * (self.horizon + self._longest())
+            if aggregate == "sum" and product > MAX_PRODUCT:
+                raise GraphError(
+                    f"rate of cost {j}, in 2^-20 counts a tick, times the ticks until the horizon must not exceed "
+                    f"{MAX_PRODUCT}, got {product}; use a coarser quantum"
+                )
             bound = worst if aggregate == "max" else worst * (self.graph.nodes + self.horizon + 2) + held
             if bound > MAX_SUM:
                 raise GraphError(

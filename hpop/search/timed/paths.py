@@ -19,7 +19,7 @@ class Steps(NamedTuple):
     """A path, arcs and holds one after the other.
 
     nodes       (s + 1,)  source and target included; a hold has its node twice
-    arcs        (s,)      places of the arcs in the graph's tables, -1 for a hold
+    arcs        (s,)      of each, as the caller gave them (`graph.arc`), -1 for a hold
     departures  (s + 1,)  ticks at which each step begins; the last is the arrival
     """
 
@@ -62,7 +62,7 @@ class TimedPaths:
         nodes = np.concatenate([source, self._graph.graph.heads[arcs].astype(np.int64)])
         return Steps(
             np.insert(nodes, held, nodes[held]),
-            np.insert(arcs, held, HOLD),
+            np.insert(self._graph.graph.arc[arcs].astype(np.int64), held, HOLD),
             np.append(np.insert(leaves, held, ready[held]), arrival),
         )
 

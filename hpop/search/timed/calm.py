@@ -1,0 +1,133 @@
+"""When nothing changes any more: for whom, and what waiting may still bring.
+
+L(v) is the latest tick at which v may be left so that an arc on some way on still differs from what it is from H on.
+Whoever leaves v later, at whatever tick, has the same ways on at the same costs, and has no use for holds: it is calm.
+L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d).
+
+Proof: let a way leave v at t > L(v). Its first arc is left for later than that arc's last change; its head u is
+reached at t + d > L(u). So by induction each arc of it is as at H, at any shift; and to leave out its holds, which cost
+no less than nothing, makes all that follows only earlier, yet still later than its L.
+
+Waiting for an arc (v, u) has a use only if the arc gets better: if at some tick it opens, or costs less than it did a
+tick before (in what has to be paid until it would have been reached by waiting at u instead: its cost, plus what
+standing at v costs, less what standing at u costs), or nobody may stand at u. Where the last such tick is past, whoever
+waits at v does no better than whoever goes and waits at u.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import lean
+from hpop.search.machinery.bounds import enter, leave
+from hpop.search.timed.tables import PLAIN, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+
+NOTHING = -1  # calm from tick 0 on
+
+
+@lean
+def last_changes(tables: Tables, leads: NDArray[np.uint8], out: NDArray[np.int32]) -> None:
+    """The last tick (n,) at which an arc that leaves a node differs from what it is at H; NOTHING if none does.
+
+    leads (n,) says from where a target may be reached.
+    """
+    last = tables.since.shape[1] - 1
+    k = len(tables.is_max)
+    for v in range(len(out)):
+        latest = NOTHING
+        p = np.int64(tables.place[v])
+        for a in range(tables.start[v], tables.start[v + 1]):
+            if tables.row[a] == PLAIN or not leads[tables.heads[a]]:
+                continue
+            opened = is_open(tables, a, p, last)
+            t = last - 1
+            while t > latest:
+                same = is_open(tables, a, p, t) == opened
+                j = 0
+                while same and opened and j < k:
+                    same = arc_cost(tables, a, p, j, t) == arc_cost(tables, a, p, j, last)
+                    j += 1
+                if not same:
+                    latest = t
+                t -= 1
+        out[v] = latest
+
+
+@lean
+def spread_back(
+    begin: IntArray,
+    tails: NDArray[np.int32],
+    ticks: IntArray,
+    calm: NDArray[np.int32],
+    tops: IntArray,
+    above: NDArray[np.int32],
+    below: NDArray[np.int32],
+) -> None:
+    """Make L (n,) of the last changes: backward over arcs by head, the latest nodes first.
+
+    tops (H + 1,) is -1 before; above and below (n,) are scratch.
+    """
+    for v in range(len(calm)):
+        if calm[v] >= 0:
+            enter(v, np.int64(calm[v]), tops, above, below)
+    for t in range(len(tops) - 1, 0, -1):
+        while tops[t] >= 0:
+            v = tops[t]
+            leave(v, t, tops, above, below)
+            for i in range(begin[v], begin[v + 1]):
+                u, earlier = np.int64(tails[i]), t - ticks[i]
+                if earlier > calm[u]:
+                    if calm[u] >= 0:
+                        leave(u, np.int64(calm[u]), tops, above, below)
+                    calm[u] = earlier
+                    enter(u, earlier, tops, above, below)
+
+
+@lean
+def last_gains(
+    tables: Tables,
+    leads: NDArray[np.uint8],
+    calm: NDArray[np.int32],
+    earliest: IntArray,
+    out: NDArray[np.int32],
+) -> None:
+    """The last tick (m,) at which waiting for an arc gained anything, 0 if none, for whoever may be there to wait."""
+    for v in range(len(calm)):
+        p = np.int64(tables.place[v])
+        for a in range(tables.start[v], tables.start[v + 1]):
+            out[a] = 0
+            if tables.hold == 0 or calm[v] < earliest[v] or not leads[tables.heads[a]]:
+                continue
+            t = np.int64(calm[v]) + tables.hold
+            while t > earliest[v]:
+                if gains(tables, a, p, t - 1, t):
+                    out[a] = t
+                    break
+                t -= 1
+
+
+@lean
+def gains(tables: Tables, a: int, p: int, early: int, late: int) -> bool:
+    """Whether leaving later may be of use: whether waiting behind the arc instead would cost more, or not be allowed.
+
+    p is the place of the arc's tail.
+    """
+    if not is_open(tables, a, p, late):
+        return False
+    q = np.int64(tables.place[tables.heads[a]])
+    d = np.int64(tables.durations[a])
+    if not is_open(tables, a, p, early) or free_since(tables, q, late + d) > early + d:
+        return True
+    for j in range(len(tables.is_max)):
+        now, then = arc_cost(tables, a, p, j, early), arc_cost(tables, a, p, j, late)
+        if tables.is_max[j]:
+            now = max(now, worst_rate(tables, q, j, early + d, late + d))
+            then = max(then, worst_rate(tables, p, j, early, late))
+        else:
+            now += omega_at(tables, q, j, late + d) - omega_at(tables, q, j, early + d)
+            then += omega_at(tables, p, j, late) - omega_at(tables, p, j, early)
+        if now > then:
+            return True
+    return False

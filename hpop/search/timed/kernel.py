@@ -1,0 +1,397 @@
+"""The inner loop of the search on a clock: tick after tick, labels that arrive, leave at once, or have held.
+
+At each tick, first those who arrive are told apart from those whom others make superfluous (:mod:`.sets`); then each of
+them leaves by every arc that is open; then, at the nodes where waiting may gain something, those who have held there
+long enough leave by the arcs for which it has a use. Who arrives at a target is a solution, and nothing more.
+
+**Which holds have a use.** Let a label that arrived at v at tick b leave by arc a = (v, u) at t >= b + hold. If it
+could also have left at an earlier s, s = b or b + hold <= s <= t - hold, and then held behind the arc until t + d at no
+larger costs (:func:`.calm.gains` is false of s and t), then that one's arrival makes this one's superfluous. Asked of
+s = t - hold and of s = b. And nobody waits longer than until max(L(v) + 1, b + hold), when v is left for good.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import lean
+from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.slices import (
+    CLOSED,
+    DONE,
+    FRONT,
+    HEAP,
+    N_CLOSED,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_OPEN,
+    N_ROWS,
+    ROWS,
+    SLICE,
+)
+from hpop.search.timed.calm import gains
+from hpop.search.timed.sets import (
+    BEGIN,
+    CALM,
+    LEAST_ROOM,
+    OWNER,
+    RIPE,
+    ROOM,
+    SIZE,
+    TICK,
+    Sets,
+    enter_label,
+    is_superfluous,
+    make_room,
+    refresh,
+)
+from hpop.search.timed.tables import STAYS, Tables, arc_cost, is_open, omega_at
+
+# Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
+# many nodes wait, the first free row of the queue and how many rows were ever used.
+NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, STATE = range(8)
+ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
+
+
+class Rest(NamedTuple):
+    """What is known of the way that is left from each node.
+
+    least   (k, n)  least costs, at whatever tick
+    ticks   (n,)    fewest ticks
+    calm    (n,)    L of :mod:`.calm`
+    gain    (m,)    the last tick at which waiting for an arc gains anything
+    until   (n,)    the last tick at which waiting at a node may have a use
+    one_stay (P,)   whether no use is in arcs that stay one after another: see :mod:`.stays`
+    """
+
+    least: IntArray
+    ticks: IntArray
+    calm: NDArray[np.int32]
+    gain: NDArray[np.int32]
+    until: IntArray
+    one_stay: NDArray[np.uint8]
+
+
+class Goal(NamedTuple):
+    """Solutions, and what counts as one.
+
+    costs, reach  (s, k)  of solutions; the least estimates that they cover
+    values        (s,)    as of labels; leaves (s,) the tick at which the last arc is left for
+    most          (k,)    what no solution may exceed
+    arrive_by     the latest tick of an arrival
+    is_target     (n,)
+    """
+
+    costs: IntArray
+    reach: IntArray
+    values: IntArray
+    leaves: IntArray
+    most: IntArray
+    arrive_by: int
+    is_target: NDArray[np.uint8]
+    eps: float
+    tolerance: IntArray
+
+
+class Queue(NamedTuple):
+    """Labels that are under way, by the tick of their arrival.
+
+    tops   (power of two,)  first row of each tick, -1 for none; more ticks than any arc takes
+    below  (o,)             next row of the same tick, or of the free ones
+    values (o,)             1 + closed parent and 1 + arc, as of all labels
+    costs  (o, k)
+    """
+
+    tops: NDArray[np.int32]
+    below: NDArray[np.int32]
+    values: IntArray
+    costs: IntArray
+
+
+class Known(NamedTuple):
+    """Labels that have arrived.
+
+    values, ticks  (c,)    closed labels, and when they arrived
+    costs, kept    (f, k)  of those of this tick; whether none of the same tick makes it superfluous
+    nodes, waits   (n,)    nodes where labels wait, in no order; whether a node is among them
+    """
+
+    values: IntArray
+    ticks: NDArray[np.int32]
+    costs: IntArray
+    kept: NDArray[np.uint8]
+    nodes: NDArray[np.int32]
+    waits: NDArray[np.uint8]
+
+
+@lean
+def estimate(tables: Tables, rest: Rest, v: int, g: IntArray, f: IntArray) -> None:
+    """Least costs (k,) of whatever becomes of a label."""
+    for j in range(len(g)):
+        h = rest.least[j, v]
+        f[j] = max(g[j], h) if tables.is_max[j] else g[j] + h
+
+
+@lean
+def is_covered(goal: Goal, count: int, f: IntArray) -> bool:
+    """Whether a solution covers an estimate, or it exceeds what it may."""
+    k = len(f)
+    for j in range(k):
+        if f[j] > goal.most[j]:
+            return True
+    for i in range(count - 1, -1, -1):
+        covers = True
+        for j in range(k):
+            covers &= goal.reach[i, j] <= f[j]
+        if covers:
+            return True
+    return False
+
+
+@lean
+def solve(goal: Goal, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
+    """Enter a solution, and leave out those that it dominates."""
+    k = len(g)
+    kept = 0
+    for i in range(counters[N_FRONT]):
+        dominated = True
+        for j in range(k):
+            dominated &= g[j] <= goal.costs[i, j]
+        if dominated:
+            continue
+        if kept < i:
+            for j in range(k):
+                goal.costs[kept, j] = goal.costs[i, j]
+                goal.reach[kept, j] = goal.reach[i, j]
+            goal.values[kept] = goal.values[i]
+            goal.leaves[kept] = goal.leaves[i]
+        kept += 1
+    for j in range(k):
+        goal.costs[kept, j] = g[j]
+        goal.reach[kept, j] = least_covered(g[j], goal.eps, goal.tolerance[j])
+    goal.values[kept] = value
+    goal.leaves[kept] = leaves
+    counters[N_FRONT] = kept + 1
+
+
+@lean
+def offer(
+    tables: Tables,
+    rest: Rest,
+    goal: Goal,
+    queue: Queue,
+    counters: IntArray,
+    state: IntArray,
+    a: int,
+    p: int,
+    t: int,
+    g: IntArray,
+    parent: int,
+    scratch: IntArray,
+) -> None:
+    """Let a label with costs g (k,) leave by an open arc at tick t; p is the place of the arc's tail."""
+    x = np.int64(tables.heads[a])
+    end = t + np.int64(tables.durations[a])
+    if rest.ticks[x] > goal.arrive_by - end:
+        return
+    after, f = scratch[0], scratch[1]
+    for j in range(len(g)):
+        c = arc_cost(tables, a, p, j, t)
+        after[j] = max(g[j], c) if tables.is_max[j] else g[j] + c
+    estimate(tables, rest, x, after, f)
+    if is_covered(goal, counters[N_FRONT], f):
+        return
+    value = (parent << 32) | (a + 1)
+    if goal.is_target[x]:
+        solve(goal, counters, after, value, t)
+        return
+    row = state[FREE]
+    if row >= 0:
+        state[FREE] = queue.below[row]
+    else:
+        row = state[USED]
+        state[USED] = row + 1
+    bucket = end & (len(queue.tops) - 1)
+    queue.below[row] = queue.tops[bucket]
+    queue.tops[bucket] = row
+    queue.values[row] = value
+    for j in range(len(g)):
+        queue.costs[row, j] = after[j]
+    counters[N_GENERATED] += 1
+    counters[N_OPEN] += 1
+
+
+@lean
+def advance(
+    counters: IntArray,
+    state: IntArray,
+    work: int,
+    tables: Tables,
+    rest: Rest,
+    goal: Goal,
+    queue: Queue,
+    known: Known,
+    sets: Sets,
+    source: int,
+    scratch: IntArray,
+) -> int:
+    """Go on until the work is done or an array is full; return why. scratch (4, k) is room for costs."""
+    k = len(tables.is_max)
+    hold = np.int64(tables.hold)
+    g, vector = scratch[2], scratch[3]
+    code = SLICE
+    while work > 0:
+        t = state[NOW]
+        if state[STAGE] == ARRIVE:
+            row = np.int64(queue.tops[t & (len(queue.tops) - 1)])
+            if row < 0:
+                state[STAGE], state[NEXT] = LEAVE, 0
+                continue
+            done = counters[N_CLOSED]
+            value = queue.values[row]
+            arc = (value & 0xFFFFFFFF) - 1
+            v = np.int64(tables.heads[arc]) if arc >= 0 else source
+            if done == len(known.values) or done - state[FIRST] == len(known.kept):
+                code = CLOSED
+                break
+            if counters[N_ROWS] + max(LEAST_ROOM, 2 * sets.heads[v, ROOM]) > len(sets.vectors):
+                code = ROWS
+                break
+            queue.tops[t & (len(queue.tops) - 1)] = queue.below[row]
+            queue.below[row] = state[FREE]
+            state[FREE] = row
+            counters[N_OPEN] -= 1
+            for j in range(k):
+                g[j] = queue.costs[row, j]
+            estimate(tables, rest, v, g, vector)
+            work -= 1 + counters[N_FRONT] // 8
+            if is_covered(goal, counters[N_FRONT], vector):
+                continue
+            refresh(tables, rest.calm, sets, v, t)
+            work -= sets.heads[v, SIZE] // 8
+            p = np.int64(tables.place[v])
+            for j in range(k):
+                shifted = hold > 0 and t <= rest.calm[v] and not tables.is_max[j]
+                vector[j] = g[j] - (omega_at(tables, p, j, t) if shifted else 0)
+            if is_superfluous(sets, v, t, vector):
+                continue
+            counters[N_ROWS] = make_room(sets, v, counters[N_ROWS])
+            known.values[done] = value
+            known.ticks[done] = t
+            for j in range(k):
+                known.costs[done - state[FIRST], j] = g[j]
+            known.kept[done - state[FIRST]] = 1
+            counters[N_CLOSED] = done + 1
+            enter_label(sets, v, t, vector, done, state[FIRST], known.kept)
+        elif state[STAGE] == LEAVE:
+            label = state[FIRST] + state[NEXT]
+            if label == counters[N_CLOSED]:
+                state[STAGE], state[NEXT] = HOLD_ON, 0
+                continue
+            if known.kept[state[NEXT]] == 0:
+                state[NEXT] += 1
+                continue
+            arc = (known.values[label] & 0xFFFFFFFF) - 1
+            v = np.int64(tables.heads[arc]) if arc >= 0 else source
+            degree = tables.start[v + 1] - tables.start[v]
+            code = lacking(goal, queue, counters, state, degree)
+            if code != SLICE:
+                break
+            counters[N_EXPANDED] += 1
+            p = np.int64(tables.place[v])
+            stayed = rest.one_stay[p] and arc >= 0 and tables.row[arc] == STAYS
+            for j in range(k):
+                g[j] = known.costs[state[NEXT], j]
+            for a in range(tables.start[v], tables.start[v + 1]):
+                if not (stayed and tables.row[a] == STAYS) and is_open(tables, a, p, t):
+                    offer(tables, rest, goal, queue, counters, state, a, p, t, g, label + 1, scratch)
+            work -= 2 * degree
+            if t < rest.until[v] and known.waits[v] == 0:
+                known.waits[v] = 1
+                known.nodes[state[WAITING]] = v
+                state[WAITING] += 1
+            state[NEXT] += 1
+        else:
+            if state[NEXT] == state[WAITING]:
+                if counters[N_OPEN] == 0 and state[WAITING] == 0:
+                    code = DONE
+                    break
+                state[NOW] = t + 1
+                state[STAGE], state[FIRST] = ARRIVE, counters[N_CLOSED]
+                work -= 1
+                continue
+            v = np.int64(known.nodes[state[NEXT]])
+            refresh(tables, rest.calm, sets, v, t)
+            if t > rest.until[v] or sets.heads[v, SIZE] == 0:
+                state[WAITING] -= 1
+                known.nodes[state[NEXT]] = known.nodes[state[WAITING]]
+                known.waits[v] = 0
+                continue
+            code = lacking(goal, queue, counters, state, (tables.start[v + 1] - tables.start[v]) * sets.heads[v, RIPE])
+            if code != SLICE:
+                break
+            work -= leave_after_hold(tables, rest, goal, queue, counters, state, known, sets, v, t, scratch)
+            state[NEXT] += 1
+    return int(code)
+
+
+@lean
+def lacking(goal: Goal, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
+    """What has no room for so many labels."""
+    if counters[N_FRONT] + more > len(goal.values):
+        return FRONT
+    if state[USED] + more > len(queue.values):
+        return HEAP
+    return SLICE
+
+
+@lean
+def leave_after_hold(
+    tables: Tables,
+    rest: Rest,
+    goal: Goal,
+    queue: Queue,
+    counters: IntArray,
+    state: IntArray,
+    known: Known,
+    sets: Sets,
+    v: int,
+    t: int,
+    scratch: IntArray,
+) -> int:
+    """Let those who have held at a node leave at tick t by the arcs for which it has a use; the work of it."""
+    k = len(tables.is_max)
+    hold = np.int64(tables.hold)
+    p = np.int64(tables.place[v])
+    begin, ripe, for_good = sets.heads[v, BEGIN], sets.heads[v, RIPE], sets.heads[v, CALM] != 0
+    g = scratch[2]
+    work = 1
+    for a in range(tables.start[v], tables.start[v + 1]):
+        work += 1
+        if rest.gain[a] == 0 or not is_open(tables, a, p, t):
+            continue
+        early = t - hold
+        used = early < 0 or gains(tables, a, p, early, t)
+        for i in range(begin, begin + ripe):
+            owner = sets.rows[i, OWNER]
+            b = np.int64(known.ticks[owner])
+            if b >= rest.gain[a] or (not used and b + hold <= early):
+                continue
+            if for_good and sets.rows[i, TICK] + hold != t:
+                continue
+            arc = (known.values[owner] & 0xFFFFFFFF) - 1
+            if tables.row[a] == STAYS and rest.one_stay[p] and arc >= 0 and tables.row[arc] == STAYS:
+                continue
+            if not gains(tables, a, p, b, t):
+                continue
+            for j in range(k):
+                shifted = not for_good and not tables.is_max[j]
+                g[j] = sets.vectors[i, j] + (omega_at(tables, p, j, t) if shifted else 0)
+            work += 2
+            offer(tables, rest, goal, queue, counters, state, a, p, t, g, owner + 1, scratch)
+    return work

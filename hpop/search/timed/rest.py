@@ -1,0 +1,70 @@
+"""What is known of the rest of the way before the search: bounds, and when nothing changes any more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.search.graph import Graph
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, reverse
+from hpop.search.machinery.slices import Clock
+from hpop.search.timed.calm import last_changes, last_gains, spread_back
+from hpop.search.timed.graph import TimedGraph
+from hpop.search.timed.kernel import Rest
+from hpop.search.timed.stays import mark_one_stay
+from hpop.search.timed.tables import Tables
+from hpop.status import Status
+
+
+def rest_of_way(
+    graph: TimedGraph, tables: Tables, source: int, targets: IntArray, clock: Clock
+) -> tuple[Rest | None, Status | None]:
+    """What is known of the rest, or the limit that was passed."""
+    static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
+    least, _, status = lower_bounds(_cheapest(graph), source, targets, clock)
+    if status is not None:
+        return None, status
+    ticks = graph.durations.astype(np.int64)[:, None]
+    tails = np.repeat(np.arange(n, dtype=np.int32), np.diff(static.indptr))
+    needed, _, status = lower_bounds(Graph.from_csr(static.indptr, static.heads, ticks), source, targets, clock)
+    if status is not None:
+        return None, status
+    backward = Graph.from_arcs(n, static.heads, tails, ticks)
+    earliest, _, status = lower_bounds(backward, 0, np.array([source]), clock)
+    if status is not None:
+        return None, status
+    leads = (needed[0] < UNREACHABLE).astype(np.uint8)
+    calm = np.empty(n, np.int32)
+    clock.call(last_changes, tables, leads, calm)
+    begin, entering, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((1, m), np.int64)
+    clock.call(reverse, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights)
+    piles = np.full(graph.horizon + 1, -1), np.empty(n, np.int32), np.empty(n, np.int32)
+    clock.call(spread_back, begin[:-1], entering, weights[0], calm, *piles)
+    gain = np.empty(m, np.int32)
+    clock.call(last_gains, tables, leads, calm, earliest[0], gain)
+    one_stay = np.ones(graph.places, np.uint8)
+    clock.call(mark_one_stay, tables, one_stay)
+    return Rest(least, needed[0], calm, gain, _until(graph, gain, calm), one_stay), None
+
+
+def _cheapest(graph: TimedGraph) -> Graph:
+    """The graph of what arcs cost when they cost least; those that are never open are left out."""
+    costs = graph.graph.costs.copy()
+    for j, table in graph.costs.items():
+        costs[graph.timed, j] = table.min(axis=1)
+    never: NDArray[Any] = np.zeros(graph.graph.arcs, np.bool_)
+    never[graph.timed] = graph.blocked.all(axis=1)
+    part = Graph.from_csr(graph.graph.indptr, graph.graph.heads, costs, aggregates=graph.graph.aggregates)
+    return part.without(never) if never.any() else part
+
+
+def _until(graph: TimedGraph, gain: NDArray[np.int32], calm: NDArray[np.int32]) -> IntArray:
+    """The last tick (n,) at which waiting at a node may have a use; -1 where it never has."""
+    static, hold = graph.graph, graph.hold or 0
+    until = np.full(static.nodes, -1)
+    leaving = np.diff(static.indptr) > 0
+    until[leaving] = np.maximum.reduceat(gain.astype(np.int64), static.indptr[:-1][leaving])
+    return np.where(until > 0, np.minimum(until + 2 * hold, calm + hold), -1)

@@ -1,0 +1,220 @@
+"""The search on a clock for one query: its arrays, and its loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.search.machinery.approximation import ANYTHING, Precision
+from hpop.search.machinery.slices import (
+    CLOSED,
+    COUNTERS,
+    DONE,
+    FRONT,
+    HEAP,
+    N_CLOSED,
+    N_EXPANDED,
+    N_FRONT,
+    N_GENERATED,
+    N_OPEN,
+    ROWS,
+    SLICE,
+    WORK,
+    Clock,
+)
+from hpop.search.timed.graph import TimedGraph
+from hpop.search.timed.kernel import (
+    FIRST,
+    FREE,
+    LEAVE,
+    NEXT,
+    STAGE,
+    STATE,
+    USED,
+    WAITING,
+    Goal,
+    Known,
+    Queue,
+    Rest,
+    advance,
+)
+from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
+from hpop.search.timed.tables import NEVER, Tables
+from hpop.status import Status
+
+
+class TimedSearch:
+    """The search from one node; targets are nodes."""
+
+    def __init__(
+        self,
+        graph: TimedGraph,
+        tables: Tables,
+        rest: Rest,
+        source: int,
+        targets: IntArray,
+        precision: Precision,
+        at_most: Sequence[int],
+    ) -> None:
+        self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
+        n, k = graph.graph.nodes, graph.graph.criteria
+        self.eps, self.tolerance = float(precision.eps), precision.of(range(k))
+        self.most = np.array(at_most or [ANYTHING] * k, np.int64)
+        self.arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
+        self.is_target = np.zeros(n, np.uint8)
+        self.is_target[targets] = 1
+        self.counters, self.state = np.zeros(COUNTERS, np.int64), np.zeros(STATE, np.int64)
+        self.front, self.reach = np.zeros((64, k), np.int64), np.zeros((64, k), np.int64)
+        self.solutions, self.leaves = np.zeros(64, np.int64), np.zeros(64, np.int64)
+        ring = 1 << int(graph.durations.max(initial=1)).bit_length()
+        self.tops = np.full(ring, -1, np.int32)
+        self.below, self.values, self.costs = np.zeros(1024, np.int32), np.zeros(1024, np.int64), _rows(1024, k)
+        self.closed, self.ticks = np.zeros(1024, np.int64), np.zeros(1024, np.int32)
+        self.fresh, self.kept = _rows(1024, k), np.zeros(1024, np.uint8)
+        self.nodes, self.waits = np.zeros(n, np.int32), np.zeros(n, np.uint8)
+        self.heads = np.zeros((n, SET_COLUMNS), np.int64)
+        self.heads[:, SEEN] = -1
+        self.vectors, self.rows = _rows(1024, k), _rows(1024, ROW_COLUMNS)
+        self.scratch = np.zeros((4, k), np.int64)
+        self.state[FREE] = -1
+        self.tops[0], self.below[0], self.state[USED], self.counters[N_OPEN] = 0, -1, 1, 1
+
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel."""
+        goal = Goal(
+            self.front, self.reach, self.solutions, self.leaves, self.most, self.arrive_by, self.is_target,
+            self.eps, self.tolerance,
+        )  # fmt: skip
+        queue = Queue(self.tops, self.below, self.values, self.costs)
+        known = Known(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
+        sets = Sets(self.heads, self.vectors, self.rows)
+        arguments = (self.tables, self.rest, goal, queue, known, sets, self.source, self.scratch)
+        return int(clock.call(advance, self.counters, self.state, work, *arguments))
+
+    def run(self, clock: Clock) -> Status:
+        """Search to the end, or to a limit."""
+        status = clock.exceeded(0, self.memory())
+        while status is None:
+            limit = clock.budget.max_labels
+            work = WORK if limit is None else min(WORK, max(1, limit - int(self.counters[N_GENERATED])))
+            code = self.advance(clock, work)
+            if code == DONE:
+                return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
+            clock.report("search", self.counters, self.memory())
+            if code != SLICE:
+                extra, grow = self._room(code)
+                status = clock.exceeded(0, self.memory() + extra, record=False)
+                if status is Status.MEMORY_LIMIT:
+                    break
+                grow()
+            status = clock.exceeded(int(self.counters[N_GENERATED]), self.memory())
+        return status
+
+    def arrays(self) -> list[NDArray[Any]]:
+        """All that was allocated."""
+        own: list[NDArray[Any]] = [
+            self.below,
+            self.values,
+            self.costs,
+            self.closed,
+            self.ticks,
+            self.fresh,
+            self.kept,
+            self.vectors,
+        ]
+        more: list[NDArray[Any]] = [
+            self.rows,
+            self.heads,
+            self.nodes,
+            self.waits,
+            self.front,
+            self.reach,
+            self.tables.row,
+        ]
+        return [*own, *more, self.tables.since, self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
+
+    def memory(self) -> int:
+        """Bytes of all arrays."""
+        return sum(a.nbytes for a in self.arrays())
+
+    def _room(self, code: int) -> tuple[int, Callable[[], None]]:
+        names: tuple[str, ...] = {
+            CLOSED: ("closed", "ticks", "fresh", "kept"),
+            FRONT: ("front", "reach", "solutions", "leaves"),
+            HEAP: ("below", "values", "costs"),
+            ROWS: ("vectors", "rows"),
+        }[code]
+
+        def grow() -> None:
+            for name in names:
+                array = getattr(self, name)
+                array.resize((2 * len(array), *array.shape[1:]), refcheck=False)
+
+        return sum(getattr(self, name).nbytes for name in names), grow
+
+    def counts(self) -> dict[str, int]:
+        """Labels generated, expanded and open, for :class:`.SearchStats`."""
+        names = {"labels_generated": N_GENERATED, "labels_expanded": N_EXPANDED, "labels_open": N_OPEN}
+        return {name: int(self.counters[column]) for name, column in names.items()}
+
+    def found(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
+        """Costs (s, k) of the solutions so far, in lexicographic order; of each path its arcs and their departures."""
+        count = int(self.counters[N_FRONT])
+        order = np.lexsort(self.front[:count].T[::-1])
+        return self.front[:count][order], [self._path(i) for i in order.tolist()]
+
+    def _path(self, i: int) -> tuple[IntArray, IntArray]:
+        value, leaves = int(self.solutions[i]), int(self.leaves[i])
+        arcs, departures = [], []
+        while value > 0:
+            arc = (value & 0xFFFFFFFF) - 1
+            arcs.append(arc)
+            departures.append(leaves)
+            label = (value >> 32) - 1
+            value = int(self.closed[label])
+            leaves = int(self.ticks[label]) - int(self.graph.durations[(value & 0xFFFFFFFF) - 1])
+        return np.array(arcs[::-1], np.int64), np.array(departures[::-1], np.int64)
+
+    def estimates(self) -> IntArray:
+        """Least costs (m, k) of what may become of labels that are under way, or have not left, or may yet."""
+        labels = [self._under_way(), self._fresh(), self._waiting()]
+        values = np.concatenate([v for v, _ in labels])
+        g = np.concatenate([costs for _, costs in labels])
+        arcs = (values & 0xFFFFFFFF) - 1
+        nodes = np.where(
+            arcs >= 0, self.graph.graph.heads[np.maximum(arcs, 0)] if len(self.graph.graph.heads) else 0, self.source
+        )
+        h = self.rest.least[:, nodes].T
+        return np.where(self.tables.is_max, np.maximum(g, h), g + h)
+
+    def _under_way(self) -> tuple[IntArray, IntArray]:
+        rows = []
+        for row in self.tops.tolist():
+            while row >= 0:
+                rows.append(row)
+                row = int(self.below[row])
+        return self.values[rows], self.costs[rows]
+
+    def _fresh(self) -> tuple[IntArray, IntArray]:
+        first, done = int(self.state[FIRST]), int(self.counters[N_CLOSED])
+        begin = int(self.state[NEXT]) if self.state[STAGE] == LEAVE else 0
+        end = done - first if self.state[STAGE] <= LEAVE else begin
+        rows = np.arange(begin, end)
+        rows = rows[self.kept[rows] > 0]
+        return self.closed[first + rows], self.fresh[rows]
+
+    def _waiting(self) -> tuple[IntArray, IntArray]:
+        """Those who may leave after a hold, by what they cost when they arrived."""
+        nodes = self.nodes[: int(self.state[WAITING])]
+        count = int(self.heads[nodes, SIZE].sum())
+        owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
+        waiting(self.tables, Sets(self.heads, self.vectors, self.rows), nodes, owners, costs)
+        return self.closed[owners], costs
+
+
+def _rows(count: int, k: int) -> IntArray:
+    return np.zeros((count, k), np.int64)

@@ -1,0 +1,257 @@
+"""What is known at a node, in the search on a clock: labels that make others superfluous.
+
+A label at node v, arrived at tick t with costs g, is kept by gamma = g - Omega(t) in its sums: who waits at v keeps its
+gamma, and costs gamma + Omega(t') when it leaves at t'. In its maxima it is kept by what they are by now. So, among
+labels at v, a makes b superfluous if no number of a is larger, and
+
+- they arrived at the same tick, or
+- a arrived at least a hold earlier, and v was not cut off since (a waits, then does as b; whoever b would have made
+  wait longer still waits as long with a: Omega adds up, and two holds are one), or
+- v is left for good, t_a and t_b > L(v) (:mod:`.calm`): then costs g themselves are compared, whatever the ticks.
+
+From L(v) + 1 on a node compares costs g. Labels that waited until then, and have waited a hold, are kept by what they
+cost at that moment, which is the last one at which they may leave.
+
+The rows of a node lie in one block of a pool: first the ripe ones, which may make others superfluous, then the green
+ones, which arrived less than a hold ago and compare with the same tick only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import IntArray
+from hpop.compiled import lean
+from hpop.search.timed.tables import NEVER, Tables, free_since, omega_at, worst_rate
+
+# Columns of a node: where its block begins and how long it is, ripe rows, all rows, when it was last seen, and whether
+# it is left for good.
+BEGIN, ROOM, RIPE, SIZE, SEEN, CALM, SET_COLUMNS = range(7)
+TICK, OWNER, ROW_COLUMNS = range(3)
+LEAST_ROOM = 4
+
+
+class Sets(NamedTuple):
+    """The sets of all nodes.
+
+    heads   (n, SET_COLUMNS)
+    vectors (r, k)            gamma, or costs where the node is left for good
+    rows    (r, ROW_COLUMNS)  when the label arrived, so that it is ripe a hold later; the closed label
+    """
+
+    heads: IntArray
+    vectors: IntArray
+    rows: IntArray
+
+
+@lean
+def move_row(sets: Sets, source: int, target: int) -> None:
+    """Copy a row over another."""
+    for j in range(sets.vectors.shape[1]):
+        sets.vectors[target, j] = sets.vectors[source, j]
+    for j in range(ROW_COLUMNS):
+        sets.rows[target, j] = sets.rows[source, j]
+
+
+@lean
+def drop_ripe(sets: Sets, v: int, i: int) -> None:
+    """Take out row i of the block, a ripe one."""
+    begin = sets.heads[v, BEGIN]
+    sets.heads[v, RIPE] -= 1
+    sets.heads[v, SIZE] -= 1
+    move_row(sets, begin + sets.heads[v, RIPE], begin + i)
+    move_row(sets, begin + sets.heads[v, SIZE], begin + sets.heads[v, RIPE])
+
+
+@lean
+def drop_green(sets: Sets, v: int, i: int) -> None:
+    """Take out row i of the block, a green one."""
+    begin = sets.heads[v, BEGIN]
+    sets.heads[v, SIZE] -= 1
+    move_row(sets, begin + sets.heads[v, SIZE], begin + i)
+
+
+@lean
+def ripen(sets: Sets, v: int, i: int) -> int:
+    """Let row i of the block, a green one, be ripe, unless a ripe one makes it superfluous; drop those it makes so.
+
+    Returns which green row to look at next, if those before i have been looked at.
+    """
+    begin = sets.heads[v, BEGIN]
+    k = sets.vectors.shape[1]
+    for at in range(begin, begin + sets.heads[v, RIPE]):
+        if is_at_most(sets.vectors, at, sets.vectors, begin + i, k):
+            drop_green(sets, v, i)
+            return i
+    ripe = sets.heads[v, RIPE]
+    for j in range(k):
+        a, b = sets.vectors[begin + i, j], sets.vectors[begin + ripe, j]
+        sets.vectors[begin + i, j], sets.vectors[begin + ripe, j] = b, a
+    for j in range(ROW_COLUMNS):
+        a, b = sets.rows[begin + i, j], sets.rows[begin + ripe, j]
+        sets.rows[begin + i, j], sets.rows[begin + ripe, j] = b, a
+    sets.heads[v, RIPE] = ripe + 1
+    own = sets.rows[begin + ripe, OWNER]
+    dropped = False
+    at = sets.heads[v, RIPE] - 1
+    new = at
+    while at >= 0:
+        if sets.rows[begin + at, OWNER] != own and is_at_most(sets.vectors, begin + new, sets.vectors, begin + at, k):
+            if new == sets.heads[v, RIPE] - 1:
+                new = at  # where the last ripe row goes
+            drop_ripe(sets, v, at)
+            dropped = True
+        at -= 1
+    return int(sets.heads[v, RIPE]) if dropped else i + 1
+
+
+@lean
+def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
+    """Whether no number of a row is larger than that of another."""
+    below = True
+    for c in range(k):
+        below &= one[i, c] <= other[j, c]
+    return below
+
+
+@lean
+def is_superfluous(sets: Sets, v: int, t: int, vector: IntArray) -> bool:
+    """Whether a label that arrives at a node at tick t need not be kept."""
+    head = sets.heads[v]
+    begin = head[BEGIN]
+    for i in range(begin, begin + head[SIZE]):
+        if i >= begin + head[RIPE] and sets.rows[i, TICK] != t:
+            continue
+        below = True
+        for j in range(len(vector)):
+            below &= sets.vectors[i, j] <= vector[j]
+        if below:
+            return True
+    return False
+
+
+@lean
+def enter_label(sets: Sets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]) -> None:
+    """Enter a label that is not superfluous; those of the same tick that it makes so are marked in `kept`.
+
+    first  the first closed label of the tick; `kept` tells of it and its followers
+    """
+    head = sets.heads[v]
+    begin = head[BEGIN]
+    k = len(vector)
+    if head[SIZE] == head[ROOM]:
+        raise IndexError  # the block was to be made larger first
+    i = head[SIZE] - 1
+    while i >= 0:
+        mine = sets.rows[begin + i, OWNER]
+        if mine >= first or (head[CALM] != 0 and i < head[RIPE]):
+            above = True
+            for j in range(k):
+                above &= sets.vectors[begin + i, j] >= vector[j]
+            if above:
+                if mine >= first:
+                    kept[mine - first] = 0
+                if i < head[RIPE]:
+                    drop_ripe(sets, v, i)
+                else:
+                    drop_green(sets, v, i)
+        i -= 1
+    at = begin + head[SIZE]
+    tick = t
+    if head[CALM] != 0:
+        move_row(sets, begin + head[RIPE], at)
+        at = begin + head[RIPE]
+        head[RIPE] += 1
+        tick = -NEVER  # it has no use for a hold
+    head[SIZE] += 1
+    for j in range(k):
+        sets.vectors[at, j] = vector[j]
+    sets.rows[at, TICK] = tick
+    sets.rows[at, OWNER] = owner
+
+
+@lean
+def make_room(sets: Sets, v: int, used: int) -> int:
+    """Give a node a block twice as long, at the end of the pool, if its own is full; how many rows are used then."""
+    head = sets.heads[v]
+    if head[SIZE] < head[ROOM]:
+        return used
+    for i in range(head[SIZE]):
+        move_row(sets, head[BEGIN] + i, used + i)
+    head[BEGIN] = used
+    head[ROOM] = max(LEAST_ROOM, 2 * head[ROOM])
+    return int(used + head[ROOM])
+
+
+@lean
+def refresh(tables: Tables, calm: NDArray[np.int32], sets: Sets, v: int, t: int) -> None:
+    """Bring the set of a node to tick t: drop those who could not wait, let others ripen, raise what waiting raised."""
+    head = sets.heads[v]
+    seen, begin = head[SEEN], head[BEGIN]
+    if seen == t:
+        return
+    head[SEEN] = t
+    hold = np.int64(tables.hold)
+    for_good = t > calm[v]
+    if hold == 0:
+        if not for_good or head[CALM] == 0:
+            head[RIPE] = head[SIZE] = 0
+        head[CALM] = for_good
+        return
+    if head[CALM] == 0:
+        p = np.int64(tables.place[v])
+        k = sets.vectors.shape[1]
+        since = free_since(tables, p, t)
+        i = head[SIZE] - 1
+        while i >= 0:
+            if sets.rows[begin + i, TICK] < since:
+                if i < head[RIPE]:
+                    drop_ripe(sets, v, i)
+                else:
+                    drop_green(sets, v, i)
+            i -= 1
+        for j in range(k):
+            if tables.is_max[j] and head[SIZE] > 0:
+                worst = worst_rate(tables, p, j, seen, t)
+                for i in range(begin, begin + head[SIZE]):
+                    sets.vectors[i, j] = max(sets.vectors[i, j], worst)
+        if for_good:
+            head[CALM] = 1
+            i = head[SIZE] - 1
+            while i >= 0:
+                row = begin + i
+                until = max(np.int64(calm[v]) + 1, sets.rows[row, TICK] + hold)
+                if free_since(tables, p, until) > sets.rows[row, TICK]:
+                    if i < head[RIPE]:
+                        drop_ripe(sets, v, i)
+                    else:
+                        drop_green(sets, v, i)
+                else:
+                    for j in range(k):
+                        if tables.is_max[j]:
+                            sets.vectors[row, j] = max(sets.vectors[row, j], worst_rate(tables, p, j, t, until))
+                        else:
+                            sets.vectors[row, j] += omega_at(tables, p, j, until)
+                    sets.rows[row, TICK] = until - hold
+                i -= 1
+    i = head[RIPE]
+    while i < head[SIZE]:
+        i = ripen(sets, v, i) if sets.rows[begin + i, TICK] + hold <= t else i + 1
+
+
+@lean
+def waiting(tables: Tables, sets: Sets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
+    """The labels (r,) in the sets of nodes, and what they cost (r, k) when they arrived, or have to pay at least."""
+    at = 0
+    for v in nodes:
+        head = sets.heads[v]
+        for i in range(head[BEGIN], head[BEGIN] + head[SIZE]):
+            owners[at] = sets.rows[i, OWNER]
+            for j in range(costs.shape[1]):
+                costs[at, j] = sets.vectors[i, j]
+                if head[CALM] == 0 and not tables.is_max[j]:
+                    costs[at, j] += omega_at(tables, np.int64(tables.place[v]), j, sets.rows[i, TICK])
+            at += 1

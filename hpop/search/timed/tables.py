@@ -1,0 +1,162 @@
+"""The tables of a graph on a clock as kernels read them: what an arc costs at a tick, and what standing costs."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import BoolArray, IntArray
+from hpop.compiled import lean
+from hpop.search.timed.graph import RATE_BITS, TimedGraph
+
+PLAIN, STAYS = -1, -2  # rows of arcs without a table of their own
+NARROW = 2**31 - 1
+NEVER = 2**40  # a tick later than any
+
+
+class Tables(NamedTuple):
+    """What is known of arcs and places.
+
+    start, heads, durations, costs   of the graph
+    row      (m,) int32         of the arc in the tables of timed arcs, PLAIN or STAYS
+    timed    (c, q, H + 1)      costs of timed arcs; table_of (k,) the table of a column, -1 for none
+    blocked  (q, H + 1)
+    place    (n,)
+    omega    (s, P, H + 1)      what standing costs; omega_of (k,) the table of a column, -1 for none
+    rate     (P, k)
+    since    (P, H + 1) int32   the first tick from which one may have stood until t
+    cut_on   (P,)               whether the place is cut for ever from H on
+    is_max   (k,)
+    hold     ticks, 0 for none
+    """
+
+    start: IntArray
+    heads: NDArray[np.int32]
+    durations: NDArray[np.int32]
+    costs: IntArray
+    row: NDArray[np.int32]
+    timed: NDArray[Any]
+    table_of: IntArray
+    blocked: BoolArray
+    place: NDArray[np.int32]
+    omega: IntArray
+    omega_of: IntArray
+    rate: IntArray
+    since: NDArray[np.int32]
+    cut_on: BoolArray
+    is_max: BoolArray
+    hold: int
+
+    @classmethod
+    def of(cls, graph: TimedGraph) -> Tables:
+        """The tables of a graph."""
+        static, k, width = graph.graph, graph.graph.criteria, graph.horizon + 1
+        row = np.full(static.arcs, PLAIN, np.int32)
+        row[graph.stays] = STAYS
+        row[graph.timed] = np.arange(len(graph.timed), dtype=np.int32)
+        wide = any(table.max(initial=0) > NARROW for table in graph.costs.values())
+        timed, table_of = _stacked(graph.costs, k, (len(graph.timed), width), np.int64 if wide else np.int32)
+        omega, omega_of = _stacked(graph.standing, k, (graph.places, width), np.int64)
+        last_cut = np.where(graph.cut, np.arange(1, width + 1, dtype=np.int32), np.int32(0))
+        since = np.zeros((graph.places, width), np.int32)
+        np.maximum.accumulate(last_cut[:, :-1], axis=1, out=since[:, 1:])
+        return cls(
+            start=static.indptr,
+            heads=static.heads,
+            durations=graph.durations,
+            costs=static.costs,
+            row=row,
+            timed=timed,
+            table_of=table_of,
+            blocked=graph.blocked,
+            place=graph.place,
+            omega=omega,
+            omega_of=omega_of,
+            rate=graph.rate,
+            since=since,
+            cut_on=graph.cut[:, -1].copy(),
+            is_max=np.array([aggregate == "max" for aggregate in static.aggregates]),
+            hold=graph.hold or 0,
+        )
+
+
+def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
+    """Tables one over another, and which is that of each column; a single one is not copied."""
+    places = np.full(k, -1)
+    places[list(tables)] = np.arange(len(tables))
+    if len(tables) == 1:
+        (table,) = tables.values()
+        return np.ascontiguousarray(table, dtype)[None].view(), places
+    if not tables:
+        return np.zeros((0, *shape), dtype), places
+    return np.stack(list(tables.values())).astype(dtype, copy=False), places
+
+
+@lean
+def omega_at(tables: Tables, p: int, j: int, t: int) -> int:
+    """What standing at a place has cost until tick t, of a sum."""
+    rate = tables.rate[p, j]
+    s = tables.omega_of[j]
+    if s < 0:
+        return int((rate * t) >> RATE_BITS)
+    last = tables.omega.shape[2] - 1
+    if t <= last:
+        return int(tables.omega[s, p, t])
+    return int(tables.omega[s, p, last] + ((rate * (t - last)) >> RATE_BITS))
+
+
+@lean
+def worst_rate(tables: Tables, p: int, j: int, begin: int, end: int) -> int:
+    """The worst of standing at a place from a tick to another, of a maximum; 0 of no time."""
+    if end <= begin:
+        return 0
+    s = tables.omega_of[j]
+    if s < 0:
+        return int(tables.rate[p, j])
+    last = tables.omega.shape[2] - 1
+    worst = np.int64(0)
+    for t in range(min(begin, last), min(end - 1, last) + 1):
+        worst = max(worst, tables.omega[s, p, t])
+    return int(worst)
+
+
+@lean
+def free_since(tables: Tables, p: int, t: int) -> int:
+    """The first tick from which one may have stood at a place until tick t."""
+    last = tables.since.shape[1] - 1
+    if t > last:
+        return t if tables.cut_on[p] else int(tables.since[p, last])
+    return int(tables.since[p, t])
+
+
+@lean
+def is_open(tables: Tables, a: int, p: int, t: int) -> bool:
+    """Whether an arc whose tail is at place p can be left for at a tick."""
+    r = tables.row[a]
+    if r == PLAIN:
+        return True
+    t = min(t, tables.since.shape[1] - 1)
+    if r >= 0:
+        return bool(not tables.blocked[r, t])
+    return bool(free_since(tables, p, t + np.int64(tables.durations[a])) <= t)
+
+
+@lean
+def arc_cost(tables: Tables, a: int, p: int, j: int, t: int) -> int:
+    """Cost j of an arc whose tail is at place p, left for at a tick."""
+    r = tables.row[a]
+    base = tables.costs[a, j]
+    if r == PLAIN:
+        return int(base)
+    t = min(t, tables.since.shape[1] - 1)
+    if r >= 0:
+        c = tables.table_of[j]
+        return int(base if c < 0 else tables.timed[c, r, t])
+    if tables.omega_of[j] < 0:
+        return int(base)
+    end = t + np.int64(tables.durations[a])
+    if tables.is_max[j]:
+        return int(max(base, worst_rate(tables, p, j, t, end)))
+    return int(base + omega_at(tables, p, j, end) - omega_at(tables, p, j, t))
