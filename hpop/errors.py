@@ -101,6 +101,12 @@ class LimitError(HpopError):
     exit_code = 13
 
 
+class RosError(HpopError, ValueError):
+    """A message of ROS is not what its type says, or what is asked of a bridge to ROS makes no sense."""
+
+    exit_code = 15
+
+
 class OwnCodeError(HpopError, ImportError):
     """Python of the user's own, named on the command line, cannot be imported, registers nothing, or fails."""
 
