@@ -95,7 +95,7 @@ class Planning:
         if robot is None:
             raise Failure(
                 ErrorCode.TF_ERROR,
-                f"use_start is false, but {self.known.pose_topic} has told no pose of the robot in {self.known.frame_id}",
+                f"use_start is false, but no pose of the robot in {self.known.frame_id} came from {self.known.pose_topic}",
             )
         return robot
 
@@ -139,11 +139,11 @@ class Planning:
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
         """A state of the robot: the pose of its base, all else as in another."""
-        told = dict(zip(OF, pose, strict=False))
+        told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
     def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
-        """Raise Failure for a state off the map or in an obstacle; what is free there, such as an angle, is the start's."""
+        """Raise Failure for a state off the map or in an obstacle; an angle that is free is taken from the start."""
         own = self.problem
         space = own.model.space
         full = [own.start[i] if value is None else value for i, value in enumerate(values)]
