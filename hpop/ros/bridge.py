@@ -113,7 +113,8 @@ class Bridge:
     def _serve(self, connection: Any) -> str:
         """Bring messages until the connection is closed; why it was."""
         # A send to who reads nothing fails then, where it would hold the connection for ever.
-        connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(SENDING), 0))
+        seconds, rest = divmod(SENDING, 1.0)
+        connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))
         closed = self._errors.ConnectionClosed
 
         def send(text: str) -> None:

@@ -51,9 +51,14 @@ class Planning:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """The front of the problem's own question: what it takes is compiled then, and errors come before goals do."""
+        """The front of the problem's own question: what it takes is compiled then, and errors come before goals do.
+
+        Raises UnknownName where an empty planner_id would mean no point of it.
+        """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names
+        if not self._is_known(choice_of(self.known.choice)):
+            raise UnknownName(f"choice is {shown(self.known.choice)}, which is none of {self._choices()}")
         return front
 
     def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> Answer:
@@ -84,10 +89,15 @@ class Planning:
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
             raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
-        if self.names and not (choice.isdecimal() or choice in ("knee", *self.names)):
-            known = ", ".join(["knee", *(f"least {name}" for name in self.names)])
-            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is one of {known}, got {shown(planner_id)}")
+        if self.names and not self._is_known(choice):
+            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is one of {self._choices()}, got {shown(planner_id)}")
         return choice
+
+    def _is_known(self, choice: str) -> bool:
+        return choice.isdecimal() or choice in ("knee", *self.names)
+
+    def _choices(self) -> str:
+        return ", ".join(["knee", *(f"least {name}" for name in self.names)])
 
     def _start(self, asked: Mapping[str, Any], robot: PlanarPose | None) -> PlanarPose:
         if asked.get("use_start") is True:
@@ -95,7 +105,7 @@ class Planning:
         if robot is None:
             raise Failure(
                 ErrorCode.TF_ERROR,
-                f"use_start is false, but no pose of the robot in {self.known.frame_id} came from {self.known.pose_topic}",
+                f"use_start is false, but {self.known.pose_topic} told no pose of the robot in {self.known.frame_id}",
             )
         return robot
 

@@ -40,5 +40,7 @@ def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) ->
     since = far - np.maximum.accumulate(np.where(begins, far, 0.0))
     kept = begins | (np.diff(np.floor(since + 1e-9), prepend=0.0) > 0)
     chosen = np.flatnonzero(kept)
+    early = np.append(np.diff(far[chosen]) < SAME, False) & ~begins[chosen]  # the half of a turn that stands, its end
+    chosen = chosen[~early]
     again = np.append(False, np.diff(far[chosen]) < SAME)  # the end of a hold
     return poses_at(run, times[chosen if timed else chosen[~again]], body=body, planned=planned)
