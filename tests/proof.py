@@ -36,6 +36,7 @@ PARTS = {
     "cli": ["tests/cli", "tests/scenario"],
     "motions": ["tests/motions"],
     "export": ["tests/export"],
+    "ros": ["tests/ros"],
     "browser": ["tests/browser"],
     "testing": ["tests/testing"],
     "package": [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py"))] + ["hpop"],

@@ -1,4 +1,4 @@
-"""`hpop ros`: the planner of a scenario over a bridge, until Ctrl-C; mistakes end in one message, before a robot waits."""
+"""`hpop ros`: the planner of a scenario over a bridge, until Ctrl-C; mistakes end in one message, and early."""
 
 from __future__ import annotations
 
