@@ -113,6 +113,12 @@ class OwnCodeError(HpopError, ImportError):
     exit_code = 14
 
 
+class DriveError(HpopError, ValueError):
+    """What a drive is told or asked makes no sense: a door that is not there, a wish for no cost, a time gone by."""
+
+    exit_code = 15
+
+
 MOST_LETTERS = 100
 """Of a name that is compared with others."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."

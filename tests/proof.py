@@ -31,6 +31,7 @@ PARTS = {
     "frontier": ["tests/frontier"],
     "models": ["tests/models"],
     "goals": ["tests/goals"],
+    "drive": ["tests/drive"],
     "world": ["tests/world"],
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],
