@@ -11,6 +11,7 @@ from hpop.arrays import FloatArray
 from hpop.errors import ModelError, OptionError, RosError
 from hpop.math import wrap
 from hpop.motions import Model, States
+from hpop.motions.hold import CLOCK
 from hpop.motions.possible import STILL
 from hpop.poses import Poses, nanoseconds
 from hpop.ros.messages import SECOND, Message, header, mapping, planar_pose, pose_stamped, time_of
@@ -63,55 +64,86 @@ def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
     back as that plan. Times other than those of holds are those of the model.
 
     Raises RosError for what is no path, has no pose, or more than 20,000; ModelError for a model whose states are not
-    x, y and yaw.
+    x, y and yaw, and for holds of more than an hour in all.
     """
     if model.space.names != ("x", "y", "yaw"):
         raise ModelError(f"a path has poses (x m, y m, yaw rad), which are no states of this model: {model.space}")
     rows, times = _read(path)
-    ends = [tuple(rows[0])]
-    kinds: list[str] = []
-    holds: list[tuple[int, float]] = []
-
-    def turn(change: float) -> None:
-        x, y, yaw = ends[-1]
-        if abs(change) <= STRAIGHT:
-            return
-        if kinds and kinds[-1] == "turn" and not _is_held(holds, ends) and change * (yaw - ends[-2][2]) > 0.0:
-            ends[-1] = (x, y, yaw + change)
-        else:
-            ends.append((x, y, yaw + change))
-            kinds.append("turn")
-
-    def move(to_x: float, to_y: float) -> None:
-        x, y, yaw = ends[-1]
-        if kinds and kinds[-1] == "move" and not _is_held(holds, ends):
-            from_x, from_y, _ = ends[-2]
-            if abs(wrap(np.arctan2(to_y - from_y, to_x - from_x) - yaw)) <= STRAIGHT:
-                ends[-1] = (to_x, to_y, yaw)
-                return
-        turn(float(wrap(np.arctan2(to_y - y, to_x - x) - yaw)))
-        ends.append((to_x, to_y, ends[-1][2]))
-        kinds.append("move")
-
+    way = _Way(rows[0].tolist())
     for i in range(1, len(rows)):
         x, y, yaw = rows[i].tolist()
-        if np.hypot(x - ends[-1][0], y - ends[-1][1]) > STILL:
-            move(x, y)
-            turn(float(wrap(yaw - ends[-1][2])))
-        elif abs(yaw - rows[i - 1, 2]) > STRAIGHT:
-            turn(yaw - float(rows[i - 1, 2]))
+        turned = yaw - rows[i - 1, 2] + wrap(rows[i - 1, 2] - way.yaw)
+        if np.hypot(x - way.x, y - way.y) > STILL:
+            way.move(x, y)
+            way.turn(float(wrap(yaw - way.yaw)))
+        elif abs(turned) > STRAIGHT:
+            way.turn(float(turned))
         elif times[i] > times[i - 1]:
-            holds.append((len(ends) - 1, (times[i] - times[i - 1]) / SECOND))
-    columns = dict(zip(model.space.names, np.array(ends, float).T, strict=True))
-    made = Trajectory(model, States(**columns), tuple(kinds))
-    for at, seconds in reversed(holds):
-        made = made.with_hold(at=at, seconds=seconds)
-    return made
+            way.hold((times[i] - times[i - 1]) / SECOND)
+    return way.of(model)
 
 
-def _is_held(holds: list[tuple[int, float]], ends: list[tuple[float, ...]]) -> bool:
-    """Whether the robot holds at the last of the states."""
-    return bool(holds) and holds[-1][0] == len(ends) - 1
+class _Way:
+    """States and motions as they come, x, y, yaw and the clock of holds; one that goes on as the last makes it longer.
+
+    kinds  (n,) of the motions
+    """
+
+    def __init__(self, first: list[float]) -> None:
+        self._states: list[tuple[float, ...]] = [(*first, 0.0)]
+        self.kinds: list[str] = []
+
+    @property
+    def x(self) -> float:
+        return self._states[-1][0]
+
+    @property
+    def y(self) -> float:
+        return self._states[-1][1]
+
+    @property
+    def yaw(self) -> float:
+        return self._states[-1][2]
+
+    def turn(self, change: float) -> None:
+        """Turn in place, rad."""
+        x, y, yaw, clock = self._states[-1]
+        if abs(change) > STRAIGHT:
+            goes_on = self._last() == "turn" and change * (yaw - self._states[-2][2]) > 0.0
+            self._put("turn", (x, y, yaw + change, clock), goes_on)
+
+    def move(self, to_x: float, to_y: float) -> None:
+        """Turn to a place, m, and move there."""
+        if self._last() == "move":
+            from_x, from_y, yaw, clock = self._states[-2]
+            along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
+            heading = np.arctan2(to_y - from_y, to_x - from_x)
+            if along > np.hypot(self.x - from_x, self.y - from_y) and abs(wrap(heading - yaw)) <= STRAIGHT:
+                self._put("move", (to_x, to_y, yaw, clock), True)
+                return
+        self.turn(float(wrap(np.arctan2(to_y - self.y, to_x - self.x) - self.yaw)))
+        self._put("move", (to_x, to_y, *self._states[-1][2:]), False)
+
+    def hold(self, seconds: float) -> None:
+        """Stand still."""
+        x, y, yaw, clock = self._states[-1]
+        self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
+
+    def of(self, model: Model) -> Trajectory:
+        """The trajectory of a model that goes so."""
+        columns = np.array(self._states).T[: 4 if "hold" in self.kinds else 3]
+        states = States(**dict(zip((*model.space.names, CLOCK), columns, strict=False)))
+        return Trajectory(model, states, tuple(self.kinds))
+
+    def _last(self) -> str:
+        return self.kinds[-1] if self.kinds else ""
+
+    def _put(self, kind: str, state: tuple[float, ...], goes_on: bool) -> None:
+        if goes_on:
+            self._states[-1] = state
+        else:
+            self._states.append(state)
+            self.kinds.append(kind)
 
 
 def _read(path: Any) -> tuple[FloatArray, list[int]]:

@@ -101,6 +101,22 @@ def test_a_path_of_somebody_else_is_turned_to_and_driven():
     assert found.states.yaw.tolist() == pytest.approx([0, 0, math.pi / 2, math.pi / 2, 0, math.pi])
 
 
+def test_a_path_there_and_back_is_driven_there_and_back():
+    """In one line, so that only the distance tells that it goes back."""
+    there = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1.5, 0, math.pi), (1, 0, math.pi), (3, 0, 0)]
+    found = trajectory_of({"poses": [pose_message(*one) for one in there]}, DRIVE)
+    assert found.kinds == ("move", "turn", "move", "turn", "move")
+    assert found.states.x.tolist() == [0, 2, 2, 1, 1, 3]
+    assert found.without_holds() is found
+
+
+def test_a_turn_in_very_small_steps_is_a_turn():
+    steps = [pose_message(0, 0, 4e-7 * i) for i in range(5000)]
+    found = trajectory_of({"poses": steps}, DRIVE)
+    assert found.kinds == ("turn",)
+    assert found.states.yaw[-1] == pytest.approx(4e-7 * 4999, abs=2e-6)
+
+
 def test_a_path_backwards_is_driven_forwards():
     found = trajectory_of({"poses": [pose_message(0, 0, 0), pose_message(-1, 0, 0)]}, DRIVE)
     assert found.kinds == ("turn", "move", "turn")
