@@ -41,10 +41,16 @@ def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> 
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
         raise QueryError(
-            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. Give them "
-            "no velocity to plan round where they are now, or leave them out and evaluate the criteria on the front's "
-            "trajectories, in the world with them."
+            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
+            "The planners lattice and roadmap themselves have a clock, for a robot that moves in the plane. Else give "
+            "people no velocity to plan round where they are now, or leave them out and evaluate the criteria on the "
+            "front's trajectories, in the world with them."
         )
+    refuse_too_many(objectives)
+
+
+def refuse_too_many(objectives: Objectives) -> None:
+    """Raise OptionError for more costs than an exact search takes."""
     if len(objectives.optimised) > MAX_COSTS:
         names = [criterion.name for criterion in objectives.optimised]
         raise OptionError(

@@ -21,6 +21,8 @@ from hpop.planners.lattice.stages import stages
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.timed.asked import Asked, people_move, refuse_needless
+from hpop.planners.timed.clock import HOLD, TimeOptions
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback
@@ -71,6 +73,13 @@ class Lattice:
     fronts in which the integral stands in. The cost grows steeply with the cap. A cap on the length (a criterion then,
     as turns are) leaves the mean without a bound unless the turns have one: turning in place costs no length, so time
     without end could be spent where the mean is low.
+
+    Among people who move (:mod:`hpop.planners.timed`) costs and free ways depend on when the robot is where, so motions
+    last whole ticks of a clock, and the robot may hold at every position. The front is then exact on that clock, for
+    people as they are predicted: no path and no holds of the lattice are better in one cost and no worse in the others.
+    The robot keeps clear of them by ``margin``, also if it is 0.2 s off the clock; where a prediction is uncertain,
+    nobody is nearer than that with more than 5 % at any moment. Planned costs are within their stated tolerance of the
+    plan's own, which the certificate says how far it is off the clock. ``max_detour`` is for worlds where nobody moves.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -88,6 +97,10 @@ class Lattice:
     max_labels: int | None = None
     max_memory: int | None = None
     checkpoint: CheckpointSpec | None = None
+    clock: float | None = None
+    hold: float | None = HOLD
+    arrive_by: float | None = None
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
@@ -104,7 +117,13 @@ class Lattice:
             raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
+        _ = self.time_options
         self.budget()
+
+    @property
+    def time_options(self) -> TimeOptions:
+        """What it is told about time."""
+        return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
 
     def budget(self) -> Budget:
         """The planner's limits, which reading the map, building and searching share."""
@@ -113,11 +132,15 @@ class Lattice:
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice.
 
-        Raises QueryError when start or goal is blocked, off the map or out of reach, or when people move,
+        Raises QueryError when start or goal is blocked, off the map or out of reach,
         UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
         finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint that is of
         another question.
         """
+        if people_move(problem):
+            *_, found = self._among_people(problem, progress, in_stages=False)
+            return found
+        refuse_needless(problem, self.time_options)
         spending = self.spending(problem)
         lattice = self.lattice(problem, spending)
         mean = self.max_detour is not None
@@ -144,10 +167,33 @@ class Lattice:
 
         Only the exact one unless :attr:`answers_in_stages`. Raises as :meth:`solve` does.
         """
-        if self.answers_in_stages:
-            yield from stages(self, problem, progress)
-        else:
+        if not self.answers_in_stages:
             yield self.solve(problem, progress)
+        elif people_move(problem):
+            yield from self._among_people(problem, progress, in_stages=True)
+        else:
+            refuse_needless(problem, self.time_options)
+            yield from stages(self, problem, progress)
+
+    def _among_people(
+        self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool
+    ) -> Iterator[Candidates]:
+        """Answers on a clock."""
+        from hpop.planners.timed.answers import answers  # on first use: it takes what only they need
+
+        if self.max_detour is not None:
+            raise OptionError("max_detour is for worlds where nobody moves; leave it out, a mean is then only reported")
+        objectives, spending = edge_objectives(problem.criteria, "lattice"), self.spending(problem)
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
+        asked = Asked(
+            "lattice", self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
+        )
+        try:
+            ends = self.ends(self.lattice(problem, spending), problem)
+            yield from answers(problem, objectives, ends, asked, progress)
+        except Exhausted as stop:
+            yield stopped("lattice", objectives, stop, spending)
 
     @property
     def answers_in_stages(self) -> bool:

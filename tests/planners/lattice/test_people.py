@@ -1,4 +1,4 @@
-"""People in a lattice: who stands is planned around, who moves is refused by name, for the lattice has no time."""
+"""People in a lattice: who stands is planned around; a search without a clock on it refuses who moves by name."""
 
 import math
 
@@ -10,6 +10,7 @@ from hpop.criteria.base import trajectory_cost
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
+from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.world import World
@@ -28,14 +29,14 @@ def test_people_who_move_are_named_and_the_way_out_is_told():
     walking = Person(1.0, 3.0, velocity=(0.5, 0.0), name="Bob")
     nameless = Person(2.0, 3.0, velocity=(0.0, -0.5))
     with pytest.raises(QueryError, match=r"the lattice has no time.*: Bob, number 2[.]") as raised:
-        Lattice(step=0.5).solve(problem(ANN, walking, nameless))
+        WeightedSum(on={"lattice": {"step": 0.5}}).solve(problem(ANN, walking, nameless))
     assert "no velocity" in str(raised.value)
     assert "Ann" not in str(raised.value)
 
 
 def test_people_who_move_are_refused_whatever_the_criteria_are():
     with pytest.raises(QueryError, match="Bob"):
-        Lattice(step=0.5).solve(problem(Person(1.0, 3.0, velocity=(0.5, 0.0), name="Bob"), criteria=["length"]))
+        WeightedSum().solve(problem(Person(1.0, 3.0, velocity=(0.5, 0.0), name="Bob"), criteria=["length"]))
 
 
 def test_the_lattice_trades_length_for_the_space_of_a_person_who_stands():

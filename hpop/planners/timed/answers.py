@@ -1,0 +1,77 @@
+"""The answers of a planner on a graph of states where people move: a first one soon, then the exact one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hpop.errors import QueryError
+from hpop.planners.base import Candidates
+from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
+from hpop.planners.graphs.query import refuse_too_many, tolerance_counts
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.objectives import Objectives
+from hpop.planners.timed.asked import Asked
+from hpop.planners.timed.assembly import timed_graph
+from hpop.planners.timed.query import TimedQuery
+from hpop.status import Budget, Progress, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+QUICK = 0.2  # s, of a search before the exact one, at least
+SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
+
+
+def answers(
+    problem: Problem,
+    objectives: Objectives,
+    ends: Ends,
+    asked: Asked,
+    progress: ProgressCallback | None,
+) -> Iterator[Candidates]:
+    """Candidates of each stage; after Ctrl-C what was found, and no more. Raises Exhausted where a limit is passed."""
+    began = time.perf_counter()
+    refuse_too_many(objectives)
+    tolerance_counts(objectives, asked.tolerance or {})  # that would only be found wrong by the last stage
+    if progress:
+        progress(Progress("graph"))
+    space, start, goals = ends
+    spending = space.spending
+    if not isinstance(space, StateGraph | JoinedEnds):
+        raise QueryError(f"{space.words} has no clock")
+    timed = timed_graph(space, objectives.optimised, start, asked.options)
+    build_seconds = time.perf_counter() - began
+    query = TimedQuery(problem, objectives, timed, asked.options, start, goals, build_seconds, asked.max_turns)
+    if asked.in_stages:
+        share = max(QUICK, SHARE * build_seconds)
+        left = _share(spending.left(), share)
+        first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
+        if first.status.is_final:
+            yield first
+            return
+        with spending.paused():
+            yield _unfinished(first)
+        if first.status is Status.INTERRUPTED:
+            return
+    yield query.exact(
+        asked.planner,
+        spending.left(),
+        progress,
+        eps=asked.eps,
+        tolerance=asked.tolerance,
+        checkpoint=asked.checkpoint,
+    )
+
+
+def _share(left: Budget, seconds: float) -> Budget:
+    """So many seconds for a stage before the last, but no more than a quarter of what is left."""
+    return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
+
+
+def _unfinished(found: Candidates) -> Candidates:
+    """Say of a stage that the search goes on, unless it was interrupted."""
+    status = found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED
+    return replace(found, status=status, certificate=f"{found.certificate}; the exact search is not done")

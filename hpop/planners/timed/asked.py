@@ -1,0 +1,45 @@
+"""What a planner is asked where people move, and whether they do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from hpop.errors import OptionError
+from hpop.planners.timed.clock import TimeOptions
+from hpop.search.machinery.checkpoint import CheckpointSpec
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+
+class Asked(NamedTuple):
+    """What a planner is asked beside its graph.
+
+    planner    its name
+    options    of time
+    eps, tolerance, checkpoint, max_turns  as it has them
+    in_stages  whether a first answer comes before the exact one
+    """
+
+    planner: str
+    options: TimeOptions
+    eps: float = 0.0
+    tolerance: Mapping[str, float] | None = None
+    checkpoint: CheckpointSpec | None = None
+    max_turns: int | None = None
+    in_stages: bool = True
+
+
+def people_move(problem: Problem) -> bool:
+    """Whether somebody moves, so that a planner needs a clock."""
+    return any(person.moves for person in problem.world.content.people)
+
+
+def refuse_needless(problem: Problem, options: TimeOptions) -> None:
+    """Raise OptionError where nobody moves, so that there is no clock, but a time of arrival is asked for."""
+    if options.arrive_by is not None and not people_move(problem):
+        raise OptionError(
+            "arrive_by needs a clock, and where nobody moves there is none; leave it out, and list the criterion "
+            "'duration'"
+        )

@@ -1,0 +1,263 @@
+"""From a graph of states, a clock and people who move to what a search on a clock takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, make_criterion, motion_costs
+from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
+from hpop.motions import Motions, States
+from hpop.planners.graphs.joined_ends import JoinedEnds
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.trajectory_graph import aggregates
+from hpop.planners.objectives import WHOLE
+from hpop.planners.timed.clock import SLACK, Clock, TimeOptions
+from hpop.planners.timed.company import Company
+from hpop.planners.timed.legs import TimedArcs, motions_of
+from hpop.planners.timed.notice import Notices
+from hpop.planners.timed.presence import Presence
+from hpop.planners.timed.safety import Safety
+from hpop.planners.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
+from hpop.planners.timed.tables import Tables
+from hpop.search import Graph
+from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
+
+TRIED = 64  # arcs that tell whether a criterion reads the time
+NEVER = 2**31 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A graph of states on a clock.
+
+    graph       what a search takes
+    arcs        the same arcs as motions
+    clock
+    company     who moves
+    overlooked  (k,)  by how much costs may differ in what is not noticed: a second, or at the worst moment
+    pairs       how many costs of an arc or a place at a tick were reckoned
+    seconds     s that making it took
+    """
+
+    graph: TimedGraph
+    arcs: TimedArcs
+    clock: Clock
+    company: Company
+    overlooked: FloatArray
+    pairs: int
+    seconds: float
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """How large it is, for the stats of a planner."""
+        return {
+            "ticks": self.graph.horizon,
+            "timed_edges": int(self.graph.timed.size),
+            "costs_by_time": self.pairs,
+            "table_seconds": self.seconds,
+        }
+
+
+def timed_graph(
+    space: StateGraph | JoinedEnds, criteria: Sequence[Criterion], start: int, options: TimeOptions
+) -> Timed:
+    """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
+
+    Raises QueryError where the robot would start in contact with somebody who moves, OptionError for a clock that
+    would count more ticks than a search does.
+    """
+    began = time.perf_counter()
+    return _Assembly(space, tuple(criteria), start, options).made(began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Assembly:
+    """What is found out of a graph before it is put on a clock."""
+
+    space: StateGraph | JoinedEnds
+    criteria: tuple[Criterion, ...]
+    start: int
+    options: TimeOptions
+
+    @cached_property
+    def clock(self) -> Clock:
+        return Clock(self.options.tick)
+
+    @cached_property
+    def arcs(self) -> TimedArcs:
+        return TimedArcs.of(self.space, self.clock)
+
+    @cached_property
+    def company(self) -> Company:
+        return Company.of(self.space.world)
+
+    @cached_property
+    def horizon(self) -> int:
+        """The tick from which on nothing changes, or that of the latest arrival."""
+        settled, arrive_by = self.company.settled, self.options.arrive_by
+        last = settled + SLACK  # until then somebody may still be in the way of a plan that is off the clock
+        last = last if arrive_by is None else min(last, arrive_by)
+        if not last / self.clock.tick + 2 < MAX_TICKS:
+            raise OptionError(
+                f"people who move do so for {settled:,.0f} s, which is too long for a clock of {self.clock.tick:g} s; "
+                "give the problem a horizon, people an until, or the planner arrive_by"
+            )
+        return self.clock.up_to(last) + 1
+
+    @cached_property
+    def timed(self) -> list[int]:
+        """Columns of criteria that read the time."""
+        return [j for j, criterion in enumerate(self.criteria) if _reads_time(criterion, self.arcs.inner)]
+
+    @cached_property
+    def static(self) -> list[int]:
+        """Columns of the others."""
+        return [j for j in range(len(self.criteria)) if j not in self.timed]
+
+    def some(self, columns: Sequence[int]) -> list[Criterion]:
+        return [self.criteria[j] for j in columns]
+
+    @cached_property
+    def plain(self) -> Graph:
+        """The graph with those costs alone that depend on no time; with the duration if all do."""
+        return self.space.graph(self.some(self.static) or [make_criterion("duration")])
+
+    @cached_property
+    def safety(self) -> Safety:
+        people = tuple(each for person in self.company.people for _, each in person.hypotheses)
+        at = self.arcs.states.take([self.arcs.place[self.start]])
+        start = (float(at.x[0]), float(at.y[0]))
+        parts, margin = self.arcs.inner.model.parts, self.options.margin
+        return Safety(parts, people, self.clock, self.horizon, margin, start, self.space.spending)
+
+    @cached_property
+    def notices(self) -> Notices:
+        return Notices.by(self.some(self.timed), self.company, self.arcs.inner.model)
+
+    @cached_property
+    def presence(self) -> Presence:
+        """Who is noticed, by places of the graph."""
+        states = self.arcs.states
+        return Presence(self.company, self.notices, self.clock, self.horizon, states.x, states.y)
+
+    @cached_property
+    def rates(self) -> FloatArray:
+        """What standing for a tick costs in each state, by criteria that read no time."""
+        return standing_rates(self.some(self.static), self.space, self.clock.tick)
+
+    @cached_property
+    def headed(self) -> bool:
+        """Whether what standing costs depends on the heading, so that every state is a place of its own."""
+        if not alike_at_places(self.rates, self.arcs.place).all():
+            return True
+        return not turn_as_they_stand(self.some(self.timed), self.arcs, self.presence).all()
+
+    @cached_property
+    def place(self) -> IntArray:
+        """Of each node."""
+        return np.arange(self.space.size) if self.headed else self.arcs.place
+
+    @cached_property
+    def states(self) -> States:
+        """One at each place."""
+        if not self.headed:
+            return self.arcs.states
+        states = self.space.states(np.arange(self.space.size))
+        return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
+
+    @cached_property
+    def stays(self) -> BoolArray:
+        """Arcs in place that cost what standing there does, and are blocked where nobody may stand."""
+        stays = self.arcs.stays.copy()
+        if self.headed:
+            stays[:] = False
+        elif self.safety.about_start:  # from there one may leave, and turn to do so
+            here = self.arcs.place[self.start]
+            stays[self.arcs.place[self.arcs.tails] == here] = False
+        return stays
+
+    @cached_property
+    def earliest(self) -> IntArray:
+        """The earliest tick (n,) at which each node can be reached."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import dijkstra
+
+        plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
+        network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
+        found = dijkstra(network, indices=np.array([self.start]))[0]
+        return np.where(np.isfinite(found), found, NEVER).astype(np.int64)
+
+    def made(self, began: float) -> Timed:
+        """The graph on the clock."""
+        arcs, place, states, options = self.arcs, self.place, self.states, self.options
+        rows = np.flatnonzero(~self.stays)
+        legs, tails = arcs.legs(rows), arcs.tails[rows]
+        blocked = self.safety.blocked(legs)
+        wanted = np.zeros(rows.size, dtype=bool)
+        wanted[blocked.rows] = True
+        presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
+        tables = Tables(arcs.inner, presence, self.some(self.timed), self.space.spending)
+        made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
+        closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
+        closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
+        first = np.full(states.size, NEVER)
+        np.minimum.at(first, place, self.earliest)
+        stood = tables.standing(states, first)
+
+        costs = np.zeros((self.plain.arcs, len(self.criteria)), np.int64)
+        rate = np.zeros((states.size, len(self.criteria)))
+        node = np.unique(place, return_index=True)[1]
+        for column, j in enumerate(self.static):
+            costs[:, j] = self.plain.costs[:, column]
+            rate[:, j] = self.rates[node, column] / self.criteria[j].quantum
+        for column, j in enumerate(self.timed):
+            costs[rows, j] = made.static[:, column]
+            rate[:, j] = stood.rates[:, column]
+        worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
+        graph = TimedGraph(
+            Graph.from_csr(self.plain.indptr, self.plain.heads, _frozen(costs), aggregates=aggregates(self.criteria)),
+            arcs.ticks.astype(np.int32),
+            self.horizon,
+            timed=rows[made.rows].astype(np.int32),
+            costs={j: _frozen(table) for j, table in zip(self.timed, made.costs, strict=True)},
+            blocked=_frozen(closed),
+            place=place.astype(np.int32),
+            stays=_frozen(self.stays),
+            standing={j: _frozen(table) for j, table in zip(self.timed, stood.tables, strict=True)},
+            rate=np.where(worst, np.ceil(rate - WHOLE), np.rint(rate * RATE)).astype(np.int64),
+            cut=_frozen(self.safety.cut(states.x, states.y)),
+            hold=None if options.hold is None else max(1, self.clock.up_to(options.hold)),
+            arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
+        )
+        overlooked = np.zeros(len(self.criteria))
+        overlooked[self.timed] = self.notices.overlooked
+        pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
+        return Timed(graph, arcs, self.clock, self.company, overlooked, pairs, seconds)
+
+
+def _frozen(array: Any) -> Any:
+    array.setflags(write=False)
+    return array
+
+
+def _reads_time(criterion: Criterion, space: StateGraph) -> bool:
+    """Whether costs depend on when a motion begins: none can be had without, or they differ."""
+    some = np.unique(np.linspace(0, space.arcs.heads.size - 1, TRIED).astype(np.int64))
+    for _, _, motions in motions_of(space, some):
+        try:
+            plain = motion_costs(criterion, motions)
+        except (CriterionError, UnsupportedCriterion):
+            return True
+        world, model, law = motions.world, motions.model, motions.law
+        for t0 in (0.0, 1.0, 5.0):
+            then = Motions(world, model, law, motions.start, motions.end, t0=np.full(len(motions), t0))
+            if (motion_costs(criterion, then) != plain).any():
+                return True
+    return False

@@ -1,0 +1,194 @@
+"""A planning problem on a graph of states with a clock: what is searched, and what is said of the result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import place_of
+from hpop.errors import OptionError
+from hpop.planners.base import Candidates
+from hpop.planners.deferred import Deferred
+from hpop.planners.graphs.claims import how_far, within
+from hpop.planners.graphs.query import SHARE, tolerance_counts
+from hpop.planners.objectives import Objectives
+from hpop.planners.timed.assembly import Timed
+from hpop.planners.timed.clock import TimeOptions
+from hpop.planners.timed.plans import Plans
+from hpop.search import pareto_paths
+from hpop.search.machinery.checkpoint import CheckpointSpec
+from hpop.search.timed.paths import TimedPaths
+from hpop.search.timed.timed_paths import timed_paths
+from hpop.status import Budget, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+UNREACTING = "people are taken to do as predicted, whatever the robot does"
+
+
+@dataclass(frozen=True, eq=False)
+class TimedQuery:
+    """A problem on a graph of states with a clock.
+
+    problem
+    objectives
+    timed          the graph on the clock
+    options        of time
+    start, goals   state ids
+    build_seconds  s
+    max_turns      paths with more turns do not count
+    """
+
+    problem: Problem
+    objectives: Objectives
+    timed: Timed
+    options: TimeOptions
+    start: int
+    goals: list[int]
+    build_seconds: float
+    max_turns: int | None = None
+
+    @property
+    def names(self) -> str:
+        """The optimised criteria, in words."""
+        return ", ".join(criterion.name for criterion in self.objectives.optimised)
+
+    @property
+    def quanta(self) -> FloatArray:
+        """What one count of each cost is, (k,), in the criteria's units."""
+        return np.array([criterion.quantum for criterion in self.objectives.optimised])
+
+    def exact(
+        self,
+        name: str,
+        budget: Budget,
+        progress: ProgressCallback | None = None,
+        *,
+        eps: float = 0.0,
+        tolerance: Mapping[str, float] | None = None,
+        checkpoint: CheckpointSpec | None = None,
+        stage: bool = False,
+    ) -> Candidates:
+        """All non-dominated paths on the clock as the candidates of the planner ``name``, or some within ``eps``.
+
+        As :meth:`hpop.planners.graphs.query.GraphQuery.exact`. ``stage``: before the last, so that the budget's time is
+        a share and not a limit that anybody has set.
+        """
+        counts = tolerance_counts(self.objectives, tolerance or {})
+        paths = timed_paths(
+            self.timed.graph,
+            self.start,
+            self.goals,
+            budget=budget,
+            progress=progress,
+            eps=eps,
+            tolerance=counts.tolist(),
+            at_most=self._at_most(),
+            checkpoint=checkpoint,
+        )
+        where = f"{self.timed.arcs.space.words}, {self._in_time}, for ({self.names})"
+        if self.max_turns is not None:
+            where += f" and at most {self.max_turns} turns"
+        factor = within(eps, tolerance or {})
+        if not paths.status.is_final:
+            each = f"points are within {factor} of optimal" if factor else "every point is optimal"
+            each = each if len(paths) else "the search itself found none"
+            ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
+            claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(paths.gap, tolerance or {})}"
+        elif factor:
+            claim = (
+                f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "
+                "points need not be optimal themselves"
+            )
+        else:
+            claim = f"exact on {where}, edge costs rounded to their quanta"
+        return self.candidates(name, paths, claim, {"stage": "first points"} if stage else {})
+
+    @property
+    def _in_time(self) -> str:
+        """The clock and what is predicted, in words."""
+        parts = [f"on a clock of {self.options.tick:g} s"]
+        hold = self.options.hold
+        parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
+        company = self.timed.company
+        people = "1 person who moves" if len(company.people) == 1 else f"{len(company.people)} people who move"
+        parts.append(f"for the predictions of {people}, the last of which ends after {company.settled:.3g} s")
+        if self.options.margin:
+            parts.append(f"{self.options.margin:g} m clear of them")
+        if self.options.arrive_by is not None:
+            parts.append(f"arriving within {self.options.arrive_by:g} s")
+        return ", ".join(parts)
+
+    def _at_most(self) -> list[int | None]:
+        """Bounds (k,) on the costs; OptionError where turns are bounded, but none of the costs."""
+        if self.max_turns is None:
+            return []
+        turns = place_of("turns", self.objectives.optimised)
+        if turns is None:
+            raise OptionError(
+                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
+                "among the criteria, or leave max_turns out"
+            )
+        return [self.max_turns if j == turns else None for j in range(len(self.objectives.optimised))]
+
+    def candidates(self, name: str, paths: TimedPaths, claim: str, origin: Mapping[str, Any]) -> Candidates:
+        """Paths as the candidates of the planner ``name``, with more of their origin."""
+        space, plans = self.timed.arcs.space, Plans(self.timed, [paths.steps(i) for i in range(len(paths))])
+        drift = float(plans.drift.max(initial=0.0))
+        claim += f"; times of plans are off the clock by at most {drift:.2g} s; {UNREACTING}" if len(paths) else ""
+        common: dict[str, Any] = {"planner": name, **space.options, **self.options.described, **origin}
+        own = zip(plans.lengths.tolist(), plans.holds.tolist(), plans.drift.tolist(), strict=True)
+        gap = paths.gap if math.isfinite(paths.gap) else None
+        return Candidates(
+            objectives=self.objectives.optimised,
+            trajectories=Deferred(len(paths), plans.trajectories) if len(paths) else (),
+            planned=paths.costs * self.quanta,
+            tolerance=plans.tolerance(paths.costs, self.quanta),
+            status=paths.status,
+            certificate=f"{name}: {claim}{self.objectives.certificate}",
+            provenance=tuple(
+                {**common, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
+            ),
+            notes=(*self.objectives.notes, *self._what_blocks(paths)),
+            filters=self.objectives.filters,
+            stats={
+                "planner": name,
+                "states": space.size,
+                "edges": int(self.timed.graph.graph.arcs),
+                "build_seconds": self.build_seconds,
+                **self.timed.counts,
+                "method": paths.stats.method,
+                "labels_generated": paths.stats.labels_generated,
+                "labels_expanded": paths.stats.labels_expanded,
+                "labels_open": paths.stats.labels_open,
+                "peak_memory": paths.stats.peak_memory,
+                "gap": gap,
+                "bounds_seconds": paths.stats.seconds_bounds,
+                "search_seconds": paths.stats.seconds_search,
+            },
+        )
+
+    def _what_blocks(self, paths: TimedPaths) -> tuple[str, ...]:
+        """Why there is no path, in words."""
+        if paths.status is not Status.NO_PATH:
+            return ()
+        graph = self.timed.graph.graph
+        alone = pareto_paths(graph, self.start, self.goals, budget=Budget(max_labels=10**6), eps=1.0)
+        if alone.status is Status.NO_PATH:
+            return (self.timed.arcs.space.what_separates(self.start, self.goals),)
+        why, ways_out = ["people who move are in them, now or later"], ["a smaller margin"]
+        if self.options.hold is None:
+            ways_out.append("a hold")
+        if self.options.arrive_by is not None:
+            why.append(f"none arrives within {self.options.arrive_by:g} s")
+            ways_out.append("a later arrive_by")
+        if self.max_turns is not None:
+            why.append(f"none has at most {self.max_turns} turns")
+            ways_out.append("more max_turns")
+        return (f"no path: there are ways, but {', or '.join(why)}; give {', or '.join(ways_out)}",)

@@ -1,0 +1,314 @@
+"""Keeping clear of people who move: when arcs must not be left for, and when nobody may stand at a place.
+
+The gap is that between the surfaces of the robot, as its parts say, and of a person. It is kept all along a motion, and
+also if the plan is off the clock by :data:`.clock.SLACK`. Where a prediction is uncertain the person must not be nearer
+than the margin with more than 5 % at any moment, in any of its futures. That is bounded from above twice, and either is
+enough: by the half-plane beyond the nearest point, 1.645 sigma, and by a disc about the robot that holds it and the
+person's body, whose share of a normal distribution is one of the noncentral chi-squared.
+
+Along a straight move the gap is exact for people who walk straight on meanwhile; for others the way is taken for its
+chord, and the gap for smaller by how far it leaves it. While a robot that is not round turns or stands it counts as the
+disc that it sweeps.
+
+A robot that starts within somebody's margin may leave, but not stay: it holds nowhere there, and for :data:`LEAVING`
+seconds only contact blocks what leads away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy.spatial import KDTree
+from scipy.special import ndtri
+from scipy.stats import ncx2
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.errors import QueryError
+from hpop.models.collision.parts import Part
+from hpop.options import LEAST
+from hpop.planners.spending import Spending
+from hpop.planners.timed.clock import SLACK, Clock
+from hpop.planners.timed.legs import Leg
+from hpop.world.people import Person
+
+RISK = 0.05  # of a prediction at a moment
+SIGMAS = float(-ndtri(RISK))
+HALVINGS = 40
+TOUCH = 1e-9  # m
+PAIRS = 1 << 20  # of arcs and ticks that are looked at together
+LEAVING = 5.0  # s
+BETWEEN = 2  # places a tick at which a way is compared with its chord
+DOING = "it was reckoned where people who move are in the way"
+
+
+class Needed(NamedTuple):
+    """What keeps a robot clear of somebody, at times (T,).
+
+    gap   m  between the surfaces, or
+    axis  m  from the robot's axis to the middle of the person
+    """
+
+    gap: FloatArray
+    axis: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Safety:
+    """Keeping a robot clear of people by a margin.
+
+    parts    of the robot
+    people   who move, each that may be: without futures
+    clock
+    horizon  H
+    margin   m
+    start    (x, y) m  where the robot is at tick 0
+    """
+
+    parts: Sequence[Part]
+    people: tuple[Person, ...]
+    clock: Clock
+    horizon: int
+    margin: float
+    start: tuple[float, float]
+    spending: Spending
+
+    @cached_property
+    def reach(self) -> float:
+        """Of the robot about its axis, m."""
+        return max((part.reach for part in self.parts), default=0.0)
+
+    @property
+    def _slack(self) -> int:
+        return self.clock.up_to(SLACK)
+
+    @cached_property
+    def _round(self) -> bool:
+        return all(part.on_axis for part in self.parts)
+
+    def needed(self, person: Person, seconds: FloatArray) -> Needed:
+        """What keeps the robot clear of somebody at times (T,)."""
+        deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
+        disc = self.reach + person.radius + self.margin
+        return Needed(self.margin + SIGMAS * deviation, _clear_distance(deviation, disc))
+
+    @cached_property
+    def about_start(self) -> tuple[Person, ...]:
+        """Those in whose margin the robot starts.
+
+        Raises QueryError where it would be in contact with somebody.
+        """
+        found = []
+        x, y = self.start
+        for person in self.people:
+            px, py = (float(column) for column in person.at(np.float64(0.0)))
+            if not float(np.asarray(person.there(np.zeros(1))).max()):
+                continue
+            axis = math.hypot(x - px, y - py)
+            if axis < self.reach + person.radius - TOUCH:
+                raise QueryError(
+                    f"the start ({x:.3f}, {y:.3f}) is not usable: {person.name or 'a person who moves'} is there at "
+                    f"time 0, {axis:.2f} m from the robot's axis, which needs {self.reach + person.radius:.2f} m"
+                )
+            need = self.needed(person, np.zeros(1))
+            if axis < min(need.gap[0] + self.reach + person.radius, need.axis[0]):
+                found.append(person)
+        return tuple(found)
+
+    def cut(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """At which ticks (P, H + 1) nobody may stand at places (P,) until the next one."""
+        cut = np.zeros((x.size, self.horizon + 1), dtype=bool)
+        ticks = np.arange(self.horizon + 1)
+        ones = np.ones_like(ticks)
+        places = KDTree(np.stack([x, y], axis=1))
+        for person in self.people:
+            way, need = _Way.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
+            near = np.minimum(need.gap + self.reach + person.radius, need.axis) + way.stray
+            x0, y0, x1, y1 = way.ends
+            walked = np.hypot(x1 - x0, y1 - y0)
+            middles = np.stack([0.5 * (x0 + x1), 0.5 * (y0 + y1)], axis=1)
+            found = places.query_ball_point(middles, near + 0.5 * walked)
+            for tick in np.flatnonzero(way.there & (near > 0)).tolist():
+                own = np.array(found[tick], np.int64)
+                gone = (x[own] - x0[tick], y[own] - y0[tick], x[own] - x1[tick], y[own] - y1[tick])
+                cut[own, tick] |= _to_segments(*gone) < near[tick] - TOUCH
+        return self._widened(cut)
+
+    def blocked(self, legs: Sequence[Leg]) -> Blocked:
+        """Which arcs of some legs must not be left for at which ticks."""
+        rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for leg in legs:
+            lasts = self.clock.of(leg.lasts)
+            after = np.rint(leg.after / self.clock.tick).astype(np.int64)
+            row = np.empty(leg.lasts.size, np.int64)
+            row[leg.of[leg.of >= 0]] = np.flatnonzero(leg.of >= 0)
+            for person in self.people:
+                for own, tick in self._near(leg, lasts, after, person):
+                    hit = self._hits(leg, own, tick + after[own], lasts[own], person)
+                    if person in self.about_start:
+                        hit &= ~self._leaves(leg, own, tick + after[own], lasts[own], person)
+                    rows.append(row[own[hit]])
+                    ticks.append(tick[hit])
+        blocked = Blocked.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
+        return Blocked(blocked.rows, self._widened(blocked.table))
+
+    def _near(self, leg: Leg, lasts: IntArray, after: IntArray, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
+        """Legs and the ticks at which their arcs are left for, where somebody may be near."""
+        seconds = self.clock.seconds(np.arange(self.horizon + 1))
+        need = self.needed(person, seconds)
+        near = float(np.minimum(need.gap + self.reach + person.radius, need.axis).max())
+        middle = 0.5 * np.stack([leg.start.x + leg.end.x, leg.start.y + leg.end.y], axis=1)
+        half = 0.5 * np.hypot(leg.end.x - leg.start.x, leg.end.y - leg.start.y)
+        walked = person.speed * int((after + lasts).max(initial=0)) * self.clock.tick
+        at = np.stack(np.broadcast_arrays(*person.at(seconds), seconds)[:2], axis=1)
+        found = KDTree(middle).query_ball_point(at, near + walked + float(half.max(initial=0.0)))
+        counts = np.array([len(some) for some in found])
+        step = max(1, PAIRS // max(1, int(counts.max(initial=0))))
+        for begin in range(0, counts.size, step):
+            self.spending.check(DOING)
+            part = slice(begin, begin + step)
+            tick = np.repeat(np.arange(counts.size)[part], counts[part])
+            if tick.size:
+                yield np.concatenate([np.array(some, np.int64) for some in found[part]]), tick
+
+    def _hits(self, leg: Leg, own: IntArray, tick: IntArray, lasts: IntArray, person: Person) -> BoolArray:
+        """Whether legs that begin at ticks (N,) come too near to somebody."""
+        way = _Way.of(person, tick, lasts, self.clock)
+        need = self._needed_on(person, tick, lasts)
+        x0, y0, x1, y1 = way.ends
+        start, end = leg.start.take(own), leg.end.take(own)
+        ax, ay, bx, by = x0 - start.x, y0 - start.y, x1 - end.x, y1 - end.y  # seen from the robot
+        distance = _to_segments(ax, ay, bx, by)
+        close = distance - way.stray < np.minimum(need.gap + self.reach + person.radius, need.axis) - TOUCH
+        hit: BoolArray = close & way.there
+        turns = leg.kind != "move"
+        if self._round or turns:
+            return hit
+        some = np.flatnonzero(hit)
+        cos, sin = np.cos(start.yaw[some]), np.sin(start.yaw[some])
+        seen = [
+            np.stack([cos * dx[some] + sin * dy[some], cos * dy[some] - sin * dx[some]], axis=1)
+            for dx, dy in ((ax, ay), (bx, by))
+        ]
+        gap = _to_parts(self.parts, *seen) - person.radius
+        hit[some] = gap - way.stray[some] < need.gap[some] - TOUCH
+        return hit
+
+    def _leaves(self, leg: Leg, own: IntArray, tick: IntArray, lasts: IntArray, person: Person) -> BoolArray:
+        """Whether legs lead from within somebody's margin, without contact, soon after a start that was there."""
+        way = _Way.of(person, tick, lasts, self.clock)
+        need = self._needed_on(person, tick, lasts)
+        x0, y0, x1, y1 = way.ends
+        start, end = leg.start.take(own), leg.end.take(own)
+        begins_at = np.hypot(x0 - start.x, y0 - start.y)
+        distance = _to_segments(x0 - start.x, y0 - start.y, x1 - end.x, y1 - end.y)
+        touch = self.reach + person.radius
+        inside = begins_at < np.minimum(need.gap + touch, need.axis)
+        found: BoolArray = inside & (distance - way.stray >= touch) & (tick <= self.clock.up_to(LEAVING))
+        return found
+
+    def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Needed:
+        """The most that is needed at the ends and in the middle of so many ticks."""
+        each = [self.needed(person, self.clock.seconds(tick + share * lasts)) for share in (0.0, 0.5, 1.0)]
+        return Needed(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Needed._fields))
+
+    def _widened(self, table: BoolArray) -> BoolArray:
+        """What holds at a tick (q, H + 1) also holds so much before and after."""
+        slack, width = self._slack, table.shape[1]
+        if not table.any() or not slack:
+            return table
+        some = np.flatnonzero(table.any(axis=1))
+        padded = np.pad(table[some], ((0, 0), (slack, slack)), mode="edge")
+        counts = np.cumsum(padded, axis=1, dtype=np.int32)
+        counts = np.pad(counts, ((0, 0), (1, 0)))
+        wide = table.copy()
+        wide[some] = counts[:, 2 * slack + 1 :] - counts[:, :width] > 0
+        return wide
+
+
+class Blocked(NamedTuple):
+    """Arcs that must not be left for at some ticks.
+
+    rows   (b,)  which arcs, rising
+    table  (b, H + 1)
+    """
+
+    rows: IntArray
+    table: BoolArray
+
+    @classmethod
+    def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> Blocked:
+        """From pairs (N,) of an arc and a tick, in any order."""
+        arcs, which = np.unique(rows, return_inverse=True)
+        table = np.zeros((arcs.size, horizon + 1), dtype=bool)
+        table[which, ticks] = True
+        return cls(arcs, table)
+
+
+class _Way(NamedTuple):
+    """Where somebody walks during motions (N,).
+
+    ends   x, y at their begin, x, y at their end (N,), m
+    stray  (N,)  m, how far it leaves the line between these, walked evenly
+    there  (N,)  whether it is there at any time of them
+    """
+
+    ends: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    stray: FloatArray
+    there: BoolArray
+
+    @classmethod
+    def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: Clock) -> _Way:
+        """During motions that begin at ticks (N,) and last so many."""
+        most = int(lasts.max(initial=1)) + 1
+        keys, which = np.unique(tick * most + lasts, return_inverse=True)
+        begin, count = keys // most, keys % most
+        share = np.linspace(0.0, 1.0, BETWEEN * most + 1)
+        seconds = (begin[:, None] + share * count[:, None]) * clock.tick
+        x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
+        there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape)
+        off_x = x - (x[:, :1] + share * (x[:, -1:] - x[:, :1]))
+        off_y = y - (y[:, :1] + share * (y[:, -1:] - y[:, :1]))
+        stray = np.hypot(off_x, off_y).max(axis=1)
+        ends = (x[which, 0], y[which, 0], x[which, -1], y[which, -1])
+        present = np.asarray(np.max(there, axis=1) > 0)
+        return cls(ends, stray[which], present[which])
+
+
+def _clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
+    """How far (T,), m, the middle of a person must be from that of a disc to be in it with no more than the risk."""
+    sure = deviation < LEAST
+    found = np.full(deviation.shape, disc)
+    values, which = np.unique(deviation[~sure], return_inverse=True)
+    if values.size:
+        size = (disc / values) ** 2
+        low, high = np.zeros(values.size), disc + 5.0 * values
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = ncx2.cdf(size, 2, (middle / values) ** 2) > RISK
+            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        never = -np.expm1(-0.5 * size) <= RISK  # not even in its middle
+        found[~sure] = np.where(never, 0.0, high)[which]
+    return found
+
+
+def _to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:
+    """Distance (N,) of the origin from segments a b."""
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    share = np.clip(np.divide(-(ax * dx + ay * dy), square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
+    return np.asarray(np.hypot(ax + share * dx, ay + share * dy))
+
+
+def _to_parts(parts: Sequence[Part], begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Distance (N,) of segments, between points (N, 2) in the frame of the base, from the nearest of some parts."""
+    lines = shapely.linestrings(np.stack([begin, end], axis=1))
+    each = [
+        shapely.distance(shapely.convex_hull(shapely.MultiPoint(part.corners)), lines) - part.radius for part in parts
+    ]
+    return np.asarray(np.minimum.reduce(each))

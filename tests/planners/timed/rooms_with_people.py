@@ -1,0 +1,111 @@
+"""Worlds with people who move, for tests of planners with a clock; and plans, enumerated one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+
+from hpop.models import DifferentialDrive
+from hpop.motions import States
+from hpop.problem import Problem
+from hpop.trajectory import Trajectory
+from hpop.world import Person, World
+
+ROBOT = DifferentialDrive(radius=0.25)
+WALL = [shapely.box(2.9, 0.0, 3.1, 1.5), shapely.box(2.9, 2.5, 3.1, 4.5), shapely.box(2.9, 5.5, 3.1, 6.0)]
+TWO_DOORS = World.from_polygons(WALL, extent=shapely.box(0, 0, 6, 6))
+"""Two rooms side by side, with a door at y = 2 and another, out of the way, at y = 5."""
+QUANTA = {"length": 1e-3}
+
+
+def in_the_door(until: float, **others) -> Person:
+    """Somebody who stands in the door that is on the way, and is gone then."""
+    return Person(3.0, 2.0, until=until, name="Ann", **others)
+
+
+def through_the_doors(*people: Person, criteria=("length", "duration"), robot=ROBOT, **options) -> Problem:
+    """From one room to the other."""
+    world = TWO_DOORS.with_content(people=people)
+    quanta = {name: step for name, step in QUANTA.items() if name in criteria}
+    return Problem(world, robot, (1.0, 2.0, 0.0), (5.0, 2.0, None), list(criteria), quanta=quanta, **options)
+
+
+def gaps(problem: Problem, trajectory: Trajectory, step: float = 0.01) -> np.ndarray:
+    """Least gap, m, to each person who moves, of a round robot, at densely sampled times of a trajectory."""
+    times = np.arange(0.0, trajectory.duration, step)
+    states = trajectory.at(times)
+    least = []
+    for person in problem.world.content.people:
+        if not person.moves:
+            continue
+        px, py = person.at(times)
+        gap = np.hypot(states.x - px, states.y - py) - person.radius - problem.model.radius
+        least.append(np.where(np.broadcast_to(person.there(times), times.shape) > 0, gap, np.inf).min())
+    return np.array(least)
+
+
+# A robot on a small grid with four headings, of which every motion lasts a whole number of half seconds
+
+EVEN = DifferentialDrive(radius=0.1, speed=1.0, acceleration=1.0, turn_rate=math.pi / 2, turn_acceleration=math.pi / 2)
+STEP, HALF = 0.5, 0.5  # m, s
+
+
+def plans_in_a_grid(
+    start: tuple[int, int, int], goal: tuple[int, int], size: tuple[int, int], ticks: int, hold: int | None
+) -> Iterator[Trajectory]:
+    """All plans from a (column, row, heading) to a (column, row) that arrive in time, of moves, turns and holds.
+
+    Positions are (column, row) / 2 m, headings quarter turns, holds last ``hold`` ticks or more. A turn of a quarter
+    lasts 6 ticks, of a half 8.
+    """
+    columns, rows = size
+
+    def onward(state, tick, motions, held):
+        if state[:2] == goal:
+            yield motions
+            return
+        column, row, heading = state
+        dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
+        if tick + 1 <= ticks and 0 <= column + dx < columns and 0 <= row + dy < rows:
+            yield from onward((column + dx, row + dy, heading), tick + 1, [*motions, ("move", 1)], False)
+        for quarters, lasts in ((1, 6), (-1, 6), (2, 8)):
+            if tick + lasts <= ticks:
+                turned = (column, row, (heading + quarters) % 4)
+                yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], False)
+        if hold is not None and not held:
+            for lasts in range(hold, ticks - tick):
+                yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], True)
+
+    for motions in onward(start, 0, [], False):
+        yield _trajectory(start, motions)
+
+
+def _trajectory(start: tuple[int, int, int], motions: list[tuple[str, int]]) -> Trajectory:
+    column, row, heading = start
+    rows = [(column * STEP, row * STEP, heading * math.pi / 2, 0.0)]
+    for kind, amount in motions:
+        x, y, yaw, clock = rows[-1]
+        if kind == "move":
+            rows.append((x + STEP * round(math.cos(yaw)), y + STEP * round(math.sin(yaw)), yaw, clock))
+        elif kind == "turn":
+            rows.append((x, y, yaw + amount * math.pi / 2, clock))
+        else:
+            rows.append((x, y, yaw, clock + amount * HALF))
+    columns = dict(zip(("x", "y", "yaw", "clock"), np.array(rows).T, strict=True))
+    kinds = tuple(kind for kind, _ in motions)
+    if "hold" not in kinds:
+        del columns["clock"]
+    return Trajectory(EVEN, States(**columns), kinds)
+
+
+def nondominated(costs: np.ndarray) -> np.ndarray:
+    """Rows that no other one is better than, by comparing each with each; of equal ones the first."""
+    kept = []
+    for i, row in enumerate(costs):
+        others = [other for j, other in enumerate(costs) if j != i]
+        if not any((other <= row).all() and ((other < row).any() or j < i) for j, other in enumerate(others)):
+            kept.append(row)
+    return np.array(kept)
