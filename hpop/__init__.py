@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from hpop import drive as drive
     from hpop import errors as errors
     from hpop import examples as examples
     from hpop import export as export
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from hpop import testing as testing
     from hpop import view as view
     from hpop.criteria.base import Criterion, criterion
+    from hpop.drive.follow import follow
     from hpop.front import Front
     from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
     from hpop.models.base import model
@@ -46,11 +48,21 @@ _HOMES = {
     "Trajectory": "hpop.trajectory",
     "World": "hpop.world",
     "criterion": "hpop.criteria.base",
+    "follow": "hpop.drive.follow",
     "model": "hpop.models.base",
     "read_tracks": "hpop.world",
 }
 
-_MODULES = ("errors", "examples", "export", "frontier", "search", "testing", "view")  # each after ``import hpop`` alone
+_MODULES = (
+    "drive",
+    "errors",
+    "examples",
+    "export",
+    "frontier",
+    "search",
+    "testing",
+    "view",
+)  # each after ``import hpop`` alone
 
 __all__ = [
     "Criterion",
@@ -68,6 +80,7 @@ __all__ = [
     "Trajectory",
     "World",
     "criterion",
+    "follow",
     "model",
     "read_tracks",
 ]

@@ -101,10 +101,22 @@ class LimitError(HpopError):
     exit_code = 13
 
 
+class RosError(HpopError, ValueError):
+    """A message of ROS is not what its type says, or what is asked of a bridge to ROS makes no sense."""
+
+    exit_code = 15
+
+
 class OwnCodeError(HpopError, ImportError):
     """Python of the user's own, named on the command line, cannot be imported, registers nothing, or fails."""
 
     exit_code = 14
+
+
+class DriveError(HpopError, ValueError):
+    """What a drive is told or asked makes no sense: a door that is not there, a wish for no cost, a time gone by."""
+
+    exit_code = 15
 
 
 MOST_LETTERS = 100

@@ -105,6 +105,21 @@ def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Colum
     return component(1, 2), component(2, 0), component(0, 1)
 
 
+def erf(x: Column) -> Column:
+    """The error function 2/sqrt(π) ∫₀ˣ exp(-s²) ds.
+
+    >>> round(float(erf(1.0)), 6)
+    0.842701
+    """
+    if is_symbolic(x):
+        import casadi
+
+        return type(x)(casadi.erf(x.to_casadi()), shape=x.shape)
+    from scipy import special
+
+    return special.erf(x)
+
+
 def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
     """|x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
 

@@ -7,7 +7,7 @@ from math import ceil
 
 import numpy as np
 
-from hpop.arrays import FloatArray, frozen
+from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import OptionError
 from hpop.motions.body_table import check_body
 from hpop.motions.states import Pose, States, Vector
@@ -140,6 +140,15 @@ def on_one_side(quaternions: FloatArray) -> FloatArray:
     signs = first * np.cumprod(np.append(1.0, np.where(along < 0.0, -1.0, 1.0)))
     turned: FloatArray = quaternions * signs[:, None] + 0.0  # no -0.0
     return turned
+
+
+def nanoseconds(times: FloatArray) -> IntArray:
+    """Times (N,), s, in whole nanoseconds.
+
+    >>> nanoseconds(np.array([0.1, 0.9999999999])).tolist()
+    [100000000, 1000000000]
+    """
+    return np.rint(np.asarray(times) * 1e9).astype(np.int64)
 
 
 def _times(duration: float, rate: float) -> FloatArray:

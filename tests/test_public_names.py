@@ -91,6 +91,17 @@ hpop.poses.poses
 hpop.problem.Problem
 hpop.randomness
 hpop.registry.readers
+hpop.ros.Bridge
+hpop.ros.Interface
+hpop.ros.PathServer
+hpop.ros.PlanarPose
+hpop.ros.Planning
+hpop.ros.path_message
+hpop.ros.plain
+hpop.ros.planar_pose
+hpop.ros.pose_message
+hpop.ros.trajectory_of
+hpop.ros.typed
 hpop.scenario.load_scenario
 hpop.search.Graph
 hpop.search.pareto_paths

@@ -20,6 +20,7 @@ import click
 
 from hpop import __version__, examples
 from hpop.cli import listing, results
+from hpop.cli.bridging import ros
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
 from hpop.cli.exporting import export
 from hpop.cli.live import LivePage
@@ -183,6 +184,7 @@ main.add_command(show)
 main.add_command(pick)
 main.add_command(ride)
 main.add_command(export)
+main.add_command(ros)
 main.add_command(look)
 main.add_command(new)
 for each in listing.COMMANDS:

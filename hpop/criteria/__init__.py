@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hpop.criteria.others.against_flow import AgainstFlow
     from hpop.criteria.others.cutting_between import CuttingBetween
     from hpop.criteria.others.hall_zones import HallZones
+    from hpop.criteria.others.intrusion import ExpectedContacts, WorstIntrusion
     from hpop.criteria.others.o_space import OSpace
     from hpop.criteria.others.personal_space import PersonalSpace
     from hpop.criteria.others.social_force import SocialForce
@@ -64,6 +65,7 @@ _HOMES = {
     "Duration": "hpop.criteria.robot.duration",
     "Enclosure": "hpop.criteria.performance.openness",
     "Energy": "hpop.criteria.robot.energy",
+    "ExpectedContacts": "hpop.criteria.others.intrusion",
     "Exposure": "hpop.criteria.performance.obstruction",
     "HallZones": "hpop.criteria.others.hall_zones",
     "HandEyeMisalignment": "hpop.criteria.performance.hand_eye_misalignment",
@@ -102,6 +104,7 @@ _HOMES = {
     "UnseenLandmarks": "hpop.criteria.performance.unseen_landmarks",
     "ViewDistance": "hpop.criteria.performance.view_distance",
     "VisibilityToPeople": "hpop.criteria.others.visibility_to_people",
+    "WorstIntrusion": "hpop.criteria.others.intrusion",
     "WorstObstruction": "hpop.criteria.performance.obstruction",
 }
 
@@ -119,6 +122,7 @@ __all__ = [
     "Duration",
     "Enclosure",
     "Energy",
+    "ExpectedContacts",
     "Exposure",
     "HallZones",
     "HandEyeMisalignment",
@@ -156,6 +160,7 @@ __all__ = [
     "UnseenLandmarks",
     "ViewDistance",
     "VisibilityToPeople",
+    "WorstIntrusion",
     "WorstObstruction",
     "criterion",
     "make_criterion",

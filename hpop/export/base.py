@@ -15,10 +15,8 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-import numpy as np
-
 from hpop import __version__
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import FloatArray
 from hpop.errors import OptionError
 from hpop.poses import Poses, poses
 from hpop.registry import formats
@@ -159,15 +157,6 @@ class Exported:
         if self.costs:
             lines.append("costs: " + ", ".join(f"{name} = {value}" for name, value in self.values.items()))
         return lines
-
-
-def nanoseconds(times: FloatArray) -> IntArray:
-    """Times (N,), s, in whole nanoseconds.
-
-    >>> nanoseconds(np.array([0.1, 0.9999999999])).tolist()
-    [100000000, 1000000000]
-    """
-    return np.rint(np.asarray(times) * 1e9).astype(np.int64)
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:

@@ -17,6 +17,7 @@ from hpop.text import printable
 
 if TYPE_CHECKING:
     from hpop.view.ride.scene import Cells, Part, Plate, Scene
+    from hpop.world.people import Person
 
 Colour = tuple[int, int, int]
 ROUND = 16  # sides of what is round
@@ -29,14 +30,14 @@ class Mesh(NamedTuple):
     corners  (T, 3, 3)  m
     normals  (T, 3)     unit
     colour              red, green, blue in sRGB, 0 to 255
-    velocity            m/s, x and y: of a person who walks
+    person              who it is a part of, without futures; the corners are where the person is at time 0
     """
 
     name: str
     corners: FloatArray
     normals: FloatArray
     colour: Colour
-    velocity: tuple[float, float] = (0.0, 0.0)
+    person: Person | None = None
 
 
 def meshes_of(scene: Scene) -> Iterator[Mesh]:
@@ -52,11 +53,12 @@ def meshes_of(scene: Scene) -> Iterator[Mesh]:
     if scene.cells is not None:
         yield from _mesh("cells", [_boxes(scene.cells)], scene.cells.colour)
     for figure in scene.figures:
-        person = figure.person
-        for i, part in enumerate(figure.parts):
-            name = f"person {person.name}" if i == 0 else f"person {person.name} {i}"
-            for mesh in _mesh(name, [_round(part, person.x, person.y)], part.colour):
-                yield mesh._replace(velocity=person.velocity)
+        for weight, person in figure.person.hypotheses:
+            called = f"person {person.name}" + f" ({weight:.0%})" * bool(figure.person.futures)
+            for i, part in enumerate(figure.parts):
+                name = called if i == 0 else f"{called} {i}"
+                for mesh in _mesh(name, [_round(part, person.x, person.y)], part.colour):
+                    yield mesh._replace(person=person)
     for plate in scene.plates:
         yield from _mesh(f"landmark {plate.landmark.name}", [_plate(plate)], plate.colour)
 

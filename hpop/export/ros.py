@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.export.base import Exported, nanoseconds
-from hpop.export.spaced import spaced
+from hpop.export.base import Exported
 from hpop.export.turning import back, matrices, product
 from hpop.lazy import library
-from hpop.poses import Poses, on_one_side
+from hpop.poses import Poses, nanoseconds, on_one_side
+from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform
+from hpop.ros.paths import message_of
+from hpop.ros.spaced import spaced
+from hpop.ros.typed import typed
 from hpop.text import printable
 
 FOLDER = "poses"  # the bag's, until it is where it belongs: the file in it is called so
@@ -31,7 +34,7 @@ class Sent(NamedTuple):
     topic: str
     type: str
     time: int  # ns
-    message: Any
+    message: Message
 
 
 def bag_files(given: Exported) -> dict[str, bytes]:
@@ -48,13 +51,12 @@ def bag_files(given: Exported) -> dict[str, bytes]:
             for topic, kind in topics(given):
                 qos = _qos() if topic in LATCHED else []
                 connections[topic] = writer.add_connection(topic, kind, typestore=store, offered_qos_profiles=qos)
-            for sent in messages(given, store.types):
-                writer.write(connections[sent.topic], sent.time, store.serialize_cdr(sent.message, sent.type))
+            for sent in messages(given):
+                message = typed(sent.message, sent.type, store)
+                writer.write(connections[sent.topic], sent.time, store.serialize_cdr(message, sent.type))
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-PATH, STAMPED, TRANSFORMS = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 LATCHED = ("/plan", "/tf_static", "/costs")
 
 
@@ -69,24 +71,23 @@ def topics(given: Exported) -> list[tuple[str, str]]:
     ]
 
 
-def messages(given: Exported, types: Any) -> Iterator[Sent]:
+def messages(given: Exported) -> Iterator[Sent]:
     """All messages, in the order of their times."""
-    make = _Messages(types, given.frames.world)
-    seen = given.poses
+    seen, frame = given.poses, given.frames.world
     times = nanoseconds(seen.times).tolist()
-    yield Sent("/costs", DIAGNOSTICS, 0, make.diagnostics(given))
-    path = spaced(given, "base" if given.has_base else given.body)
-    stamped = zip(nanoseconds(path.times).tolist(), path.positions.tolist(), path.quaternions.tolist(), strict=True)
-    along = [make.pose_stamped(*one) for one in stamped]
-    yield Sent("/plan", PATH, 0, types[PATH](make.header(0), along))
+    yield Sent("/costs", DIAGNOSTICS, 0, _diagnostics(given))
+    body = "base" if given.has_base else given.body
+    path = spaced(given.run, body, planned=given.planned, timed=True)
+    yield Sent("/plan", PATH, 0, message_of(path, frame, stamped=True))
     moving, fixed = _transforms(given)
-    still = [make.transform(0, frame, child, place[0], turned[0]) for frame, child, place, turned in fixed]
-    yield Sent("/tf_static", TRANSFORMS, 0, types[TRANSFORMS](still))
-    for i, time in enumerate(times):
-        now = [make.transform(time, frame, child, place[i], turned[i]) for frame, child, place, turned in moving]
-        yield Sent("/tf", TRANSFORMS, time, types[TRANSFORMS](now))
-        own = make.pose_stamped(time, seen.positions[i].tolist(), seen.quaternions[i].tolist())
-        yield Sent(f"/{given.body}_pose", STAMPED, time, own)
+    still = [transform(0, edge.frame, edge.child, *edge.first()) for edge in fixed]
+    yield Sent("/tf_static", TRANSFORMS, 0, {"transforms": still})
+    rows = [list(zip(edge.positions.tolist(), edge.quaternions.tolist(), strict=True)) for edge in moving]
+    stream = zip(times, seen.positions.tolist(), seen.quaternions.tolist(), strict=True)
+    for i, (time, place, turned) in enumerate(stream):
+        now = [transform(time, edge.frame, edge.child, *row[i]) for edge, row in zip(moving, rows, strict=True)]
+        yield Sent("/tf", TRANSFORMS, time, {"transforms": now})
+        yield Sent(f"/{given.body}_pose", STAMPED, time, pose_stamped(time, frame, place, turned))
 
 
 class _Edge(NamedTuple):
@@ -96,6 +97,10 @@ class _Edge(NamedTuple):
     child: str
     positions: FloatArray
     quaternions: FloatArray
+
+    def first(self) -> tuple[list[float], list[float]]:
+        """Where it is at the start, which for a fixed one is where it stays."""
+        return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 
 def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
@@ -120,37 +125,11 @@ def _relative(base: Poses, body: Poses) -> tuple[FloatArray, FloatArray]:
     return places, on_one_side(product(back(base.quaternions), body.quaternions))
 
 
-class _Messages:
-    """Messages of ROS, from numbers; times in ns."""
-
-    def __init__(self, types: Any, world: str) -> None:
-        self.types = types
-        self.world = world
-
-    def of(self, name: str, *values: Any) -> Any:
-        package, message = name.split("/")
-        return self.types[f"{package}/msg/{message}"](*values)
-
-    def header(self, time: int, frame: str | None = None) -> Any:
-        stamp = self.of("builtin_interfaces/Time", *divmod(time, 10**9))
-        return self.of("std_msgs/Header", stamp, self.world if frame is None else frame)
-
-    def pose_stamped(self, time: int, place: Any, turned: Any) -> Any:
-        pose = self.of(
-            "geometry_msgs/Pose", self.of("geometry_msgs/Point", *place), self.of("geometry_msgs/Quaternion", *turned)
-        )
-        return self.of("geometry_msgs/PoseStamped", self.header(time), pose)
-
-    def transform(self, time: int, frame: str, child: str, place: FloatArray, turned: FloatArray) -> Any:
-        moved = self.of("geometry_msgs/Vector3", *place.tolist())
-        rotated = self.of("geometry_msgs/Quaternion", *turned.tolist())
-        transform = self.of("geometry_msgs/Transform", moved, rotated)
-        return self.of("geometry_msgs/TransformStamped", self.header(time, frame), child, transform)
-
-    def diagnostics(self, given: Exported) -> Any:
-        values = [self.of("diagnostic_msgs/KeyValue", name, value) for name, value in given.values.items()]
-        status = self.of("diagnostic_msgs/DiagnosticStatus", 0, given.title, printable(given.claim), "hpop", values)
-        return self.of("diagnostic_msgs/DiagnosticArray", self.header(0, ""), [status])
+def _diagnostics(given: Exported) -> Message:
+    """Costs as keys and values."""
+    values = [{"key": name, "value": value} for name, value in given.values.items()]
+    status = {"level": 0, "name": given.title, "message": printable(given.claim), "hardware_id": "hpop"}
+    return {"header": header(0, ""), "status": [{**status, "values": values}]}
 
 
 def _qos() -> list[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
 FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
-AT_ONCE = 2**20  # panels of holds that are integrated together: what stands for long takes time, not memory
+AT_ONCE = 2**18  # panels, where time matters, that are integrated together: what lasts takes time, not memory
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
@@ -129,8 +128,9 @@ class Motions:
         degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says, and once for
         motions there and back (:attr:`twins`) if the rate reads states alone. A rate that reads nothing that changes
         (the camera's position during a turn about it) is exact, and so is one that reads accelerations that stay the
-        same within each phase. While the robot holds only a rate that reads the time changes; a panel then lasts no
-        longer than a second, and no person walks farther in it than a field cell.
+        same within each phase. Where a rate reads the time, no person walks farther in a panel than a field cell, and
+        panels end where somebody turns at a waypoint, comes or goes. While the robot holds only such a rate changes; a
+        panel then lasts no longer than a second.
 
         An adaptive quadrature looks closer at a rate that ``jumps``, as counts do.
         """
@@ -138,14 +138,15 @@ class Motions:
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
-        if parts := self._parts_of_holds():
+        timed = "t" in probe.read
+        if parts := self._parts(timed):
             return np.concatenate([part.integrate(rate, jumps=jumps) for part in parts])
         if self._adaptive and probe.read <= set(self.start.names):
             return self._integral_of_places(rate, jumps)
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
-            total = total + phase.duration * (self._phase_mean(rate, phase, jumps) if mean is None else mean)
+            total = total + phase.duration * (self._phase_mean(rate, phase, jumps, timed) if mean is None else mean)
         return total
 
     def worst(self, rate: Rate) -> Column:
@@ -158,7 +159,8 @@ class Motions:
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant
-        if parts := self._parts_of_holds():
+        timed = "t" in probe.read
+        if parts := self._parts(timed):
             return np.concatenate([part.worst(rate) for part in parts])
         if self.whole and probe.read <= set(self.start.names) and (self.twins != np.arange(len(self))).any():
             own, which = np.unique(self.twins, return_inverse=True)
@@ -167,7 +169,7 @@ class Motions:
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)
-            value = self._phase_worst(rate, phase) if value is None else value
+            value = self._phase_worst(rate, phase, timed) if value is None else value
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
@@ -232,16 +234,18 @@ class Motions:
         names = self.start.names
         return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
 
-    def _phase_mean(self, rate: Rate, phase: Phase, jumps: bool) -> Column:
+    def _phase_mean(self, rate: Rate, phase: Phase, jumps: bool, timed: bool) -> Column:
         if self._symbolic:
             count = self.panels or SYMBOLIC_PANELS
             nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
             return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
         if self._adaptive:
             pieces = pieces_of(self._turned * (phase.end - phase.begin), jumps=jumps)
+            if timed:
+                pieces = np.maximum(pieces, self._panels(phase, timed))
             some = np.flatnonzero(phase.duration)
             return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
-        owner, u, weight, columns = self._quadrature(phase)
+        owner, u, weight, columns = self._quadrature(phase, timed)
         return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
 
     @property
@@ -266,19 +270,19 @@ class Motions:
         """The rate at fractions of a phase, of motions that are named."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
-    def _quadrature(self, phase: Phase) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
+    def _quadrature(self, phase: Phase, timed: bool) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
         """What `_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.
 
         Arrays alone are kept: moments refer to their motions, and would only be freed by a collection of garbage.
         """
-        kept: dict[int, tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]]
+        kept: dict[tuple[int, bool], tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]]
         kept = self.__dict__.setdefault("_quadratures", {})
         number = next(i for i, other in enumerate(self.phases) if other is phase)
-        if number not in kept:
-            kept[number] = (*self._nodes(phase, GAUSS_NODES), {})
-        return kept[number]
+        if (number, timed) not in kept:
+            kept[number, timed] = (*self._nodes(phase, GAUSS_NODES, timed), {})
+        return kept[number, timed]
 
-    def _phase_worst(self, rate: Rate, phase: Phase) -> Column:
+    def _phase_worst(self, rate: Rate, phase: Phase, timed: bool) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])
         if self._symbolic:
             count = self.panels or SYMBOLIC_PANELS
@@ -288,47 +292,80 @@ class Motions:
             for value in values[1:]:
                 largest = np.maximum(largest, value)
             return largest
-        owner, u, _ = self._nodes(phase, ends_and_middles[:-1])  # a panel ends where the next one begins
+        owner, u, _ = self._nodes(phase, ends_and_middles[:-1], timed)  # a panel ends where the next one begins
         inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
         within = np.maximum.reduceat(inside, np.flatnonzero(np.diff(owner, prepend=-1)))
         return np.maximum(within, rate(self._instants(phase, np.ones(len(self)), np.arange(len(self)))))
 
-    def _nodes(self, phase: Phase, within: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _nodes(self, phase: Phase, within: FloatArray, timed: bool) -> tuple[IntArray, FloatArray, FloatArray]:
         """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
-        panels = self._panels(phase)
+        panels = self._panels(phase, timed)
         owner = np.repeat(np.arange(len(self)), panels)
         panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
         count = panels[owner]
-        u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
-        weight = np.repeat(1.0 / (count * within.size), within.size)
-        return np.repeat(owner, within.size), u, weight
+        whose, at = self._kinks_in(phase) if timed else (np.empty(0, np.int64), np.empty(0))
+        if not at.size:
+            u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
+            weight = np.repeat(1.0 / (count * within.size), within.size)
+            return np.repeat(owner, within.size), u, weight
+        owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
+        order = np.lexsort((begin, owner))
+        owner, begin = owner[order], begin[order]
+        end = np.where(np.diff(owner, append=len(self)) > 0, 1.0, np.append(begin[1:], 1.0))
+        u = (begin[:, None] + (end - begin)[:, None] * within).ravel()
+        return np.repeat(owner, within.size), u, np.repeat((end - begin) / within.size, within.size)
 
-    def _panels(self, phase: Phase) -> IntArray:
+    def _kinks_in(self, phase: Phase) -> tuple[IntArray, FloatArray]:
+        """Motion and fraction of the phase's time of every moment within it at which a prediction has a kink."""
+        first, last = self._kinks_between(phase)
+        each = last - first
+        owner = np.repeat(np.arange(len(self)), each)
+        number = np.arange(owner.size) - np.repeat(np.cumsum(each) - each, each)
+        since = self.world.content.kinks[first[owner] + number] - (self.t0 + self._elapsed_before(phase))[owner]
+        return owner, np.minimum(since / phase.duration[owner], 1.0)
+
+    def _kinks_between(self, phase: Phase) -> tuple[IntArray, IntArray]:
+        """Places (M,) among the kinks of the first within a phase and of the first beyond it."""
+        kinks = self.world.content.kinks if self.panels is None and self.t0 is not None else np.empty(0)
+        if not kinks.size:
+            return np.zeros(len(self), dtype=np.int64), np.zeros(len(self), dtype=np.int64)
+        begin = self.t0 + self._elapsed_before(phase)
+        first = np.searchsorted(kinks, begin, side="right")
+        return first, np.maximum(first, np.searchsorted(kinks, begin + phase.duration, side="left"))
+
+    def _panels(self, phase: Phase, timed: bool) -> IntArray:
         """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
         if self.panels is not None:
             return np.full(len(self), self.panels)
+        walked = min(self.world.content.fastest, FASTEST) / self.world.cell * phase.duration if timed else 0.0
         if self.stands:
-            fastest = max((math.hypot(*person.velocity) for person in self.world.content.people), default=0.0)
-            often = max(1.0 / HELD, min(fastest, FASTEST) / self.world.cell)
-            return np.asarray(np.maximum(1, np.ceil(often * phase.duration - 1e-9)), dtype=np.int64)
+            lasting = np.maximum(phase.duration / HELD, walked)
+            return np.asarray(np.maximum(1, np.ceil(lasting - 1e-9)), dtype=np.int64)
         share = phase.end - phase.begin
         farthest, most_turned = self.model.extent(self)
         lengths = farthest * share / self.world.cell
         angles = most_turned * share / PANEL_ANGLE
         # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
         stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
-        panels = np.ceil(stretch * np.maximum(lengths, angles) - 1e-9)
+        panels = np.ceil(np.maximum(stretch * np.maximum(lengths, angles), walked) - 1e-9)
         return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
 
-    def _parts_of_holds(self) -> tuple[Motions, ...]:
-        """Two halves of whole holds that take too many panels at once; none of other batches."""
-        if not (self.stands and self.whole and len(self) > 1) or self._symbolic:
+    def _parts(self, timed: bool) -> tuple[Motions, ...]:
+        """Two halves of whole motions of which time matters and that take too many panels at once; none of others."""
+        if not (timed and self.whole and len(self) > 1 and self.panels is None) or self._symbolic:
             return ()
-        if self._panels(self.phases[0]).sum() <= AT_ONCE:
+        kinks = (np.subtract(*self._kinks_between(phase)[::-1]).sum() for phase in self.phases)
+        if sum(self._panels(phase, timed).sum() for phase in self.phases) + sum(kinks) <= AT_ONCE:
             return ()
         halves = slice(None, len(self) // 2), slice(len(self) // 2, None)
         return tuple(
-            replace(self, start=self.start.take(at), end=self.end.take(at), t0=None if self.t0 is None else self.t0[at])
+            replace(
+                self,
+                start=self.start.take(at),
+                end=self.end.take(at),
+                t0=None if self.t0 is None else self.t0[at],
+                turns=None if self.turns is None else (self.turns[0][at], self.turns[1][at]),
+            )
             for at in halves
         )
 

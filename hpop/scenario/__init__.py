@@ -17,7 +17,11 @@
     people:
       - {x: 8.0, y: 5.0, yaw: 90 deg, name: Ada}
       - {x: 8.0, y: 6.2, yaw: -90 deg}
-      - {x: 12.0, y: 4.0, velocity: [-0.8, 0]}
+      - {x: 12.0, y: 4.0, velocity: [-0.8, 0], growth: 0.1}       # ever less surely there: 0.1 m more each second
+      - {waypoints: [[0, 2, 7], [5, 6, 7], [9, 6, 3]], afterwards: stays}     # t s, x m, y m; then she stays there
+      - {x: 9.0, y: 5.0, futures: [{weight: 3, velocity: [0, 1]}, {weight: 1}]}     # goes on, or stands
+      - {track: visitors.csv, frame_rate: 25, begin: 60}          # what a camera recorded, from its second 60 on
+    horizon: 8                              # s, up to which people are predicted
     groups: [[Ada, 1]]                      # who talk with each other: places, counted from 0, or names
     landmarks:
       - {x: 15.0, y: 9.5, z: 1.6, facing: -90 deg, weight: 2, name: door}
@@ -52,13 +56,13 @@ from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
 from hpop.problem import Problem
 from hpop.registry import criteria, models, planners, readers
 from hpop.scenario.faults import Faults, entries
+from hpop.scenario.people import groups_of, people_of
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
     CylinderSize,
     LandmarkEntry,
     MapFile,
-    PersonEntry,
     ReaderFile,
     ScenarioFile,
     SolidEntry,
@@ -67,10 +71,10 @@ from hpop.scenario.schema import (
     ZoneEntry,
 )
 from hpop.scenario.yaml_lines import Document, Place
-from hpop.text import printable, shown
 from hpop.world import World, geojson_content, limits
-from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_joinable
+from hpop.world.predictions import bounded
 from hpop.world.readers import read_world
 from hpop.world.shapes import check_coordinates
 from hpop.world.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
@@ -123,16 +127,17 @@ def load_scenario(path: str | Path) -> Scenario:
     space = None if robot is None else robot.space
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
     goal: Any = faults.goal(given["goal"], ("goal",), robot) if "goal" in given else None
-    people = faults.made(given.get("people"), ("people",), PersonEntry, partial(_person, faults))
+    entered = people_of(faults, given.get("people"))
     landmarks = faults.made(given.get("landmarks"), ("landmarks",), LandmarkEntry, partial(_landmark, faults))
     zones = faults.made(given.get("zones"), ("zones",), ZoneEntry, _zone)
     solids = faults.made(_solid_entries(given), ("world", "solids", "obstacles"), SolidEntry, partial(_solid, faults))
-    groups = _groups(faults, given.get("groups"), people)
+    groups = groups_of(faults, given.get("groups"), entered)
     faults.raise_all()
     asked_quanta = given.get("quanta")
     with faults.collected(("quanta",)):
         with_quanta(cast(list[Criterion], wanted), asked_quanta)
     with faults.collected(("groups",)):
+        people = [person for entry in entered for person in entry or ()]
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
     folder, spending = document.path.parent, common_spending(chosen)
@@ -146,9 +151,12 @@ def load_scenario(path: str | Path) -> Scenario:
         world = _furnished(bare, file.world, folder, content)
     read_seconds = spending.seconds()
     faults.raise_all()
+    with faults.collected(("people",)):
+        bounded(world, file.horizon)
+    faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
-        problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta)
+        problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta, horizon=file.horizon)
         object.__setattr__(problem, "read_seconds", read_seconds)
         object.__setattr__(problem, "read_memory", spending.memory)
     faults.raise_all()
@@ -166,11 +174,6 @@ def _reading(spending: Spending) -> Iterator[None]:
             f"{stop.status}: it was passed while {stop.doing}, so nothing is planned yet; raise "
             f"{OPTIONS[stop.status]} of the planner, or give a smaller map"
         ) from None
-
-
-def _person(faults: Faults, entry: PersonEntry, place: Place) -> Person:
-    """A person as an entry says."""
-    return Person(**{**_given(entry), "yaw": faults.angle(entry.yaw, (*place, "yaw"), "a yaw")})
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
@@ -207,23 +210,6 @@ def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
     return Solid(shape, pose_at(entry.position, rpy=angles, quaternion=entry.quaternion), entry.name)
 
 
-def _groups(faults: Faults, given: Any, people: list[Person | None]) -> list[list[int]]:
-    """Places of the people whom each group names, by place or name."""
-    names = [person.name if person else "" for person in people]
-    groups: list[list[int]] = []
-    for i, group in enumerate(entries(given)):
-        groups.append([])
-        for j, member in enumerate(entries(group)):
-            where = [k for k, name in enumerate(names) if name and name == member]
-            if type(member) is int and 0 <= member < len(people):
-                groups[-1].append(member)
-            elif len(where) == 1:
-                groups[-1] += where
-            elif isinstance(member, int | str) and not (isinstance(member, str) and None in people):
-                faults.add(("groups", i, j), _unknown(member, names, len(where)))
-    return groups
-
-
 def _given(entry: BaseModel) -> dict[str, Any]:
     """What an entry says, without defaults: those are of what is built."""
     return {key: getattr(entry, key) for key in entry.model_fields_set}
@@ -233,17 +219,6 @@ def _zone(entry: ZoneEntry, place: Place) -> Zone:
     """A zone as an entry says."""
     path = None if entry.path is None else shapely.LineString(entry.path)
     return Zone(**{**_given(entry), "area": shapely.Polygon(entry.area), "path": path})
-
-
-def _unknown(member: int | str, names: list[str], times: int) -> str:
-    """Why a member of a group is nobody, or not one person."""
-    known = ", ".join(name for name in names if name)
-    places = f"places are 0 to {len(names) - 1}" if names else "there are no people"
-    if times > 1:
-        return f"{times} people are called {shown(member)}; give the place of the one who is meant ({places})"
-    return f"expected a person's place or name, got {shown(member)}; {places}" + (
-        f", names are {printable(known)}" if known else ""
-    )
 
 
 def _plugin_reader(section: Any) -> str | None:

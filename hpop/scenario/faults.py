@@ -59,6 +59,10 @@ class Faults:
         self._document = document
         self._found: list[tuple[int, HpopError]] = []
 
+    def beside(self, path: str) -> Path:
+        """A path that the scenario gives relative to its folder."""
+        return self._document.path.parent / path
+
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
         """Note a fault at a place of the file."""
         self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))

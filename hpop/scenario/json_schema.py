@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Any, cast
 
 from pydantic import BaseModel
@@ -21,12 +22,15 @@ from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
     CylinderSize,
+    FutureEntry,
     LandmarkEntry,
     MapFile,
     PersonEntry,
     Prism,
     ScenarioFile,
     SolidEntry,
+    TrackEntry,
+    WaypointsEntry,
     WorldSection,
     ZoneEntry,
     parameters_of,
@@ -39,12 +43,12 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 LINE = "# yaml-language-server: $schema={}"
 """The first line of a scenario, by which editors find its schema."""
 SHAPES = ("box", "cylinder", "sphere", "hull")
-ENTRIES: dict[str, tuple[type[BaseModel], type]] = {
-    "people": (PersonEntry, Person),
-    "landmarks": (LandmarkEntry, Landmark),
-    "zones": (ZoneEntry, Zone),
+ENTRIES: dict[str, tuple[tuple[type[BaseModel], ...], type]] = {
+    "people": ((PersonEntry, WaypointsEntry, TrackEntry), Person),
+    "landmarks": ((LandmarkEntry,), Landmark),
+    "zones": ((ZoneEntry,), Zone),
 }
-"""Lists of a scenario, the form of their entries, and the types whose docstrings say what is in them."""
+"""Lists of a scenario, the forms of their entries, and the types whose docstrings say what is in them."""
 ANGLE: Schema = {"anyOf": [{"type": "number"}, Degrees.json_schema()]}
 FREE: Schema = {"anyOf": [*ANGLE["anyOf"], {"const": "any"}]}
 KEYS = {
@@ -55,7 +59,8 @@ KEYS = {
     "criteria": "what is minimised, all at once: names, or names with parameters (`hpop criteria`)",
     "quanta": "steps in which costs are compared, in their units, by name",
     "planner": "how to plan: a name, one name with its options, or a list of several (`hpop planners`)",
-    "people": "people who stand or walk: m, m/s",
+    "horizon": "s, up to which people are predicted; what was recorded is no prediction",
+    "people": "people who stand, walk, may do several things, or were recorded: m, m/s, s",
     "groups": "people who talk with each other: names, or places in the list, counted from 0",
     "landmarks": "what is worth seeing: m",
     "zones": "areas with a rule: m",
@@ -80,10 +85,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
         "model": choice(models),
         "goal": _named({name: cls for name, cls in goals.items() if not at_home or cls.__module__.startswith("hpop.")}),
         "world": _world(at_home=at_home),
-        **{
-            key: _described(_form(form), parameter_docs(form) | parameter_docs(said))
-            for key, (form, said) in ENTRIES.items()
-        },
+        **{key: _entry(forms, said) for key, (forms, said) in ENTRIES.items()},
     }
     keys = cast(Schema, _form(ScenarioFile)["properties"])
     keys |= {key: {"type": "array", "items": _of(key)} for key in ENTRIES}
@@ -167,6 +169,15 @@ def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = N
         if defaults and name in defaults:
             one["default"] = defaults[name]
     return schema
+
+
+def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
+    """The schema of an entry of a list, which has one of some forms."""
+    made = [_described(_form(form), parameter_docs(said) | parameter_docs(form)) for form in forms]
+    for one in made:
+        if future := one["properties"].get("futures"):
+            _described(future["items"], parameter_docs(FutureEntry))
+    return made[0] if len(made) == 1 else {"anyOf": made}
 
 
 def _parameters(cls: Any) -> Schema:

@@ -55,6 +55,7 @@ Point = Annotated[Pair, _form("a point [x, y] in m")]
 Heights = Annotated[Pair, _form("heights [z_min, z_max] in m")]
 
 
+Waypoint = Annotated[Triple, _form("a waypoint [t, x, y] in s, m and m")]
 Points = list[Annotated[Triple, _form("a point [x, y, z] in m")]]
 
 
@@ -216,15 +217,59 @@ class ReaderFile(BaseModel):
     path: str  # file, relative to the scenario
 
 
-class PersonEntry(_Strict):
-    """A person, m, m/s; the yaw in rad or as text such as "90 deg"."""
+class Prediction(_Strict):
+    """How sure it is where people will be, and until when it is predicted."""
+
+    radius: float = Field(default=0.25, gt=0)
+    spread: float = Field(default=0.0, ge=0)
+    growth: float = Field(default=0.0, ge=0)
+    until: float | None = Field(default=None, ge=0)
+    afterwards: Literal["gone", "stays"] = "gone"
+
+
+class FutureEntry(_Strict):
+    """One of several things that a person may do: walk at a velocity, m/s, or through waypoints; else stand."""
+
+    weight: float = Field(gt=0)  # how much it counts beside the others
+    velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)  # [x, y] m/s
+    waypoints: list[Waypoint] | None = Field(default=None, min_length=2)  # [t s, x m, y m] each, times rising
+    spread: float | None = Field(default=None, ge=0)  # m, as the person's if left out
+    growth: float | None = Field(default=None, ge=0)  # m/s, as the person's if left out
+    until: float | None = Field(default=None, ge=0)  # s, when this future ends; as the person's if left out
+    afterwards: Literal["gone", "stays"] | None = None  # as the person's if left out
+
+
+class PersonEntry(Prediction):
+    """A person, m, m/s, who stands, walks at a velocity, or has several futures.
+
+    The yaw is in rad or text such as "90 deg".
+    """
 
     x: float
     y: float
     yaw: Angle = 0.0
     velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)
-    radius: float = Field(default=0.25, gt=0)
+    futures: list[FutureEntry] = []
     name: str = ""  # in messages and pictures
+
+
+class WaypointsEntry(Prediction):
+    """A person who is predicted to walk through waypoints."""
+
+    waypoints: list[Waypoint] = Field(min_length=2)  # [t s, x m, y m] each, times rising; 0 s is now
+    name: str = ""  # in messages and pictures
+
+
+class TrackEntry(Prediction):
+    """People whose recorded tracks are in a file, all of them or some; each is called by its id."""
+
+    track: str  # file, relative to the scenario: CSV (id, t or frame, x, y), PeTrack or obsmat.txt
+    frame_rate: float | None = Field(default=None, gt=0)  # frames a second, where the file does not say it
+    unit: Literal["m", "cm", "mm"] | None = None  # of places, where the file does not say it; else m
+    format: Literal["csv", "petrack", "obsmat"] | None = None  # of the file; as it looks if left out
+    id: int | str | list[int | str] | None = None  # who of the file; all if left out
+    begin: float = 0.0  # s, the moment of the recording that is now
+    name: str = ""  # of one person; of several what their ids follow
 
 
 class LandmarkEntry(_Strict):
@@ -258,6 +303,7 @@ class ScenarioFile(_Strict):
     criteria: list[str | Named] = Field(min_length=1)
     quanta: dict[str, float] = {}
     planner: str | Named | Annotated[list[str | Named], Field(min_length=1)] = DEFAULT_PLANNER
+    horizon: float | None = Field(default=None, gt=0)
     people: list[Entry] = []
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
     landmarks: list[Entry] = []

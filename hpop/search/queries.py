@@ -159,6 +159,11 @@ class ParetoPaths:
         return np.array([path.size for path in self._paths], dtype=np.int64)
 
     @property
+    def places(self) -> list[IntArray]:
+        """Places of the arcs of each path in the graph."""
+        return list(self._paths)
+
+    @property
     def all_arcs(self) -> IntArray:
         """Places (N,) of the arcs of all paths in the graph, one path after another."""
         return np.concatenate([np.zeros(0, np.int64), *self._paths])

@@ -59,10 +59,13 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
     for person in people:
         radius = _disc(person, side)
         axes.add_patch(Circle((person.x, person.y), radius, facecolor=SKIN, edgecolor=INK, zorder=6, gid="person"))
-        tick = _ray(person.x, person.y, person.yaw, 1.5 * radius)
+        likeliest = person.likeliest
+        tick = _ray(person.x, person.y, float(likeliest.yaw_at(np.float64(likeliest.begin))), 1.5 * radius)
         axes.plot(*tick, color=INK, linewidth=1.4, zorder=6.1, gid="heading")
-        if person.moves:
-            tip = (person.x + REACH * side * person.velocity[0], person.y + REACH * side * person.velocity[1])
+        for velocity in (one.velocity_at(np.float64(one.begin)) for _, one in person.hypotheses):
+            if not any(velocity):
+                continue
+            tip = (person.x + REACH * side * velocity[0], person.y + REACH * side * velocity[1])
             arrow = {"arrowstyle": "->", "color": INK, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", tip, (person.x, person.y), arrowprops=arrow, zorder=5.9).set_gid("velocity")
     size = "" if all(person.radius == _disc(person, side) for person in people) else " (enlarged)"

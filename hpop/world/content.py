@@ -17,6 +17,7 @@ import shapely
 from shapely.geometry import LineString, MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arrays import FloatArray, distinct
 from hpop.errors import MapError
 from hpop.options import LEAST
 from hpop.text import shown
@@ -139,6 +140,18 @@ class Content:
         standing = [person for person in self.people if not person.moves]
         bodies = [shapely.Point(p.x, p.y).buffer(p.radius * around, quad_segs=16) for p in standing]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
+
+    @cached_property
+    def kinks(self) -> FloatArray:
+        """Times (K,), s, rising, at which somebody may turn, come, stop or go: between them predictions are smooth."""
+        each = [one for person in self.people for _, one in person.hypotheses]
+        tracks = [one.track.times for one in each if one.track is not None]
+        return distinct(np.concatenate([[one.until for one in each if one.until is not None], *tracks]))
+
+    @property
+    def fastest(self) -> float:
+        """Greatest speed, m/s, at which somebody may walk."""
+        return max((person.speed for person in self.people), default=0.0)
 
     @property
     def present(self) -> frozenset[str]:

@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.arrays import Column, FloatArray
 from hpop.errors import MapError
 from hpop.math import smooth_step
 from hpop.options import LEAST, one_of
@@ -182,6 +182,33 @@ class Person:
             return ((1.0, self),)
         return tuple((future.weight, self._with(future)) for future in self.futures)
 
+    @property
+    def likeliest(self) -> Person:
+        """The hypothesis with the greatest weight; the person where there is one only. For pictures of one future."""
+        return max(self.hypotheses, key=lambda hypothesis: hypothesis[0])[1]
+
+    @property
+    def begin(self) -> float:
+        """When the person is first there, s: 0, but for a track that begins later. Not of several futures."""
+        self._check_one("begin")
+        return 0.0 if self.track is None else max(self.track.begin, 0.0)
+
+    def way(self) -> FloatArray:
+        """Corners (N, 4) of the way from now on: time s, x, y m, and the yaw rad that holds from there to the next one.
+
+        Straight between them, at constant speed; after the last the person stands there, or is gone. Of one future
+        that ends, as those of a :class:`hpop.Problem` do.
+        """
+        self._check_one("way")
+        end = self.settled
+        if not math.isfinite(end):
+            raise MapError(f"{named_as('person', self.name)} is predicted for ever: give an end (until).")
+        corners = [0.0, end] if self.track is None else [0.0, *self.track.times.tolist(), end]
+        times = np.unique(np.clip(corners, 0.0, end))
+        x, y = self.at(times)
+        yaw = np.broadcast_to(self.yaw_at(times), times.shape)
+        return np.stack([times, np.broadcast_to(x, times.shape), np.broadcast_to(y, times.shape), yaw], axis=1)
+
     def _with(self, future: Future) -> Person:
         """The person whose future is sure."""
         names = ("x", "y", "yaw", "until", "afterwards", "spread", "growth")
@@ -220,6 +247,15 @@ class Person:
             return along
         yaw = self.yaw if self.velocity == STANDS else math.atan2(self.velocity[1], self.velocity[0])
         return math.cos(yaw), math.sin(yaw)
+
+    def yaw_at(self, t: Column) -> Column:
+        """Heading of the body, rad, at times t, s: along a track, else the ``yaw`` that is given. Of one future.
+
+        Who walks at a velocity may look elsewhere, at whom he talks with.
+        """
+        self._check_one("yaw_at")
+        along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
+        return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
         """1 at times t, s, at which the person is there, else 0; the number 1.0 of who is there always.

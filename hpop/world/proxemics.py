@@ -1,11 +1,15 @@
 """Where people are, which way they face, and how a place lies to them; effects of many people on many places.
 
 Everything is written for columns (N,): NumPy arrays, or CasADi symbols. Times are only needed of people who move.
+
+What may come is reckoned with in two ways. :func:`expected` is the mean over a person's futures. As it is the mean at
+each moment, its integral over time is the mean of the integrals, however the moments depend on each other: so what adds
+up along motions still adds up, and exactly. :func:`worst` is the largest over people and futures, for what is about the
+worst moment; it asks for no weights.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -25,13 +29,6 @@ def any_moves(people: Iterable[Person]) -> bool:
     return any(person.moves for person in people)
 
 
-def heading(person: Person) -> float:
-    """Direction, rad, in which a person who moves walks, or in which one who stands faces."""
-    if person.moves:
-        return math.atan2(person.velocity[1], person.velocity[0])
-    return person.yaw
-
-
 def position(person: Person, t: Column | None) -> tuple[Column, Column]:
     """Where a person is, m: predicted for times t (N,), s, of one who moves; fixed for one who stands."""
     return person.at(t) if person.moves else (person.x, person.y)
@@ -44,10 +41,42 @@ def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Colu
 
 
 def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """How far ahead of a person and how far to the left, m, places (N,) lie; ahead is the :func:`heading`."""
+    """How far ahead of a person, and to the left, m, places (N,) lie; ahead is where the person walks or faces."""
     dx, dy = offset(person, x, y, t)
-    cos, sin = math.cos(heading(person)), math.sin(heading(person))
+    cos, sin = person.ahead_at(t)
     return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
+    """Sum (N,) over people of the mean over what they may do of ``effect(person, *columns)``, while they are there.
+
+    The effect is asked of people without futures, and takes their deviation into account itself. The last of the
+    columns is the time, or None where nobody moves.
+    """
+
+    def share(one: tuple[float, Person], *part: Column | None) -> Column:
+        weight, person = one
+        value = _while_there(person, effect(person, *part), part[-1])
+        return value if weight == 1.0 else weight * value
+
+    return over([one for person in people for one in person.hypotheses], share, np.add, *columns)
+
+
+def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
+    """Largest (N,), over people and what they may do, of ``effect(person, *columns)`` >= 0, as :func:`expected` has it.
+
+    However unlikely one of several futures is, it counts.
+    """
+
+    def alone(person: Person, *part: Column | None) -> Column:
+        return _while_there(person, effect(person, *part), part[-1])
+
+    return over([one for person in people for _, one in person.hypotheses], alone, np.maximum, *columns)
+
+
+def _while_there(person: Person, value: Column, t: Column | None) -> Column:
+    there = person.there(t)
+    return value if isinstance(there, float) and there == 1.0 else there * value
 
 
 def over(

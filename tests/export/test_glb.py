@@ -11,11 +11,15 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 import pytest
+import shapely
 
 import hpop
 from hpop.export import write
 from hpop.trajectory import Trajectory
 from hpop.view.ride import surfaces
+from hpop.world.content import Person
+from hpop.world.people import Future
+from hpop.world.tracks.track import Track
 from tests.export.given import DRIVE, ODD, POSES, problem, robots, through
 from tests.export.readers import GLTF, accessor
 
@@ -49,8 +53,10 @@ def test_three_finds_the_camera_where_it_was_and_looking_where_it_looked(tmp_pat
     assert found["fov"] == pytest.approx(70.0)
     assert found["aspect"] == pytest.approx(math.tan(math.radians(50)) / math.tan(math.radians(35)))
     walked = [(one["people"][0], t) for one, t in zip(found["seen"], times.tolist(), strict=True)]
+    stops = problem().world.content.people[0].until  # before the wall
+    assert 0 < stops < run.duration
     for (x, y, z), t in walked:
-        assert (x, y, z) == pytest.approx((-0.5 * t, 0.0, -0.25 * t), abs=1e-5)
+        assert (x, y, z) == pytest.approx((-0.5 * min(t, stops), 0.0, -0.25 * min(t, stops)), abs=1e-5)
     boxes = {mesh["name"]: (mesh["low"], mesh["high"]) for mesh in found["meshes"]}
     low, high = boxes["wall"]
     assert (low, high) == (pytest.approx([0, 0, -6]), pytest.approx([8, 3, 0]))
@@ -129,3 +135,61 @@ def test_costs_and_what_is_not_drawn_as_it_is_are_in_the_file(tmp_path):
     extras = pygltflib.GLTF2().load(path).asset.extras
     assert "obstacles without an upper end are drawn 3 m high" in extras["notes"]
     assert ODD.encode() not in path.read_bytes()
+
+
+def walks(path):
+    """Where each person of a scene is at some times, and whether they have a size: by pygltflib and linear keys."""
+    file = pygltflib.GLTF2().load(path)
+    found = {}
+    for i, node in enumerate(file.nodes):
+        if node.name.startswith("person") and not node.name.endswith((" 1", " 2")):  # legs; trunk and head go along
+            corners = accessor(file, file.meshes[node.mesh].primitives[0].attributes.POSITION) @ GLTF
+            found[node.name] = {"begins": 0.5 * (corners.min(axis=0) + corners.max(axis=0))[:2]}
+            for channel in file.animations[0].channels:
+                if channel.target.node == i:
+                    sampler = file.animations[0].samplers[channel.sampler]
+                    times, values = accessor(file, sampler.input).ravel(), accessor(file, sampler.output)
+                    assert sampler.interpolation == {"translation": "LINEAR", "scale": "STEP"}[channel.target.path]
+                    found[node.name][channel.target.path] = (times, values)
+    return found
+
+
+def place(walk, t):
+    times, moved = walk.get("translation", (np.zeros(1), np.zeros((1, 3))))
+    return walk["begins"] + [np.interp(t, times, column) for column in (moved @ GLTF).T[:2]]
+
+
+def is_there(walk, t):
+    times, sizes = walk.get("scale", (np.zeros(1), np.ones((1, 3))))
+    return bool(sizes[np.searchsorted(times, t, side="right") - 1].all())
+
+
+def test_people_are_where_they_are_predicted_at_each_time(tmp_path):
+    """Tracks, futures, an end at a wall, who is gone; the robot holds meanwhile, so that times are not its plan's."""
+    turns = Track.through([(0, 2, 5), (1.7, 3, 5), (4, 3, 3)])
+    late = Track(np.array([1.3, 3.1]), np.array([6.0, 7.0]), np.array([1.0, 1.0]), recorded=True)
+    people = [
+        Person(1, 5, velocity=(0.5, 0), name="walks"),
+        Person(2, 2, velocity=(0.25, 0.5), until=2.1, afterwards="stays", name="stops"),
+        Person.along(turns, name="turns"),
+        Person.along(late, name="late"),
+        Person(4, 4, futures=(Future(3, (0, 0.1)), Future(1, (0.1, 0))), name="doubts"),
+        Person(7, 5, name="stands"),
+    ]
+    room = hpop.World.from_polygons([], extent=shapely.box(0, 0, 8, 6)).with_content(people=people)
+    asked = hpop.Problem(room, DRIVE, POSES[0], POSES[-1], ["length"])
+    held = Trajectory.from_poses(DRIVE, POSES).with_hold(at=1, seconds=2.5)
+    found = walks(write(held, tmp_path / "any.glb", problem=asked))
+    assert set(found) == {f"person {name}" for name in ("walks", "stops", "turns", "late", "stands")} | {
+        "person doubts (75%)", "person doubts (25%)",
+    }  # fmt: skip
+    lasts = held.execution().duration
+    for person in asked.world.content.people:
+        for weight, one in person.hypotheses:
+            walk = found[f"person {person.name}" + (f" ({weight:.0%})" if person.futures else "")]
+            for t in np.linspace(0, lasts, 40) + 1e-4:
+                assert is_there(walk, t) == bool(one.there(t))
+                if is_there(walk, t):
+                    np.testing.assert_allclose(place(walk, t), one.at(t), atol=1e-4)
+    assert found["person stands"].keys() == {"begins"}
+    assert "scale" not in found["person stops"]

@@ -59,7 +59,7 @@ def test_a_world_is_as_large_as_its_meshes():
     assert (floor.normals[:, 2] == 1.0).all()
     assert len(found["person"]) == 6
     assert all(volume(mesh.corners) > 0 and closed(mesh.corners) for mesh in found["person"])
-    assert {mesh.velocity for mesh in found["person"]} == {(-0.5, 0.25), (0.0, 0.0)}
+    assert {mesh.person.velocity for mesh in found["person"]} == {(-0.5, 0.25), (0.0, 0.0)}
     facing, all_round = found["landmark"]
     assert (len(facing.corners), len(all_round.corners)) == (4, 8)
     assert len(found["zone"]) == 1

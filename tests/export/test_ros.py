@@ -113,6 +113,13 @@ def path_of(message):
     return places, np.unwrap(turned.as_euler("ZYX")[:, 0])
 
 
+def still(message):
+    """Which poses (N,) of a path are that before them again, later: the ends of holds."""
+    places, yaws = path_of(message)
+    moved = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) + np.abs(np.diff(yaws))
+    return np.append(False, moved < 1e-8)
+
+
 @pytest.mark.parametrize("robot", ["differential drive", "holds", "stays", "mobile arm"])
 def test_a_path_has_the_ends_of_all_motions_and_is_nowhere_coarse(robot, tmp_path):
     trajectory = robots()[robot]
@@ -136,7 +143,12 @@ def test_a_path_has_the_ends_of_all_motions_and_is_nowhere_coarse(robot, tmp_pat
     assert not (moved & turned).any()  # a turn in place is poses at one position, digit for digit
     assert (moved | turned).all()  # and no pose is there twice in a row
     (plan,) = [m for topic, _, m in messages(write(trajectory, tmp_path / "any.mcap", rate=2)) if topic == "/plan"]
-    np.testing.assert_allclose(path_of(plan)[0], places, atol=1e-8)
+    stamped, stays = path_of(plan)[0], still(plan)
+    np.testing.assert_allclose(stamped[~stays], places, atol=1e-8)
+    if robot == "holds":
+        assert stays.sum() == 1  # for 1.5 s
+        times = np.array([one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in plan.poses])
+        assert times[stays] - times[np.flatnonzero(stays) - 1] == pytest.approx([1.5], abs=2e-9)
 
 
 def from_yaml(store, kind, values):

@@ -39,12 +39,17 @@ planner:
 people:
   - {x: 2, y: 1, yaw: 10 deg, name: Ada}
   - {x: 3, y: 1, velocity: [0.5, 0]}
+  - {waypoints: [[0, 1, 2], [4, 3, 2]], afterwards: stays, growth: 0.1, name: Eve}
+  - {x: 3, y: 2, futures: [{weight: 2, velocity: [1, 0]}, {weight: 1, waypoints: [[0, 3, 2], [1, 3, 3]]}]}
+  - {track: tracks.csv, id: [1, Bo], begin: 0.5, unit: m}
+horizon: 8
 groups: [[Ada, 1]]
 landmarks:
   - {x: 5, y: 5, z: 1.6, facing: -90 deg, weight: 2}
 zones:
   - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
 """
+TRACKS = "1,0,1,4\n1,2,2,4\nBo,0,1,5\nBo,2,2,5\n"
 FAULTY = [
     ("criteria:", "criterea:"),
     ("polygons:", "polygon:"),
@@ -80,6 +85,14 @@ FAULTY = [
     ("lattice: {step", "roadmap: {}\n  lattice: {step"),
     ("velocity: [0.5, 0]", "velocty: [0.5, 0]"),
     ("yaw: 10 deg", "yaw: north"),
+    ("waypoints: [[0, 1, 2], [4, 3, 2]]", "waypoints: [[0, 1, 2]]"),
+    ("[4, 3, 2]", "[4, 3]"),
+    ("afterwards: stays", "afterwards: sits"),
+    ("growth: 0.1", "growth: -0.1"),
+    ("weight: 2, velocity", "velocity"),
+    ("unit: m}", "unit: ft}"),
+    ("begin: 0.5", "start: 0.5"),
+    ("horizon: 8", "horizon: 0"),
     ("[[Ada, 1]]", "[[Ada]]"),
     ("x: 5,", ""),
     ("weight: 2", "weight: 0"),
@@ -122,6 +135,7 @@ def test_a_scenario_with_a_criterion_of_ones_own_has_a_schema_of_its_own(registe
 
 def test_what_is_faultless_is_valid(faults: Callable[[str], list[Any]], tmp_path: Path) -> None:
     (tmp_path / "whole.yaml").write_text(WHOLE)
+    (tmp_path / "tracks.csv").write_text(TRACKS)
     load_scenario(tmp_path / "whole.yaml")
     assert faults(WHOLE) == []
     solids = "world: {solids: {obstacles: [{box: [1, 1, 1], rpy: [0, 0, 45 deg]}]}}\n" + WHOLE.partition("model:")[2]
@@ -133,6 +147,7 @@ def test_a_fault_is_refused_by_both(old: str, new: str, faults: Callable[[str], 
     assert old in WHOLE
     text = WHOLE.replace(old, new, 1)
     (tmp_path / "faulty.yaml").write_text(text)
+    (tmp_path / "tracks.csv").write_text(TRACKS)
     with pytest.raises(HpopError):
         load_scenario(tmp_path / "faulty.yaml")
     assert faults(text)

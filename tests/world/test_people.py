@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 
@@ -226,3 +227,28 @@ def test_what_is_no_future_is_refused(given, message):
         Future(**{"weight": 1.0, **given})
     with pytest.raises(MapError, match=r"follows an hpop\.world\.Track"):
         Person.along([(0, 1, 1)])
+
+
+def test_a_way_has_the_corners_between_which_it_is_straight():
+    person = Person.along(L.later(2.0), until=1.5)
+    assert person.way().tolist() == [[0, 1, 0, 0], [1, 2, 0, math.pi / 2], [1.5, 2, 0.5, math.pi / 2]]
+    assert Person(1.0, 2.0, 0.5).way().tolist() == [[0, 1, 2, 0.5]]
+    walks = Person(1.0, 2.0, 0.5, velocity=(0.0, 1.0), until=2.0, name="Ada")  # and looks aside
+    assert walks.way().tolist() == [[0, 1, 2, 0.5], [2, 1, 4, 0.5]]
+    with pytest.raises(MapError, match="'Ada' is predicted for ever: give an end"):
+        dataclasses.replace(walks, until=None).way()
+
+
+@given(people)
+def test_a_way_is_where_the_person_is(person):
+    if not math.isfinite(person.settled):
+        return
+    t = np.arange(0.0, 8.0, 0.125)
+    times, x, y, _ = person.way().T
+    np.testing.assert_allclose((np.interp(t, times, x), np.interp(t, times, y)), columns(person, t)[:2], atol=1e-12)
+
+
+def test_the_likeliest_of_several_futures_is_the_one_of_the_greatest_weight():
+    one = Person(1.0, 1.0, futures=(Future(1, velocity=(1, 0)), Future(3, velocity=(0, 1)), Future(2)))
+    assert one.likeliest == Person(1.0, 1.0, velocity=(0.0, 1.0))
+    assert one.likeliest.likeliest is one.likeliest

@@ -7,12 +7,13 @@ import pytest
 
 from hpop.motions.symbolic import lift
 from hpop.world.content import Person
-from hpop.world.proxemics import BLOCK, heading, in_frame, offset, over, position
+from hpop.world.proxemics import BLOCK, in_frame, offset, over, position
 
 
 def test_who_walks_faces_where_they_go_and_who_stands_where_the_body_does():
-    assert heading(Person(0, 0, 1.0, velocity=(0.0, -2.0))) == -math.pi / 2
-    assert heading(Person(0, 0, 1.0)) == 1.0
+    for person, heading in ((Person(0, 0, 1.0, velocity=(0.0, -2.0)), -math.pi / 2), (Person(0, 0, 1.0), 1.0)):
+        t = np.zeros(1) if person.moves else None
+        assert in_frame(person, math.cos(heading), math.sin(heading), t) == (pytest.approx(1.0), pytest.approx(0.0))
 
 
 def test_who_stands_is_there_without_a_time():

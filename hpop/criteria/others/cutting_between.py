@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from math import prod
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
+from hpop.criteria.others.robot import check_one_future
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
 from hpop.world.content import Person
 from hpop.world.proxemics import any_moves, position
 
 CHORDS = 8  # straight pieces that stand for a curve
+STEP = 0.25  # m: nobody who follows a track walks farther in a piece
+MOST_CHORDS = 512
 
 
 @criterion(
@@ -29,27 +33,44 @@ class CuttingBetween:
     segment and turns back has crossed it twice; one that does so from the left, not at all.
 
     Each motion is taken as straight from start to end, a curve as straight between eight moments, and so is the way of
-    people who walk meanwhile: exact for straight moves, and for two who walk side by side.
+    people who walk meanwhile: exact for straight moves, and for two who walk side by side. Of those who follow a track
+    the way is taken as straight for a quarter of a metre, or a 512th of the motion. Two have a conversation while both
+    are there.
+
+    How often a way is crossed does not follow from where people may be at each moment: of uncertain places, and of
+    several futures, it is refused.
     """
 
     def cost(self, m: Motions) -> Column:
         """Number of crossings (M,)."""
         content = m.world.content
         pairs = [tuple(content.people[i] for i in pair) for group in content.groups for pair in combinations(group, 2)]
-        walks = any_moves(person for pair in pairs for person in pair)
+        talking = [person for pair in pairs for person in pair]
+        check_one_future("cutting_between", talking)
+        _check_sure(talking)
+        walks = any_moves(talking)
         if walks and m.t0 is None:
             raise CriterionError(
                 "'cutting_between' needs to know when each motion begins, because people who talk walk; on a graph "
                 "without time, give them no velocity"
             )
-        shares = np.linspace(0.0, 1.0, CHORDS + 1 if isinstance(m.law, Curve) else 2)
+        shares = np.linspace(0.0, 1.0, self._pieces(m, talking) + 1)
         places = [m.base.start, *(m.moment(share).base for share in shares[1:-1]), m.base.end]
         times = [m.t0 + share * m.duration if walks else None for share in shares]
         crossings = 0.0 * m.base.start.x
         for one, other in pairs:
             ways = [_seen_from(one, other, at.x, at.y, t) for at, t in zip(places, times, strict=True)]
-            crossings = crossings + sum(_crossed(begin, end) for begin, end in pairwise(ways))
+            pieces = zip(pairwise(ways), pairwise(times), strict=True)
+            crossings = crossings + sum(_crossed(*way, *when, (one, other)) for way, when in pieces)
         return crossings
+
+    def _pieces(self, m: Motions, people: list[Person]) -> int:
+        """Straight pieces that stand for each motion and the ways of people meanwhile."""
+        chords = CHORDS if isinstance(m.law, Curve) else 1
+        if not len(m) or not any(person.track for person in people):
+            return chords
+        farthest = float(np.max(m.duration)) * max(person.speed for person in people)
+        return int(np.clip(np.ceil(farthest / STEP), chords, MOST_CHORDS))
 
 
 def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
@@ -62,11 +83,29 @@ def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | Non
     return ((x - ax) * dx + (y - ay) * dy) * scale, ((y - ay) * dx - (x - ax) * dy) * scale
 
 
-def _crossed(begin: tuple[Column, Column], end: tuple[Column, Column]) -> Column:
-    """1 where the straight way from begin to end crosses from 0 to 1 on the axis, else 0."""
+def _crossed(
+    begin: tuple[Column, Column],
+    end: tuple[Column, Column],
+    t_begin: Column | None,
+    t_end: Column | None,
+    pair: tuple[Person, Person],
+) -> Column:
+    """1 where the straight way from begin to end crosses from 0 to 1 on the axis while both are there, else 0."""
     (along, left), (to_along, to_left) = begin, end
     changes = np.where(np.logical_and(left >= 0, to_left < 0), 1.0, 0.0)
     changes = np.where(np.logical_and(left < 0, to_left >= 0), 1.0, changes)
     share = left / np.where(changes > 0, left - to_left, 1.0)
     crossing = along + share * (to_along - along)
-    return np.where(np.logical_and(crossing >= 0, crossing <= 1), changes, 0.0)
+    t = None if t_begin is None else t_begin + share * (t_end - t_begin)
+    there = prod(person.there(t) for person in pair)
+    return there * np.where(np.logical_and(crossing >= 0, crossing <= 1), changes, 0.0)
+
+
+def _check_sure(people: list[Person]) -> None:
+    for person in people:
+        if person.spread or person.growth:
+            raise CriterionError(
+                f"'cutting_between' counts crossings, of which there is no mean that follows from where people may be "
+                f"at each moment; give person {person.name or 'without a name'} no spread and no growth, or take "
+                "'o_space'"
+            )

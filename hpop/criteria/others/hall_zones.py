@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -11,17 +12,18 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import check_radius, clock, reach
 from hpop.errors import CriterionError
-from hpop.math import hypot
+from hpop.math import hypot, is_zero
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
+from hpop.world.blurred import Blurred
 from hpop.world.content import Person
-from hpop.world.proxemics import HALL, offset, over
+from hpop.world.proxemics import HALL, expected, offset
 
 
 @criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class HallZones:
-    """∫ Σ_people w(gap) dt: time in people's zones, each zone with its weight; two people disturbed count twice.
+    """∫ Σ_people E[w(gap)] dt: time in people's zones, each zone with its weight; two people disturbed count twice.
 
     Zones of Hall 1966 (The Hidden Dimension): intimate to .45 m, personal to 1.2 m, social to 3.6 m, public beyond
     (weight 0). The gap is measured between surfaces: from the person's body to the robot, taken as round about its
@@ -30,6 +32,10 @@ class HallZones:
     Deviation: the weight does not jump at a zone's border but changes over ``softness`` metres about it (a
     polynomial of degree 5, half the change at the border itself), so that the cost has a gradient.
     :func:`hpop.criteria.others.metrics.zone_fractions` has the sharp zones.
+
+    The mean E is over what people may do: their futures by their weights, each blurred by its deviation (a table that
+    is nearer than 1e-4 to the integral with the default softness). It is the mean of the whole cost, whether a person's
+    deviations at different times have to do with each other or not.
     """
 
     intimate: float = 1.0  # weight up to .45 m from a person
@@ -52,16 +58,30 @@ class HallZones:
     def cost(self, m: Motions) -> Column:
         """Weighted time (M,) in zones, s."""
         people, radius = m.world.content.people, reach(m.model, self.robot_radius)
+
+        def intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column:
+            distance, deviation = hypot(*offset(person, x, y, t)), person.deviation(t)
+            if is_zero(deviation):
+                return self.weight(distance - person.radius - radius)
+            return _blurred(self, person.radius + radius)(distance, deviation)
+
+        return m.integrate(lambda s: expected(people, intrusion, s.base.x, s.base.y, clock(s, people)))
+
+    def weight(self, gap: Column) -> Column:
+        """Weight (N,) of gaps, m, between surfaces."""
         weights = (self.intimate, self.personal, self.social, 0.0)
         steps = [(limit, w - beyond) for limit, (w, beyond) in zip(HALL.values(), pairwise(weights), strict=True)]
+        return sum(step * within(limit - gap, self.softness) for limit, step in steps if step > 0)
 
-        def weight(person: Person, x: Column, y: Column, t: Column | None) -> Column:
-            gap = hypot(*offset(person, x, y, t)) - person.radius - radius
-            return sum(step * self._within(limit - gap) for limit, step in steps if step > 0)
 
-        return m.integrate(lambda s: over(people, weight, np.add, s.base.x, s.base.y, clock(s, people)))
+def within(depth: Column, softness: float) -> Column:
+    """0 outside a border, 1 inside, by the depth, m; between them over the softness, m; twice differentiable."""
+    u = np.clip(depth / softness + 0.5, 0.0, 1.0)
+    return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
-    def _within(self, depth: Column) -> Column:
-        """0 outside a border, 1 inside, and between them over the softness; twice differentiable."""
-        u = np.clip(depth / self.softness + 0.5, 0.0, 1.0)
-        return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+
+@lru_cache(maxsize=128)  # 0.6 MB each: one a radius of a person
+def _blurred(zones: HallZones, radii: float) -> Blurred:
+    """The weight of an uncertain distance, m, between the axes of a robot and a person with so large radii."""
+    end = HALL["social"] + 0.5 * zones.softness + radii
+    return Blurred(lambda distance: zones.weight(distance - radii), end, detail=zones.softness)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from hpop.world.proxemics import HALL, offset
 if TYPE_CHECKING:
     from hpop.trajectory import Trajectory
     from hpop.world import World
+    from hpop.world.people import Person
 
 STEP = 0.01  # s
 COMPLIANT = 0.5  # m
@@ -26,6 +28,9 @@ COMPLIANT = 0.5  # m
 @dataclass(frozen=True)
 class SocialMetrics:
     """Metrics of Francis et al. 2023 (Principles and guidelines for evaluating social robot navigation algorithms).
+
+    People are where they are predicted, while they are there; of several futures, each as if it came true: the worst is
+    told.
 
     min_human_distance       m  least gap between the surfaces of robot and people; ∞ without people, negative in a
                                 collision
@@ -66,10 +71,11 @@ def social_metrics(
     moments = Track(trajectory, times)
     base, velocity = moments.base, moments.twist("base").velocity
     least = np.inf
-    for person in world.content.people:
+    for person in _as_may_be(world):
         px, py = offset(person, base.x, base.y, times)
-        vx, vy = velocity[0] - person.velocity[0], velocity[1] - person.velocity[1]
-        least = min(least, float(time_to_collision(px, py, vx, vy, radius + person.radius).min()))
+        walks_x, walks_y = person.velocity_at(times)
+        left = time_to_collision(px, py, velocity[0] - walks_x, velocity[1] - walks_y, radius + person.radius)
+        least = min(least, float(np.where(person.there(times), left, np.inf).min()))
     length = sum(float(motions.base.length.sum()) for _, motions in trajectory.batches(world))
     return SocialMetrics(
         min_human_distance=float(_gaps(trajectory, world, times, radius).min()),
@@ -104,6 +110,12 @@ def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float
     """Gap (N,), m, between the surfaces of the robot and the nearest person at times (N,)."""
     base = trajectory.model.pose("base", trajectory.at(times))
     nearest = np.full(times.shape, np.inf)
-    for person in world.content.people:
-        nearest = np.minimum(nearest, np.hypot(*offset(person, base.x, base.y, times)) - person.radius - radius)
+    for person in _as_may_be(world):
+        gap = np.hypot(*offset(person, base.x, base.y, times)) - person.radius - radius
+        nearest = np.minimum(nearest, np.where(person.there(times), gap, np.inf))
     return nearest
+
+
+def _as_may_be(world: World) -> Iterator[Person]:
+    """People without futures: each as in one of them."""
+    return (one for person in world.content.people for _, one in person.hypotheses)

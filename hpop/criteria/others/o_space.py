@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import clock
+from hpop.criteria.others.robot import check_one_future, clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
@@ -20,11 +21,16 @@ from hpop.world.proxemics import over, position
 @criterion("o_space", group="O", unit="s", aggregate="sum", requires=("base", "groups"))
 @dataclass(frozen=True)
 class OSpace:
-    """∫ Σ_groups exp(-|p - c|²/2σ²) dt: time in the middle of conversations, 1 at the centre.
+    """∫ Σ_groups E[exp(-|p - c|²/2σ²)] dt: time in the middle of conversations, 1 at the centre.
 
     c = mean(p_i + ``stride`` · heading_i) over those who talk: the votes for the centre of an F-formation (Kendon
     1990; a stride of 1.5 m). heading_i is the body's yaw, also of people who walk while they talk: it says whom
-    they face. The width σ = ``sigma`` m is this library's choice: half a stride.
+    they face. A conversation lasts while all of it are there. The width σ = ``sigma`` m is this library's choice: half
+    a stride.
+
+    The mean E is over where those who talk may be, their deviations taken to be independent of each other, in closed
+    form. Who talks has one future: what becomes of a conversation of which one may go elsewhere is not known from what
+    each of them may do.
     """
 
     stride: float = 1.5  # m ahead of each who talks is the middle
@@ -39,11 +45,15 @@ class OSpace:
         content = m.world.content
         groups = [tuple(content.people[i] for i in group) for group in content.groups]
         talking = [person for group in groups for person in group]
+        check_one_future("o_space", talking)
 
         def intrusion(group: tuple[Person, ...], x: Column, y: Column, t: Column | None) -> Column:
             centre_x, centre_y = self.centre(group, t)
             square = (x - centre_x) ** 2 + (y - centre_y) ** 2
-            return np.exp(square * (-0.5 / self.sigma**2))
+            own = self.sigma**2
+            wide = own + sum(person.deviation(t) ** 2 for person in group) / len(group) ** 2
+            shares = [own / wide, *(person.there(t) for person in group)]  # 1.0 where nothing is uncertain
+            return prod(shares) * np.exp(square * (-0.5 / wide))
 
         return m.integrate(lambda s: over(groups, intrusion, np.add, s.base.x, s.base.y, clock(s, talking)))
 

@@ -12,31 +12,40 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
+from hpop.math import erf, hypot, is_zero
 from hpop.motions import Motions
 from hpop.options import one_of
 from hpop.world.content import Person
-from hpop.world.proxemics import in_frame, over
+from hpop.world.proxemics import expected, in_frame, worst
 
 Combination = Literal["sum", "max"]
 LEAST_AHEAD = 0.5  # m
+TINY = 1e-6  # m: no deviation is taken to be smaller, if it grows
 
 
-def spreads(person: Person) -> tuple[float, float, float]:
-    """Standard deviations ahead, to the side and behind, m: max(2v, 1/2), two thirds and half of it."""
-    ahead = max(2.0 * math.hypot(*person.velocity), LEAST_AHEAD)
+def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Column]:
+    """Standard deviations ahead, aside and behind, m: max(2v, 1/2), two thirds and half of it, at times t (N,)."""
+    vx, vy = person.velocity_at(t)
+    steady = isinstance(vx, float)
+    ahead = max(2.0 * math.hypot(vx, vy), LEAST_AHEAD) if steady else np.maximum(2.0 * hypot(vx, vy), LEAST_AHEAD)
     return ahead, ahead * 2.0 / 3.0, ahead / 2.0
 
 
 @criterion("personal_space", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class PersonalSpace:
-    """∫ Σ_people exp(-x²/2σ² - y²/2σ_s²) dt: time in people's personal space, 1 where the person is.
+    """∫ Σ_people E[exp(-x²/2σ² - y²/2σ_s²)] dt: time in people's personal space, 1 where the person is.
 
     x ahead and y beside the person, ahead being where somebody who walks goes and somebody who stands faces;
     σ = σ_h = max(2v, ½) ahead and σ_r = ½ σ_h behind, σ_s = ⅔ σ_h, v the person's speed in m/s: the asymmetric
     Gaussian of Kirby, Social Robot Navigation, 2010. The place of the robot is its axis.
 
-    ``people="sum"`` adds up the people; "max" takes the one who is disturbed most, as costmaps do.
+    The mean E is over what people may do: their futures by their weights, each blurred by its deviation, in closed
+    form. It is the mean of the whole cost, whether a person's deviations at different times have to do with each other
+    or not.
+
+    ``people="sum"`` adds up the people; "max" takes the one who is disturbed most, as costmaps do. Of several futures
+    that is the one in which most is disturbed, however small its weight.
     """
 
     people: Combination = "sum"  # all people, or "max", the one who is disturbed most
@@ -47,13 +56,33 @@ class PersonalSpace:
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the intrusion, s."""
         people = m.world.content.people
-        combine = np.add if self.people == "sum" else np.maximum
-        return m.integrate(lambda s: over(people, _intrusion, combine, s.base.x, s.base.y, clock(s, people)))
+        combined = expected if self.people == "sum" else worst
+        return m.integrate(lambda s: combined(people, _intrusion, s.base.x, s.base.y, clock(s, people)))
 
 
 def _intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column:
     ahead, left = in_frame(person, x, y, t)
-    front, side, rear = spreads(person)
+    front, side, rear = spreads(person, t)
+    deviation = person.deviation(t)
+    if not is_zero(deviation):
+        return _blurred(ahead, left, (front, side, rear), deviation)
     u = np.maximum(ahead, 0.0) / front + np.minimum(ahead, 0.0) / rear  # one of the two is 0: no jump in the slope
     v = left / side
     return np.exp(-0.5 * (u * u + v * v))
+
+
+def _blurred(ahead: Column, left: Column, widths: tuple[Column, Column, Column], deviation: Column) -> Column:
+    """Mean (N,) of the intrusion, the person's place being uncertain by a deviation (N,), m, along each axis.
+
+    A Gaussian blurred is one whose variances are sums; of each half ahead and behind there remains the share of those
+    places for which the robot is in that half.
+    """
+    front, side, rear = widths
+    deviation = np.maximum(deviation, TINY)
+    aside = np.sqrt(side * side + deviation * deviation)
+    halves = 0.0
+    for width, sign in ((front, 1.0), (rear, -1.0)):
+        wide = np.sqrt(width * width + deviation * deviation)
+        share = 0.5 * (1.0 + sign * erf(ahead * width / (math.sqrt(2.0) * deviation * wide)))
+        halves = halves + width / wide * np.exp(-0.5 * (ahead / wide) ** 2) * share
+    return halves * side / aside * np.exp(-0.5 * (left / aside) ** 2)

@@ -40,3 +40,14 @@ def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
 def clock(s: Instants, people: Iterable[Person]) -> Column | None:
     """Times of moments, s, if somebody moves; else None, so that who stands may be on graphs without time."""
     return s.t if any_moves(people) else None
+
+
+def check_one_future(name: str, people: Iterable[Person]) -> None:
+    """Raise CriterionError where somebody who talks may do several things: which together is not known."""
+    for person in people:
+        if person.futures:
+            raise CriterionError(
+                f"{name!r} needs one future of each who talks; person {person.name or 'without a name'} has "
+                f"{len(person.futures)}, and whom the others would follow is not said. Give one prediction to those "
+                "who are in a group, or leave the group out"
+            )

@@ -13,7 +13,7 @@ from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
 from hpop.world.content import Person
-from hpop.world.proxemics import offset, over
+from hpop.world.proxemics import offset, worst
 
 
 @criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("base", "people"), smooth=False)
@@ -25,6 +25,10 @@ class TimeToCollision:
     of the robot relative to a person, R the sum of their radii; ∞ when the two part or would miss each other, 0 when
     they touch. τ is ``horizon``, s. Who stands counts too when the robot drives at them. The robot is round about its
     axis.
+
+    Of several futures of a person the most urgent one counts, however small its weight, and of an uncertain place the
+    predicted one, at the velocity predicted for that moment: the deviation is not asked. ``worst_intrusion`` takes it
+    into account.
 
     The cost jumps where the robot would just graze somebody, hence it has no gradient there. A turn in place is no
     speed.
@@ -43,13 +47,11 @@ class TimeToCollision:
 
         def urgency(person: Person, x: Column, y: Column, vx: Column, vy: Column, t: Column | None) -> Column:
             px, py = offset(person, x, y, t)
-            vx, vy = vx - person.velocity[0], vy - person.velocity[1]
-            left = time_to_collision(px, py, vx, vy, radius + person.radius, never=self.horizon)
+            walks_x, walks_y = person.velocity_at(t)
+            left = time_to_collision(px, py, vx - walks_x, vy - walks_y, radius + person.radius, never=self.horizon)
             return np.maximum(0.0, 1.0 - left / self.horizon)
 
-        return m.worst(
-            lambda s: over(people, urgency, np.maximum, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people))
-        )
+        return m.worst(lambda s: worst(people, urgency, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people)))
 
 
 def time_to_collision(px: Column, py: Column, vx: Column, vy: Column, reach: float, *, never: float = np.inf) -> Column:

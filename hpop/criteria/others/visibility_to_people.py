@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.arrays import Column, FloatArray
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
-from hpop.math import hypot
+from hpop.math import hypot, is_zero
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
+from hpop.world.blurred import Blurred
 from hpop.world.content import Person
-from hpop.world.proxemics import HALL, in_frame, over
+from hpop.world.proxemics import HALL, expected, in_frame
 
 
 @criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class VisibilityToPeople:
-    """∫ Σ_people ½(1 - cos α) (1 - d/range)₊² dt: time near people who would have to turn to see the robot.
+    """∫ Σ_people E[½(1 - cos α) (1 - d/range)₊²] dt: time near people who would have to turn to see the robot.
 
     α is the angle between a person's gaze and the direction to the robot's axis, d its distance: the factor is 0
     straight ahead, ½ at the side and 1 in the back, and matters less the farther off the robot is, nothing beyond
@@ -31,6 +33,10 @@ class VisibilityToPeople:
     Deviations: ½(1 - cos α) in place of α and a quadratic decrease, so that the cost has a gradient; the third
     criterion of that paper, places hidden behind obstacles, is not part of this one: walls between the two are not
     seen.
+
+    The mean E is over what people may do: their futures by their weights, each blurred by its deviation (two tables
+    nearer than 1e-4 to the integrals); the gaze is that of the predicted way. It is the mean of the whole cost,
+    whether a person's deviations at different times have to do with each other or not.
     """
 
     range: float = HALL["social"]  # m, beyond which nobody minds
@@ -41,12 +47,25 @@ class VisibilityToPeople:
     def cost(self, m: Motions) -> Column:
         """Time integral (M,), s."""
         people = m.world.content.people
-        return m.integrate(lambda s: over(people, self._unseen, np.add, s.base.x, s.base.y, clock(s, people)))
+        return m.integrate(lambda s: expected(people, self._unseen, s.base.x, s.base.y, clock(s, people)))
 
     def _unseen(self, person: Person, x: Column, y: Column, t: Column | None) -> Column:
         ahead, left = in_frame(person, x, y, t)
-        distance = hypot(ahead, left)
+        distance, deviation = hypot(ahead, left), person.deviation(t)
         apart = distance > 0
         cosine = np.where(apart, ahead / np.where(apart, distance, 1.0), 0.0)
+        if not is_zero(deviation):
+            near, seen = _blurred(self.range)
+            return 0.5 * np.maximum(near(distance, deviation) - cosine * seen(distance, deviation), 0.0)
         near = np.maximum(0.0, 1.0 - distance / self.range)
         return 0.5 * (1.0 - np.clip(cosine, -1.0, 1.0)) * near * near
+
+
+@lru_cache(maxsize=16)
+def _blurred(range_: float) -> tuple[Blurred, Blurred]:
+    """How near somebody is whose distance is uncertain, and the same times the cosine of the angle to the gaze."""
+
+    def near(distance: FloatArray) -> FloatArray:
+        return np.asarray(np.maximum(0.0, 1.0 - distance / range_) ** 2)
+
+    return Blurred(near, range_, detail=range_), Blurred(near, range_, detail=range_, harmonic=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from hpop.arrays import FloatArray
 from hpop.export.base import PROGRAM, Exported, export_format
 from hpop.export.meshes import Mesh, meshes_of
 from hpop.export.turning import product
+
+if TYPE_CHECKING:
+    from hpop.world.people import Person
 
 AXES = (
     "right-handed, x right, y up, z towards the viewer (glTF), m; the world's (x, y, z) is (x, z, -y); "
@@ -35,7 +38,8 @@ def glb(given: Exported) -> bytes:
     and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. Another body is a node
     of its own frame, x ahead, y left, z up. Times are float32 seconds from the start, strictly increasing: of several
     poses in one step of a float32 the last is kept. Obstacles are prisms, walls without an upper end a storey high;
-    people who walk are animated too. ``asset.extras`` has the costs, and what is not drawn as it is.
+    people who walk are animated as they are predicted, each of several futures under a name with its weight, and have
+    no size while they are not there. ``asset.extras`` has the costs, and what is not drawn as it is.
     """
     file = _File()
     seen, body = given.poses, given.frames.of(given.body)
@@ -108,12 +112,30 @@ def _add(file: _File, meshes: list[Mesh], lasts: float) -> None:
         primitive = {"attributes": attributes, "material": colours[mesh.colour]}
         document["nodes"].append({"name": mesh.name, "mesh": len(document["meshes"])})
         document["meshes"].append({"name": mesh.name, "primitives": [primitive]})
-        if any(mesh.velocity) and lasts > 0.0:
-            way = np.array([[0.0, 0.0, 0.0], [lasts * mesh.velocity[0], lasts * mesh.velocity[1], 0.0]])
-            clock = file.accessor(np.array([[0.0], [lasts]]), "SCALAR", bounds=True)
-            file.animate(len(document["nodes"]) - 1, clock, "translation", file.accessor(y_up(way), "VEC3"))
+        if mesh.person is not None and mesh.person.moves and lasts > 0.0:
+            _walk(file, len(document["nodes"]) - 1, mesh.person, lasts)
     for empty in [key for key in ("meshes", "materials") if not document[key]]:
         del document[empty]
+
+
+def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
+    """Let a node go where a person goes, and be there while the person is: where not, it has no size."""
+    times = [0.0, lasts, *([] if person.until is None else [person.until])]
+    if person.track is not None:
+        times += person.track.times.tolist()
+    moments = np.unique(np.clip(times, 0.0, lasts))
+    keys = moments.astype(np.float32)
+    last = np.append(np.diff(keys) > 0.0, True)
+    keys, moments = keys[last], moments[last]  # as exact as they are given: of one who goes at such a time it matters
+    x, y = (np.broadcast_to(column, keys.shape) for column in person.at(moments))
+    way = np.stack([x - person.x, y - person.y, np.zeros(keys.size)], axis=1)
+    clock = file.accessor(keys[:, None], "SCALAR", bounds=True)
+    if way.any():
+        file.animate(node, clock, "translation", file.accessor(y_up(way), "VEC3"))
+    there = np.broadcast_to(np.asarray(person.there(moments), float), keys.shape)
+    if not there.all():
+        sizes = file.accessor(np.repeat(there[:, None], 3, axis=1), "VEC3")
+        file.animate(node, clock, "scale", sizes, interpolation="STEP")
 
 
 class _File:
@@ -150,11 +172,11 @@ class _File:
         self.document["accessors"].append(made)
         return len(self.document["accessors"]) - 1
 
-    def animate(self, node: int, times: int, path: str, values: int) -> None:
+    def animate(self, node: int, times: int, path: str, values: int, *, interpolation: str = "LINEAR") -> None:
         """Let a property of a node go through values at times."""
         (animation,) = self.document["animations"]
         animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
-        animation["samplers"].append({"input": times, "output": values, "interpolation": "LINEAR"})
+        animation["samplers"].append({"input": times, "output": values, "interpolation": interpolation})
 
     def written(self) -> bytes:
         """The file: header, chunk of JSON, chunk of numbers, each a multiple of four bytes."""

@@ -11,7 +11,8 @@ def mcap(given: Exported) -> bytes:
     """An MCAP file of ROS 2 messages, for Foxglove and MCAP readers; it needs the extra ``bags``.
 
     ``/plan`` (nav_msgs/Path, of the base, or of the body where there is none: poses at the ends of motions, and between
-    these about every 5 cm or 45 degrees), ``/camera_pose`` (geometry_msgs/PoseStamped; ``/base_pose`` of a base),
+    these about every 5 cm or 45 degrees; a hold is a pose that is there twice, when it is reached and when it is left),
+    ``/camera_pose`` (geometry_msgs/PoseStamped; ``/base_pose`` of a base),
     ``/tf`` (the base in ``map``, and what moves on it), ``/tf_static`` (the camera on the base, where it is fixed),
     ``/costs`` (diagnostic_msgs/DiagnosticArray, a key and a value a criterion). Right-handed, z up (REP-103), m,
     quaternions x, y, z, w. ``camera_link`` looks along its x: it is no optical frame. Stamps are s and ns from the

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from hpop.errors import OptionError
 from hpop.export.base import Exported, export_format
-from hpop.export.spaced import spaced
+from hpop.ros.spaced import spaced
 from hpop.text import printable
 
 AXES = (
@@ -30,7 +30,7 @@ def nav2_yaml(given: Exported) -> bytes:
     """
     if not given.has_base:
         raise OptionError("nav2-yaml is the path of a base, but this robot has none; take mcap, bag, tum or csv")
-    path = spaced(given, "base")
+    path = spaced(given.run, "base", planned=given.planned)
     frame = "'" + printable(given.frames.world).replace("'", "''") + "'"
     lines = [f"# {line}" for line in given.statement(AXES, "the path of the base")]
     lines += ["path:", f"  header: {{frame_id: {frame}}}", "  poses:"]

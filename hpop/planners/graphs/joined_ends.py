@@ -7,9 +7,9 @@ adds one node and no turns from heading to heading: nothing leads back from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,9 @@ from hpop.search import Graph
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
+    from hpop.world import World
 
+N = TypeVar("N", bound=np.generic)
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 START, GOAL = "start", "goal"
@@ -225,14 +227,23 @@ class JoinedEnds(TrajectoryGraph):
         """The inner graph's arcs, and after those of each node its joins."""
         inner, joins = self.inner.graph(criteria), self.joins
         self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
-        rows = self._rows
         more = np.append(0, np.cumsum(np.bincount(joins.tails, minlength=self.size)))
-        places = rows[joins.tails + 1]
-        heads = np.insert(inner.heads, places, joins.heads)
-        costs = np.insert(inner.costs, places, joins.costs(criteria), axis=0)
+        heads = self.with_joins(inner.heads, joins.heads)
+        costs = self.with_joins(inner.costs, joins.costs(criteria))
         heads.setflags(write=False)  # so that they are not copied again
         costs.setflags(write=False)
-        return Graph.from_csr(rows + more, heads, costs, aggregates=inner.aggregates)
+        return Graph.from_csr(self._rows + more, heads, costs, aggregates=inner.aggregates)
+
+    def costed_in(self, world: World) -> JoinedEnds:
+        """The same states and arcs, whether free there or not, to be costed in another world."""
+        inner = self.inner.costed_in(world)
+        other = replace(self, inner=inner, world=world)
+        vars(other)["joins"] = replace(self.joins, graph=inner)
+        return other
+
+    def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
+        """Values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of the arcs of `graph`."""
+        return np.insert(inner, self._rows[self.joins.tails + 1], joins, axis=0)
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
@@ -245,7 +256,7 @@ class JoinedEnds(TrajectoryGraph):
     def turned(self) -> NDArray[np.int8]:
         """Turns (m,) in each arc of `graph`, those of joins among them."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
-        return np.insert(self.inner.turned, self._rows[self.joins.tails + 1], turns)
+        return self.with_joins(self.inner.turned, turns)
 
     @property
     def _rows(self) -> IntArray:

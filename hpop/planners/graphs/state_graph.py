@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from hpop.search import Graph
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
+    from hpop.world import World
 
 A = TypeVar("A")
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
@@ -102,7 +103,7 @@ class StateGraph(TrajectoryGraph):
             if own.any():
                 yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
 
-    @property
+    @cached_property
     def key(self) -> Hashable:
         """What makes equal graphs of one world equal, so that it keeps their parts; None where nothing is kept."""
         return None
@@ -159,6 +160,17 @@ class StateGraph(TrajectoryGraph):
             columns[j] = column.counts
             self._keep(_name(criteria[j]), column.counts)
         return columns
+
+    def costed_in(self, world: World) -> Self:
+        """The same states and arcs, whether free there or not, to be costed in another world, which keeps none of it.
+
+        So what people who come and go, or a door that closes, make of the costs is had without laying out the graph.
+        """
+        _ = self.arcs
+        own = {field.name for field in fields(self)} | {"collision"}
+        other = replace(self, world=world)
+        vars(other).update({name: part for name, part in vars(self).items() if name not in own}, key=None)
+        return other
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Trajectories through states (N,), so many (n,) of them for each, not yet checked: one motion an edge."""

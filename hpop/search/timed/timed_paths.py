@@ -55,7 +55,7 @@ def timed_paths(
     >>> graph = TimedGraph(static, [1, 1, 1], 3, timed=[2], costs={0: passage}, hold=1)
     >>> paths = timed_paths(graph, 0, 2)
     >>> paths.costs.tolist(), paths.steps(0).arcs.tolist(), paths.steps(0).departures.tolist()
-    ([[2, 0]], [-1, 0, 2], [0, 2, 3, 4])
+    ([[1, 0]], [0, -1, 1], [0, 1, 3, 4])
     """
     if not isinstance(graph, TimedGraph):
         raise GraphError(f"expected a TimedGraph of hpop.search, got {shown(graph)}")

@@ -28,7 +28,7 @@ from hpop.view.ground import View, view_of
 from hpop.view.paths import Heights
 from hpop.view.targets import targets_by_name
 from hpop.world import World
-from hpop.world.content import Zone
+from hpop.world.content import Person, Zone
 from hpop.world.shapes import Raster
 
 MOST_CELLS = 2000  # of a raster along its longer side that are told apart: more than a screen does
@@ -88,17 +88,7 @@ def described(
         "zones": [_zone(zone, rings) for zone in content.zones],
         "obstacles": obstacles,
         "outside": bool(world.outside_is_obstacle),
-        "people": [
-            {
-                "x": person.x,
-                "y": person.y,
-                "yaw": person.yaw,
-                "velocity": list(person.velocity),
-                "radius": person.radius,
-                "name": printable(person.name),
-            }
-            for person in content.people
-        ],
+        "people": [_person(person) for person in content.people],
         "groups": [list(group) for group in content.groups],
         "landmarks": [
             {"x": mark.x, "y": mark.y, "z": mark.z, "facing": mark.facing, "name": printable(mark.name)}
@@ -116,6 +106,21 @@ def described(
         found[name] = [view.x_min, view.y_min, view.x_max, view.y_max]
     found["rings"] = rings.packed(packer, origin)
     return found, notes
+
+
+def _person(person: Person) -> Mapping[str, Any]:
+    """A person where and as they first are there; of several futures the likeliest."""
+    first = person.likeliest
+    now = np.float64(first.begin)
+    (x, y), velocity = first.at(now), first.velocity_at(now)
+    return {
+        "x": float(x),
+        "y": float(y),
+        "yaw": float(first.yaw_at(now)),
+        "velocity": [float(part) for part in velocity],
+        "radius": person.radius,
+        "name": printable(person.name),
+    }
 
 
 def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:

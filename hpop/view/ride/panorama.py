@@ -132,8 +132,10 @@ class Panorama:
         """What there is at a time; plates without a facing are turned to the camera."""
         parts: list[tuple[float, ...]] = []
         for figure in self.scene.figures:
-            person = figure.person
-            placed = (*map(float, person.at(np.float64(t))), math.cos(person.yaw), math.sin(person.yaw))
+            person, now = figure.person.likeliest, np.float64(t)
+            if not person.there(now):
+                continue
+            placed = (*map(float, person.at(now)), math.cos(yaw := float(person.yaw_at(now))), math.sin(yaw))
             for part in figure.parts:
                 shape = CYLINDER if part.shape == "cylinder" else ELLIPSOID
                 colours = (*part.colour, *part.back)

@@ -35,6 +35,8 @@ WALL_FROM = 2.5
 """Height from which an obstacle without a name of its own looks like a wall, m."""
 BORDER = 0.2
 """Thickness of the wall round a map beyond which all is obstacle, m."""
+DIGITS = 4
+"""Of the corners of people's ways, m and s."""
 PLATE = (0.8, 0.5)
 """Width and height of a landmark, m."""
 BEFORE = 0.005
@@ -132,7 +134,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A person as drawn: legs, trunk and head; who walks is at ``person.at(t)``."""
+    """A person as drawn: legs, trunk and head, along the way of the likeliest future."""
 
     person: Person
     number: int
@@ -140,12 +142,12 @@ class Figure:
 
     def description(self) -> dict[str, Any]:
         """As JSON."""
-        person = self.person
+        person = self.person.likeliest
         return {
             "x": person.x,
             "y": person.y,
-            "yaw": person.yaw,
-            "velocity": list(person.velocity),
+            "way": np.round(person.way(), DIGITS).tolist(),
+            "there": [person.begin, person.until if person.afterwards == "gone" else None],
             "radius": person.radius,
             "name": person.name,
             "number": self.number,
@@ -358,6 +360,9 @@ def _rings(polygon: Any) -> tuple[FloatArray, ...]:
 
 
 def _notes(world: World, storey: float) -> Iterator[str]:
+    unsure = sum(bool(person.futures) for person in world.content.people)
+    if unsure:
+        yield f"people with several futures ({unsure}) are where the likeliest one has them in what the viewer sees"
     endless = sum(math.isinf(obstacle.z_max) for obstacle in world.obstacles)
     if endless or (world.raster is not None and math.isinf(world.raster.z_max)):
         yield f"obstacles without an upper end are drawn {storey:g} m high"

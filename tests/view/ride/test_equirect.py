@@ -16,6 +16,7 @@ from hpop.view import render_360, save_360
 from hpop.view.ride.columns import arctangent
 from hpop.view.ride.panorama import Panorama
 from hpop.view.ride.scene import Scene
+from hpop.world import Track
 from hpop.world.content import Landmark, Person
 from tests.view.ride.oracle import angles, seen
 
@@ -141,6 +142,16 @@ def test_a_wall_covers_the_rows_between_the_arctangents_of_its_heights():
     assert 90 - rows[0] * per_row == pytest.approx(upper, abs=per_row)
     assert 90 - (rows[-1] + 1) * per_row == pytest.approx(lower, abs=per_row)
     assert (np.diff(rows) == 1).all()
+
+
+def test_a_person_with_a_track_is_drawn_while_there_and_looks_where_the_steps_lead():
+    track = Track.through([(1, 4, 1), (3, 4, 3), (5, 4, 3)])
+    picture = drawn(ROOM.with_content(people=[Person.along(track, yaw=1.0)]), 256)
+    place, (figure,) = np.array([2.0, 2.0, 1.2]), picture.scene.figures
+    there = [bool((picture.numbers(place, 0.0, t) == figure.number).any()) for t in (0.5, 2.0, 4.5, 5.5)]
+    assert there == [False, True, True, False]
+    assert figure.person.way()[:, 3].tolist() == [math.pi / 2] * 4
+    assert figure.description()["there"] == [1.0, 5.0]
 
 
 @pytest.mark.parametrize("columns", [1, 17, 64, -3])

@@ -69,7 +69,11 @@ def test_the_description_is_strict_json_with_names_as_they_are(scene):
     text = json.dumps(scene.description(), allow_nan=False)
     found = json.loads(text)
     assert [person["name"] for person in found["people"]] == ["</script><b>", ""]
-    assert found["people"][0]["velocity"] == [0.5, 0.0]
+    (begun, x, y, yaw), (ended, *place) = found["people"][0]["way"]
+    assert (begun, ended) == (0.0, scene.figures[0].person.until)  # it stops at a wall, and stays
+    assert found["people"][0]["there"] == [0.0, None]
+    assert place[:2] == pytest.approx([x + 0.5 * ended, y], abs=1e-4)
+    assert yaw == round(scene.figures[0].person.yaw, 4)
     assert [mark["facing"] for mark in found["landmarks"]] == [-math.pi / 2, None]
     assert found["zones"][0]["kind"] == "speed"
 

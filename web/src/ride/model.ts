@@ -41,8 +41,10 @@ export interface Part {
 export interface Person {
   readonly x: number;
   readonly y: number;
-  readonly yaw: number;
-  readonly velocity: Point;
+  /** Corners of the way: time, x, y, and the yaw that holds from there to the next one. */
+  readonly way: readonly (readonly [number, number, number, number])[];
+  /** From when to when the person is there; null: for ever. */
+  readonly there: readonly [number, number | null];
   readonly radius: number;
   readonly name: string;
   readonly number: number;
@@ -156,6 +158,21 @@ export interface Ride {
   readonly notes: readonly string[];
   /** Of three.js, which draws the view. */
   readonly licence: string;
+}
+
+/** Where a person is at a time, and the yaw; null where it is not there. */
+export function whereIs(person: Person, t: number): Vector | null {
+  const [from, until] = person.there;
+  if (t < from || (until !== null && t >= until)) return null;
+  let before = person.way[0];
+  for (const corner of person.way) {
+    if (before !== undefined && corner[0] > t) {
+      const share = Math.max(0, (t - before[0]) / (corner[0] - before[0]));
+      return [before[1] + share * (corner[1] - before[1]), before[2] + share * (corner[2] - before[2]), before[3]];
+    }
+    before = corner;
+  }
+  return before === undefined ? null : [before[1], before[2], before[3]];
 }
 
 /** The data of this page. */

@@ -2,7 +2,7 @@
 import { Quaternion, Vector3 } from "three";
 import type { Clock } from "./clock";
 import { colourOfTrack, dashesOfTrack } from "./colours";
-import type { Ring, Ride } from "./model";
+import { type Ring, type Ride, whereIs } from "./model";
 import { fitted } from "./sheets";
 
 /** Round the ways, m, as far as there is a map. */
@@ -119,9 +119,12 @@ export class Plan {
   }
 
   private people(pen: CanvasRenderingContext2D): void {
-    for (const { x, y, velocity, radius, yaw } of this.ride.scene.people) {
-      const [u, v] = this.at(x + velocity[0] * this.clock.t, y + velocity[1] * this.clock.t);
-      const r = Math.max(radius * this.scale, 3);
+    for (const person of this.ride.scene.people) {
+      const place = whereIs(person, this.clock.t);
+      if (place === null) continue;
+      const [u, v] = this.at(place[0], place[1]);
+      const yaw = place[2];
+      const r = Math.max(person.radius * this.scale, 3);
       pen.beginPath();
       pen.arc(u, v, r, 0, 2 * Math.PI);
       pen.fillStyle = "#a5443a";

@@ -15,7 +15,7 @@ import {
   Vector3,
 } from "three";
 import { bodyToThree, positionToThree } from "./axes";
-import type { Cells, Landmark, Person, Point, Prism, Ride } from "./model";
+import { type Cells, type Landmark, type Person, type Point, type Prism, type Ride, whereIs } from "./model";
 import { plateOf } from "./plates";
 import { type Look, Triangles } from "./shapes";
 import { Materials } from "./surfaces";
@@ -49,7 +49,6 @@ export class Scenery {
       const body = new Triangles();
       for (const part of person.parts) body.part(part, person.number);
       const object = this.add(body.geometry(), people, 0);
-      object.rotation.y = person.yaw;
       this.people.push({ person, object });
     }
     for (const mark of scene.landmarks) this.plate(mark);
@@ -63,7 +62,11 @@ export class Scenery {
   /** Puts everything where it is at a time of a track, as seen from a place of three. */
   show(track: Track, t: number, eye: Vector3): void {
     for (const { person, object } of this.people) {
-      object.position.set(person.x + person.velocity[0] * t, 0, -(person.y + person.velocity[1] * t));
+      const place = whereIs(person, t);
+      object.visible = place !== null;
+      if (place === null) continue;
+      object.position.set(place[0], 0, -place[1]);
+      object.rotation.y = place[2];
     }
     for (const { object } of this.turning) {
       object.rotation.y = Math.atan2(eye.x - object.position.x, eye.z - object.position.z);

@@ -1,0 +1,115 @@
+"""hpop as a node of ROS 2: the action ComputePathToPose, and the front of each plan on a topic. UNTESTED.
+
+No ROS was at hand where this was written: it was read and linted, never run. What is tested is `hpop ros`, which does
+the same over rosbridge; both share `hpop.ros.Planning`. It needs ROS 2 Jazzy or later with Nav2's messages, and hpop in
+the same Python:
+
+    source /opt/ros/jazzy/setup.bash
+    python examples/ros2/hpop_planner.py --ros-args -p scenario:=examples/museum.yaml -p choice:="fewest turns"
+
+Parameters: scenario, choice (knee), frame_id (map), base_frame (base_link), action (/hpop/compute_path_to_pose).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from contextlib import suppress
+
+import rclpy
+from nav2_msgs.action import ComputePathToPose
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosidl_runtime_py import message_to_ordereddict, set_message_fields
+from std_msgs.msg import String
+from tf2_ros import Buffer, TransformException, TransformListener
+
+from hpop.ros import Interface, PlanarPose, Planning
+from hpop.scenario import load_scenario
+
+
+class GivenUp(Exception):
+    """Planning whose goal was canceled."""
+
+
+class Planner(Node):
+    """Plans one goal at a time; the others wait."""
+
+    def __init__(self) -> None:
+        super().__init__("hpop_planner")
+        self.base_frame = self._given("base_frame", "base_link")
+        scenario = load_scenario(self._given("scenario", ""))
+        known = Interface(
+            action=self._given("action", "/hpop/compute_path_to_pose"),
+            frame_id=self._given("frame_id", "map"),
+            choice=self._given("choice", "knee"),
+        )
+        self.planning = Planning(scenario.problem, scenario.planners, known)
+        front = self.planning.rehearsed()
+        self.get_logger().info(f"planned the scenario's own question: {len(front)} trajectories, {front.status}")
+        self.one = threading.Lock()
+        self.transforms = Buffer()
+        TransformListener(self.transforms, self)
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.options = self.create_publisher(String, known.options_topic, kept)
+        self.server = ActionServer(
+            self,
+            ComputePathToPose,
+            known.action,
+            self.plan,
+            cancel_callback=lambda goal: CancelResponse.ACCEPT,
+            callback_group=ReentrantCallbackGroup(),  # so that a goal can be canceled while it is planned
+        )
+
+    def plan(self, goal):
+        """The result of a goal, which was accepted before."""
+
+        def follow(progress) -> None:
+            if goal.is_cancel_requested:
+                raise GivenUp
+
+        result = ComputePathToPose.Result()
+        try:
+            with self.one:
+                follow(None)
+                answer = self.planning.answer(message_to_ordereddict(goal.request), self.robot(), follow)
+        except GivenUp:
+            goal.canceled()
+            return result
+        set_message_fields(result, answer.values)
+        if answer.options is None:
+            self.get_logger().warning(result.error_msg)
+            goal.abort()
+        else:
+            self.options.publish(String(data=json.dumps(answer.options)))
+            goal.succeed()
+        return result
+
+    def robot(self) -> PlanarPose | None:
+        """Where the robot is, by tf2; None where that is not known."""
+        frame = self.planning.known.frame_id
+        try:
+            found = self.transforms.lookup_transform(frame, self.base_frame, rclpy.time.Time()).transform
+        except TransformException:
+            return None
+        q = found.rotation
+        yaw = math.atan2(2.0 * (q.x * q.y + q.w * q.z), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+        return PlanarPose(found.translation.x, found.translation.y, yaw, frame)
+
+    def _given(self, name: str, default: str) -> str:
+        return self.declare_parameter(name, default).value
+
+
+def main() -> None:
+    """Run the node until Ctrl-C."""
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Planner(), executor=MultiThreadedExecutor())
+
+
+if __name__ == "__main__":
+    main()

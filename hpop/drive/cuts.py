@@ -1,0 +1,82 @@
+"""Where a plan is cut by what is closed, and where the robot then stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.arrays import BoolArray
+from hpop.drive.closings import Closing
+from hpop.drive.plan import Plan, between
+from hpop.motions import Collision
+from hpop.trajectory import Trajectory
+from hpop.world import World
+
+HALVINGS = 20  # of a motion in which a robot would touch what is closed
+
+
+class Cut(NamedTuple):
+    """What a closing leaves of a plan; its times are the plan's, s.
+
+    safe   until when the plan may be driven, None for all the way
+    stops  when the robot stands, None where it arrives
+    """
+
+    safe: float | None
+    stops: float | None
+
+
+def cut_of(plan: Plan, t: float, closings: Iterable[Closing]) -> Cut:
+    """What some closings leave of a plan from a time on, at which the robot touches none of them.
+
+    The robot stands at the last place before where it may leave its plan, so that it goes on driving while others are
+    looked for. Where it cannot stop there any more it brakes, and where it would touch what is closed while it brakes
+    it stops at once.
+    """
+    touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
+    if not touches:
+        return Cut(None, None)
+    safe = min(touches)
+    brakes = plan.braked(t)
+    whole = Plan(plan.announced)
+    times = whole.driven.times[whole.arrivals]
+    able = times[(times >= brakes) & (times <= safe)]
+    if able.size:
+        return Cut(safe, float(able[-1]))
+    return Cut(safe, brakes if brakes <= safe else _at_once(plan.announced, t, safe))
+
+
+def _at_once(way: Trajectory, t: float, safe: float) -> float:
+    """When a robot stands that stops as soon as it can: in a straight run just before what is closed, else now."""
+    return safe if "x" in way.model.laws[way.kinds[_motion(way, safe)]].varies else t
+
+
+def _motion(way: Trajectory, t: float) -> int:
+    """The motion that is under way just before a time."""
+    return max(0, int(np.searchsorted(way.times, t, side="left")) - 1)
+
+
+def _touches(way: Trajectory, t: float, closing: Closing) -> float | None:
+    """Until when a way is free of a closing from a time on; None where it always is."""
+    collision = closing.collision(way.model)
+    rest = between(way, t, way.duration)
+    free = _free(rest, collision, closing.alone)
+    if free.all():
+        return None
+    first = int(np.argmin(free))
+    begin, low, high = float(rest.times[first]), float(rest.times[first]), float(rest.times[first + 1])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        some = between(rest, begin, middle)
+        low, high = (middle, high) if _free(some, collision, closing.alone).all() else (low, middle)
+    return t + low
+
+
+def _free(way: Trajectory, collision: Collision, world: World) -> BoolArray:
+    """Which motions (n,) of a way are free."""
+    free = np.ones(len(way), dtype=np.bool_)
+    for index, motions in way.batches(world):
+        free[index] = collision.motions_free(motions)
+    return free

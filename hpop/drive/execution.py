@@ -1,0 +1,436 @@
+"""A drive: a plan of a front on its way, the world as it changes, and what may be chosen instead.
+
+Time is told, never taken: ``now`` is seconds on any clock that the caller keeps. So a drive is the same each time that
+it is told the same, and can be repeated from its record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from shapely.geometry import mapping
+
+from hpop.drive.closings import Closing, polygon_of
+from hpop.drive.cuts import Cut, cut_of
+from hpop.drive.departures import next_turn, same_side
+from hpop.drive.moment import Moment, Stretch, past
+from hpop.drive.network import Found, Network
+from hpop.drive.options import Commit, Compared, Option, Options
+from hpop.drive.plan import SAME, Plan, between, held, joined, part, until
+from hpop.drive.rest import front_of_rest
+from hpop.drive.surroundings import Surroundings
+from hpop.drive.wishes import Wish, wished
+from hpop.errors import DriveError
+from hpop.front import Point
+from hpop.motions import States
+from hpop.motions.space import StateSpec
+from hpop.options import MOST, real
+from hpop.planners.base import Planner
+from hpop.trajectory import Trajectory
+from hpop.world import Person
+from hpop.world.people import described_person
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+DEADLINE = 0.2
+"""s, for options, where none is given."""
+PATIENCE = 0.1
+"""By how much, as a share, another way must be better for the robot to take it by itself."""
+NOTICE = 2.0
+"""s before the first turn that nobody was told of, at least, where the robot changes its plan by itself."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a change of the world makes of a drive.
+
+    now         s, of the drive
+    safe_until  s, of the drive, until when the present plan may be driven; None for all the way
+    stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
+    brakes      whether it cannot come to where it might take another way
+    invalid     of the last options, by number, those that are closed now
+    """
+
+    now: float
+    safe_until: float | None
+    stops_at: float | None
+    brakes: bool
+    invalid: tuple[int, ...]
+
+
+class Execution:
+    """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
+
+    problem   as it was planned
+    patience  by how much, as a share, another way must be better for the robot to take it by itself
+    notice    s before the first turn that nobody was told of, where it does
+    record    what it was told, as JSON; see :meth:`save`
+
+    Accepts: fronts of planners whose graph has turns and straight moves (lattice, roadmap of positions), or of others
+    with such a planner beside; any criteria that these take.
+
+    Guarantees: options are what an exact search finds from the same node in the world as it is, or, where a deadline
+    ends it, at most a factor 1 + gap worse. The present plan is among them while it is open. What is driven has no jump
+    in place, heading or, by the planning law, speed. Told the same it does the same.
+
+    Cost: the graph is laid out once; then some milliseconds a question in rooms and offices.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        ways: Sequence[Trajectory],
+        choice: Trajectory,
+        planner: Planner,
+        *,
+        begin: float = 0.0,
+        patience: float = PATIENCE,
+        notice: float = NOTICE,
+    ) -> None:
+        self.problem, self.planner = problem, planner
+        self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
+        self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
+        self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
+        self.record: list[dict[str, Any]] = []
+        self._network = Network(problem, planner, ways)
+        self._plan = Plan(choice)
+        self._lag = float(
+            self.begin
+        )  # s of the drive at which the plan began, as far as it is known where the robot is
+        self._last = -np.inf  # s, when it was last told anything
+        self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0)]
+        self._latest: Options | None = None
+
+    def __repr__(self) -> str:
+        plan = self._plan
+        ends = "to the goal" if plan.stops is None else "to where it is closed"
+        return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
+
+    # Where it is
+
+    @property
+    def plan(self) -> Trajectory:
+        """What is driven from the beginning on, if nothing changes any more."""
+        return self._plan.driven
+
+    @property
+    def announced(self) -> Trajectory:
+        """The same to the goal, also where it is closed on the way."""
+        return self._plan.announced
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """The world as it is now, and what is closed in it."""
+        return self._stretches[-1].surroundings
+
+    def at(self, now: float, state: StateSpec | None = None) -> Moment:
+        """Where the robot is, what the drive has cost so far, and the rest of the plan.
+
+        state  where it is seen, if it is: a robot is seldom where its plan has it, so feed places; times follow. It is
+               then where the plan passes nearest to it. What is seen is told in order of time
+        """
+        if state is None:
+            now = self._time(now)
+        else:
+            now = self._told(now)
+            space = self.problem.model.space
+            given = space.state(state, what="state that is seen")
+            planned = self._plan.seen(given, self._planned(now))
+            self._lag = now - planned
+            self._note("seen", now, state=list(space.values(given)))
+        planned = self._planned(now)
+        return Moment(
+            now,
+            planned,
+            self._plan.driven.at(planned),
+            self._plan.stops is not None and planned >= self._plan.end - SAME,
+            self._plan.stops is None and planned >= self._plan.end - SAME,
+            self._plan,
+            tuple(self._stretches),
+            self._lag,
+        )
+
+    def commit(self, now: float, deadline: float = DEADLINE) -> Commit:
+        """The first place later than ``deadline`` s from now at which the robot may take another way.
+
+        That is where a straight move arrives, so that it goes straight on or stops to turn, as plans do; or where it
+        stands, at the start, because the rest of its way is closed, or at the goal.
+        """
+        now = self._time(now)
+        t = now + _deadline(deadline) - self._lag
+        driven = self._plan.driven
+        place = self._plan.next_arrival(t)
+        at_end = place == len(driven)
+        arrives = at_end and self._plan.stops is None
+        stands = max(0.0, t - float(driven.times[place])) if at_end and not arrives else 0.0
+        time = self._lag + float(driven.times[place]) + stands
+        names = self.problem.model.space.names
+        state = States(**{name: getattr(driven.states, name)[[place]] for name in names})
+        return Commit(time, state, place, stands, arrives)
+
+    # What may be chosen
+
+    def options(self, now: float, deadline: float = DEADLINE) -> Options:
+        """The front of the rest from the commit on, and the present plan among its points while it is open.
+
+        deadline  s of this thread's processor time for the search. What is known of ways from there takes none, so that
+                  a deadline of 0 is answered with that; whatever is missing is at most a factor 1 + gap better
+        """
+        now, deadline = self._told(now), _deadline(deadline)
+        options, found = self._options(now, deadline, None)
+        self._note("options", now, deadline=deadline, answer=found.answer)
+        return options
+
+    def _options(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> tuple[Options, Found]:
+        """Options, and what was found for them; ``answer``, what was found before is told again."""
+        commit, surroundings = self.commit(now, deadline), self.surroundings
+        announced = self._plan.announced
+        begins = float(self._plan.driven.times[commit.place])
+        rest = between(announced, begins, announced.duration)
+        kept = rest if self._plan.stops is None else None
+        found = self._network.found(surroundings, commit, kept, deadline, answer)
+        gone = past(self._plan, begins, self._stretches, self._lag, self.problem.criteria)
+        problem = surroundings.at(commit.state, commit.time)
+        front, point, place = front_of_rest(problem, found.candidates, kept, gone)
+        closings = () if kept is None else surroundings.closed
+        compared = Compared(
+            part(self._plan.driven, 0, commit.place),
+            rest,
+            self._planned(now),
+            lambda way: same_side(way, rest, surroundings.problem.world, closings),
+        )
+        status = found.candidates.status
+        options = Options(front, now, commit, place, point, status, found.gap, found.labels, compared=compared)
+        self._latest = options
+        return options, found
+
+    # What changes
+
+    def wish(self, wish: str | None = None, **shares: float) -> Wish:
+        """The last options' answer to a wish, which is a choice: "fewer turns", "hurry", ``duration=-0.2``.
+
+        See :func:`hpop.drive.wishes.wished`. Nothing is changed: take what it gives.
+        """
+        answer = wished(self._options_at_hand(), wish, shares)
+        self._note("wish", self._last, wish=wish, shares=dict(shares), words=answer.words)
+        return answer
+
+    def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
+        """Drive one of the last options from their commit on; the plan that is driven then.
+
+        A change that somebody asks for needs no margin and no notice. Raises DriveError where the commit is past, or
+        where the option has been closed meanwhile.
+        """
+        options = self._options_at_hand()
+        now = self._told(self._now() if now is None else now)
+        place = options.place_of(option)
+        chosen, commit = options[place], options.commit
+        if now > commit.time + SAME:
+            raise DriveError(
+                f"these options began at {commit.time:.2f} s, and it is {now:.2f} s: ask for options again"
+            )
+        if _is_closed(chosen.item, self.surroundings.closed):
+            raise DriveError(f"option {place} has been closed since; ask for options again")
+        self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
+        self._note("take", now, place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
+                   rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
+        return self.plan
+
+    def _drive(self, now: float, place: int, stands: float, rest: Trajectory | None) -> None:
+        """Go on by a way from a place of the plan, after standing there for a while; None: as planned."""
+        if rest is not None:
+            self._plan = self._plan.then(place, stands, rest)
+            self._cut(now)
+        self._latest = None
+
+    def adapt(self, options: Options) -> Option | None:
+        """What the robot changes by itself: the option taken, None where it keeps its plan.
+
+        Where the plan is closed, it takes the knee. Else the option with the least share of the plan's rest, on the
+        mean over the costs, if that is better by ``patience``, and no turn that nobody was told of begins within
+        ``notice``.
+        """
+        if options is not self._latest:
+            raise DriveError("these are not the last options; ask for options again")
+        if not len(options.front):
+            return None
+        if options.keep_on is None:
+            chosen = options.knee()
+        else:
+            found = self._better(options)
+            if found is None:
+                return None
+            chosen = found
+        self.take(chosen)
+        return chosen
+
+    def _better(self, options: Options) -> Option | None:
+        """An option that is better than the present plan by the patience, and is announced in time."""
+        assert options.keep_on is not None
+        plan = np.array([options[options.keep_on].costs[name] for name in options.front.names])
+        costs = options.front.costs
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.where(plan > 0, costs / plan, np.where(costs > 0, np.inf, 1.0)).mean(axis=1)
+        for row in np.argsort(shares, kind="stable").tolist():
+            if shares[row] > 1.0 - self.patience:
+                return None
+            option: Option = options[row]
+            if option.keeps_on or option.leaves_at is None:
+                continue
+            t = option.leaves_at - options.commit.time
+            turn = next_turn(option.item, t - 2 * SAME)
+            if turn is None or options.commit.time + turn - options.now >= self.notice:
+                return option
+        return None
+
+    def world(
+        self,
+        now: float | None = None,
+        *,
+        close: Any = None,
+        open: Any = None,
+        people: Iterable[Person] | None = None,
+        stop: Any = None,
+        name: str = "",
+    ) -> Change:
+        """Tell what changes in the world, one thing at a time, and hear what that makes of the plan.
+
+        close   a zone of the map by its name, or a polygon, m, which ``name`` lets one open by name
+        open    what is closed, by name or by the polygon: of the map's zones those with a name are doors, and keep-out
+                ones among them are closed from the beginning
+        people  all who are there now, as they are predicted now
+        stop    one of them, by name or number, stands from now on
+        now     s; when it was last told where left out
+
+        Where the plan is cut, the robot drives on to the last place where it may take another way, or brakes.
+
+        Raises DriveError for a door that is not on the map, for what was never closed, and for a closing that covers
+        the robot; the drive is then as before.
+        """
+        given = {"close": close, "open": open, "people": people, "stop": stop}
+        told = [key for key, value in given.items() if value is not None]
+        if len(told) != 1:
+            raise DriveError(
+                f"tell one thing that changes: close, open, people or stop; got {', '.join(told) or 'none'}"
+            )
+        now = self._in_order(self._now() if now is None else now)
+        before, what = self.surroundings, told[0]
+        if what == "close":
+            after = before.close(now, close, name)
+        elif what == "open":
+            after = before.open(now, open)
+        elif people is not None:
+            people = tuple(people)
+            after = before.with_people(now, people)
+        else:
+            after = before.stop(now, stop)
+        new = [closing for closing in after.closed if closing not in before.closed]
+        self._refuse_covered(now, new)
+        self._note(what, self._told(now), **_written(close, open, people, stop, name))
+        return self._change(now, after, new)
+
+    def _refuse_covered(self, now: float, closings: Sequence[Closing]) -> None:
+        """Raise DriveError where the robot is within what is closed."""
+        here = self._plan.driven.at(self._planned(now))
+        for closing in closings:
+            if not closing.collision(self.problem.model).states_free(here)[0]:
+                raise DriveError(
+                    f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
+                    "planned; close an area beside it"
+                )
+
+    def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
+        """Go on in other surroundings, in which some closings are new."""
+        self._stand(now)
+        t, plan = self._planned(now), self._plan
+        times = plan.announced.times
+        begins = float(times[min(int(np.searchsorted(times, t - SAME)), times.size - 1)])
+        self._stretches.append(Stretch(after, begins))
+        cut = self._cut(now)
+        latest = range(0) if self._latest is None else range(len(self._latest))
+        invalid = tuple(i for i in latest if _is_closed(self._latest[i].item, new))  # type: ignore[index]
+        whole = Plan(self._plan.announced)
+        stops = None if cut.stops is None else self._lag + cut.stops
+        brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
+        return Change(now, None if cut.safe is None else self._lag + cut.safe, stops, bool(brakes), invalid)
+
+    def _stand(self, now: float) -> None:
+        """Note that the robot has stood until now, where it does because the rest of its way is closed."""
+        plan = self._plan
+        stood = now - self._lag - plan.end
+        if plan.stops is not None and stood > SAME:
+            before = held(until(plan.announced, plan.stops), stood)
+            rest = between(plan.announced, plan.stops, plan.announced.duration)
+            self._plan = Plan(joined(before, rest), before.duration)
+
+    def _cut(self, now: float) -> Cut:
+        """Look what is closed of the plan from now on, and let the robot stand before it."""
+        t = self._planned(now)
+        closed = self.surroundings.closed
+        cut = cut_of(self._plan, t, closed)
+        if cut.stops == t and t not in self._plan.announced.times:
+            # A motion ends here; of a turn each part takes its own time.
+            way = self._plan.announced
+            before = until(way, t)
+            self._plan = Plan(joined(before, between(way, t, way.duration)))
+            self._lag, t = now - before.duration, before.duration
+            cut = cut_of(self._plan, t, closed)
+        self._plan = self._plan.closed_at(cut.stops)
+        return cut
+
+    # Time and record
+
+    def _planned(self, now: float) -> float:
+        """Where on the plan the robot is, s."""
+        return min(max(now - self._lag, 0.0), self._plan.end)
+
+    def _time(self, now: float) -> float:
+        return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
+
+    def _in_order(self, now: float) -> float:
+        """A time at which something is told or asked; DriveError where something was told later."""
+        now = self._time(now)
+        if now < self._last - SAME:
+            raise DriveError(f"it was {self._last:.3f} s already, now it is {now:.3f} s: tell events in order of time")
+        return max(now, self._last)
+
+    def _told(self, now: float) -> float:
+        """The same, and that it is told now."""
+        self._last = self._in_order(now)
+        return self._last
+
+    def _now(self) -> float:
+        """When it was last told anything, s."""
+        return max(self._last, self.begin)
+
+    def _options_at_hand(self) -> Options:
+        if self._latest is None:
+            raise DriveError("there are no options at hand since the plan was last changed: ask options(now) first")
+        return self._latest
+
+    def _note(self, event: str, now: float, **what: Any) -> None:
+        """Write into the record."""
+        self.record.append({"event": event, "now": now, **what})
+
+
+def _deadline(deadline: float) -> float:
+    return float(real("deadline", deadline, 0, MOST, "a time in s", error=DriveError))
+
+
+def _is_closed(way: Trajectory, closings: Sequence[Closing]) -> bool:
+    """Whether a way leads through any of the closings."""
+    return cut_of(Plan(way), 0.0, closings).safe is not None
+
+
+def _written(close: Any, open_: Any, people: Iterable[Person] | None, stop: Any, name: str) -> dict[str, Any]:
+    """What a change was told by, as JSON."""
+    if close is not None or open_ is not None:
+        area = open_ if close is None else close
+        return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}
+    if people is not None:
+        return {"people": [described_person(person) for person in people]}
+    return {"person": stop.name if isinstance(stop, Person) else stop}

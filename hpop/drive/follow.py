@@ -1,0 +1,84 @@
+"""The way in: a point of a front becomes a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, cast
+
+from hpop.drive.execution import NOTICE, PATIENCE, Execution
+from hpop.errors import DriveError, QueryError, did_you_mean
+from hpop.front import Front, Point, question_of
+from hpop.frontier.strict_json import plain
+from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.registry import planners
+from hpop.text import shown
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+
+def follow(
+    problem: Problem,
+    front: Front,
+    choice: Point | int | str,
+    *,
+    planner: PlannerSpec | None = None,
+    begin: float = 0.0,
+    patience: float = PATIENCE,
+    notice: float = NOTICE,
+) -> Execution:
+    """Drive one of a front's plans: where the robot is, and what may be chosen instead on the way.
+
+    Parameters
+    ----------
+    problem : what the front answers
+    choice : a point of the front, its row, or a name it goes by, such as "knee" (:meth:`hpop.Front.named`)
+    planner : whose graph other ways are looked for on; else the planner that found the choice, with its options
+    begin : s, when the robot leaves, on the clock by which everything is told
+    patience, notice : see :class:`hpop.drive.Execution`
+
+    Raises QueryError where the front is of another problem, DriveError for what is no point of it, for a plan that is
+    not made of turns, straight moves and holds, and where no graph is known to look for others on.
+    """
+    if not isinstance(front, Front):
+        raise DriveError(f"follow a point of a front of trajectories, an hpop.Front, got {shown(front)}")
+    if front.problem is not None and question_of(front.problem) != question_of(plain(problem.describe())):
+        raise QueryError(
+            "the front answers another problem than the one given; hpop.Problem.from_description(front.problem) is its "
+            "own"
+        )
+    point = _point(front, choice)
+    made = _planner_of(point.provenance) if planner is None else make_planner(planner)
+    return Execution(problem, front.trajectories, point.item, made, begin=begin, patience=patience, notice=notice)
+
+
+def _point(front: Front, choice: Any) -> Point:
+    """The point that is chosen."""
+    if isinstance(choice, str):
+        named = front.named()
+        if choice not in named:
+            raise DriveError(
+                f"no point of the front is called {shown(choice)}.{did_you_mean(choice, named)} Known: "
+                f"{', '.join(named)}"
+            )
+        return named[choice]
+    if isinstance(choice, Point):
+        if not any(item is choice.item for item in front.items):
+            raise DriveError("the choice is a point of another front")
+        return choice
+    if isinstance(choice, int) and not isinstance(choice, bool) and -len(front) <= choice < len(front):
+        return front[choice]
+    raise DriveError(f"the choice is a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
+
+
+def _planner_of(origin: Mapping[str, Any]) -> Planner:
+    """The planner that found a point, with the options that make its graph; no other options."""
+    name = origin.get("planner")
+    options = getattr(planners[name], "graph_options", None) if isinstance(name, str) and name in planners else None
+    if options is None:
+        raise DriveError(
+            f"{shown(name)} has no graph on which other ways can be looked for; give planner='lattice', or another one "
+            "that has"
+        )
+    given = {option: origin[option] for option in cast(tuple[str, ...], options) if option in origin}
+    return make_planner({cast(str, name): given})

@@ -1,0 +1,180 @@
+"""What may be chosen while a robot drives: the front of the rest of the way, and what each choice would change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from hpop.drive.departures import leaves, next_turn
+from hpop.errors import DriveError
+from hpop.front import Front, Point
+from hpop.motions import States
+from hpop.status import Status
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Commit:
+    """Where a drive may take another way: until then nothing changes any more.
+
+    time     s, of the drive
+    state    (1,) of the robot, then
+    place    the state of the plan that is driven, by number
+    stands   s that the robot stands there before
+    arrives  whether that is the goal
+    """
+
+    time: float
+    state: States
+    place: int
+    stands: float
+    arrives: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Option(Point):
+    """One way to go on from where another way may be taken; see :class:`hpop.front.Point`.
+
+    leaves_at   s, of the drive: when it leaves the announced way; None: never
+    next_turn   s from now on until the robot's next turn in place begins; None: there is none
+    same_side   whether it passes all obstacles on the same sides as the announced way; None: it ends elsewhere
+    keeps_on    whether it is the present plan
+    dominated   whether another option is better: only the present plan is listed then
+    """
+
+    leaves_at: float | None = None
+    next_turn: float | None = None
+    same_side: bool | None = None
+    keeps_on: bool = False
+    dominated: bool = False
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Options(Sequence[Option]):
+    """The front of the rest of a drive, and the present plan among its points.
+
+    front     costs of the rest from the commit on; worst moments and means are those of the whole drive
+    now       s, of the drive, when it was asked
+    commit    where the rest begins
+    keep_on   place of the present plan among the options, None where it is closed
+    kept      the present plan where others are better than it: it is listed after the points of the front
+    status    COMPLETE, NO_PATH, or what stopped the search
+    gap       every missing vector is covered by one of the front within the factor 1 + gap
+    labels    count  partial paths that the search made
+    compared  what options are compared with
+    """
+
+    front: Front
+    now: float
+    commit: Commit
+    keep_on: int | None
+    kept: Point | None
+    status: Status
+    gap: float
+    labels: int
+    compared: Compared = field(kw_only=True)
+
+    @property
+    def certificate(self) -> str:
+        """What is claimed of the front."""
+        return self.front.certificate
+
+    def __len__(self) -> int:
+        return len(self.front) + (self.kept is not None)
+
+    def __getitem__(self, index: Any) -> Any:
+        """An option by its number, or several by a slice."""
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"there are {len(self)} options, got index {index}")
+        return self._option(index % len(self))
+
+    def __iter__(self) -> Iterator[Option]:
+        return (self._option(i) for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        kept = "" if self.keep_on is None else f", number {self.keep_on} keeps on"
+        return f"<Options: {len(self)} from {self.commit.time:.2f} s on{kept}; {self.status}>"
+
+    def _option(self, index: int) -> Option:
+        point = self.front[index] if index < len(self.front) else self.kept
+        assert point is not None
+        keeps_on = index == self.keep_on
+        return Option(
+            index=index,
+            costs=point.costs,
+            reported=point.reported,
+            item=point.item,
+            provenance=point.provenance,
+            keeps_on=keeps_on,
+            dominated=index >= len(self.front),
+            **self.compared.of(point.item, self, keeps_on=keeps_on),
+        )
+
+    # Choosing
+
+    def knee(self) -> Option:
+        """The best compromise; see :meth:`hpop.Front.knee`."""
+        return self._option(self.front.knee().index)
+
+    def best(self, name: str) -> Option:
+        """The least in one criterion; see :meth:`hpop.Front.best`."""
+        return self._option(self.front.best(name).index)
+
+    def lexicographic(self, order: Sequence[str]) -> Option:
+        """The best by criteria in an order; see :meth:`hpop.Front.lexicographic`."""
+        return self._option(self.front.lexicographic(order).index)
+
+    def select(self, weights: Mapping[str, float]) -> Option:
+        """The least weighted sum; see :meth:`hpop.Front.select`."""
+        return self._option(self.front.select(weights).index)
+
+    def nearest(self, wishes: Mapping[str, float]) -> Option:
+        """The nearest to some wished values; see :meth:`hpop.Front.nearest`."""
+        return self._option(self.front.nearest(wishes).index)
+
+    def reference_point(self, aspirations: Mapping[str, float]) -> Option:
+        """The best against aspirations; see :meth:`hpop.Front.reference_point`."""
+        return self._option(self.front.reference_point(aspirations).index)
+
+    def place_of(self, chosen: Any) -> int:
+        """The number of an option that is given as itself, as a point of :attr:`front`, or by its number."""
+        if isinstance(chosen, int) and not isinstance(chosen, bool) and -len(self) <= chosen < len(self):
+            return chosen % len(self)
+        if isinstance(chosen, Point):
+            for i in range(len(self)):
+                if (self.front.items[i] if i < len(self.front) else self.kept.item) is chosen.item:  # type: ignore[union-attr]
+                    return i
+        raise DriveError(f"take one of the last options, or its number, 0 to {len(self) - 1}; got {shown(chosen)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """What options are compared with.
+
+    before     what is driven up to the commit
+    announced  the announced rest from there
+    sides      whether a way passes obstacles on the same sides as the announced rest
+    """
+
+    before: Trajectory
+    announced: Trajectory
+    asked: float
+    sides: Callable[[Trajectory], bool | None]
+
+    def of(self, way: Trajectory, options: Options, *, keeps_on: bool) -> dict[str, Any]:
+        """`leaves_at`, `next_turn` and `same_side` of a way from the commit on."""
+        at = None if keeps_on else leaves(way, self.announced)
+        sooner = next_turn(self.before, self.asked)
+        later = next_turn(way, -1.0)
+        turn = None if sooner is None else sooner - self.asked
+        if turn is None and later is not None:
+            turn = options.commit.time - options.now + later
+        return {
+            "leaves_at": None if at is None else options.commit.time + at,
+            "next_turn": turn,
+            "same_side": True if keeps_on else self.sides(way),
+        }

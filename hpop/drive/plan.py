@@ -1,0 +1,182 @@
+"""A plan that is driven: trajectories cut and joined without a jump, where it may be left, where the robot stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hpop.arrays import IntArray
+from hpop.errors import DriveError
+from hpop.motions import HOLD, States, is_curve, laws_of
+from hpop.motions.hold import CLOCK, LONGEST
+from hpop.motions.possible import extras
+from hpop.trajectory import Trajectory
+
+SAME = 1e-9  # s, m or rad: two moments, or two states, are the same
+FARTHEST = 1.0  # m: a robot that is said to be farther from its plan has left it
+STEP = 0.02  # s between the moments of a plan at which a robot is looked for
+AHEAD, BEHIND = 10.0, 2.0  # s of a plan in which a robot is looked for, from where it should be
+
+
+def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
+    """The motions of a trajectory from one of its states (n+1,) to another."""
+    kinds = trajectory.kinds[begin:end]
+    names = (*trajectory.model.space.names, *extras(trajectory.model, kinds))
+    states = trajectory.states.take(slice(begin, end + 1))
+    return Trajectory(trajectory.model, States(**{name: getattr(states, name) for name in names}), kinds)
+
+
+def until(trajectory: Trajectory, t: float) -> Trajectory:
+    """The first ``t`` seconds of a trajectory; what was under way then ends there."""
+    return between(trajectory, 0.0, t)
+
+
+def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+    """A trajectory from one time to another, s; motions that are under way then are cut."""
+    times = trajectory.times
+    first = int(np.searchsorted(times, begin + SAME, side="right")) - 1
+    last = int(np.searchsorted(times, end - SAME, side="left"))
+    first, last = max(first, 0), min(last, len(trajectory))
+    if first >= last:
+        at = trajectory.at(begin)
+        return Trajectory(trajectory.model, _columns(at, trajectory.model.space.names), ())
+    some = part(trajectory, first, last)
+    columns = {name: np.array(column) for name, column in some.states.__dict__.items()}
+    for row, t, is_cut in ((0, begin, begin > times[first] + SAME), (-1, end, end < times[last] - SAME)):
+        if is_cut:
+            here = trajectory.at(t)
+            for name, column in columns.items():
+                column[row] = getattr(here, name)[0]
+    return Trajectory(trajectory.model, States(**columns), some.kinds)
+
+
+def joined(first: Trajectory, second: Trajectory) -> Trajectory:
+    """A trajectory and another that begins where it ends, but for whole turns of what comes round.
+
+    Raises DriveError where it does not: nothing that is driven jumps.
+    """
+    model, space = first.model, first.model.space
+    end, begin = first.states.take(slice(-1, None)), second.states.take(slice(0, 1))
+    for name, off in space.differences(end, begin).items():
+        if abs(off[0]) > SAME:
+            raise DriveError(f"a way that goes on must begin where the one before it ends, but {name} is off by {off}")
+    kinds = first.kinds + second.kinds
+    columns = {}
+    for name in space.names:
+        before, after = getattr(first.states, name), getattr(second.states, name)
+        turns = round((before[-1] - after[0]) / (2 * np.pi)) if name in space.turning else 0
+        columns[name] = np.concatenate([before, after[1:] + 2 * np.pi * turns])
+    if CLOCK in extras(model, kinds):
+        before, after = (getattr(t.states, CLOCK, np.zeros(len(t) + 1)) for t in (first, second))
+        columns[CLOCK] = np.concatenate([before, before[-1] + after[1:] - after[0]])
+    return Trajectory(model, States(**columns), kinds)
+
+
+def held(trajectory: Trajectory, seconds: float) -> Trajectory:
+    """A trajectory after which the robot stands for a while; one at whose end it stands already stands longer."""
+    if seconds <= SAME:
+        return trajectory
+    kinds = (*trajectory.kinds, HOLD.kind)
+    columns = {name: np.append(column, column[-1]) for name, column in trajectory.states.__dict__.items()}
+    clock = columns.setdefault(CLOCK, np.zeros(len(kinds) + 1))
+    clock[-1] += seconds
+    stands = sum(np.diff(clock)[[kind == HOLD.kind for kind in kinds]])
+    if stands > LONGEST:
+        raise DriveError(f"the robot stands for {stands:,.0f} s in all, and a drive does for {LONGEST:,.0f} s at most")
+    return Trajectory(trajectory.model, States(**columns), kinds)
+
+
+def _columns(states: States, names: tuple[str, ...]) -> States:
+    return States(**{name: getattr(states, name) for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A trajectory that is being driven, and how far of it may be driven. Its times are planned ones, s.
+
+    announced  from where the drive began to the goal
+    stops      s, where the robot stands if nothing is chosen before, since the rest is closed; None: it arrives
+    """
+
+    announced: Trajectory
+    stops: float | None = None
+
+    def __post_init__(self) -> None:
+        laws = laws_of(self.announced.model)
+        if curves := sorted({kind for kind in self.announced.kinds if is_curve(laws[kind])}):
+            raise DriveError(
+                f"a plan to follow is made of turns, straight moves and holds, after which another way may be taken; "
+                f"this one has {', '.join(curves)}: follow the polyline that was smoothed"
+            )
+
+    @property
+    def end(self) -> float:
+        """When the robot stands, s: at the goal, or where its way is closed."""
+        return self.announced.duration if self.stops is None else self.stops
+
+    @cached_property
+    def driven(self) -> Trajectory:
+        """What is driven if nothing changes any more."""
+        return self.announced if self.stops is None else until(self.announced, self.stops)
+
+    @cached_property
+    def arrivals(self) -> IntArray:
+        """States (a,) of `driven`, by number, where a straight move or a hold arrives, the last one among them.
+
+        The robot may leave there for another way: it goes straight on, or stops to turn, as planned motions do.
+        """
+        kinds = self.driven.kinds
+        after = [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
+        after += [i + 1 for i, kind in enumerate(kinds) if kind == HOLD.kind]
+        return np.unique([*after, len(kinds)])
+
+    def next_arrival(self, t: float) -> int:
+        """The first of the arrivals later than ``t``; the last where none is."""
+        times = self.driven.times[self.arrivals]
+        return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
+
+    def braked(self, t: float) -> float:
+        """When a robot stands that brakes at ``t``: v²/2a on in a straight run; a turn or a hold is done first."""
+        motions, laws = self.announced, laws_of(self.announced.model)
+        if t >= self.end - SAME or not len(motions):
+            return self.end
+        i = int(np.searchsorted(motions.times, t + SAME, side="right")) - 1
+        if "x" not in laws[motions.kinds[i]].varies:
+            return float(motions.times[i + 1])
+        last = i
+        while last + 1 < len(motions) and "x" in laws[motions.kinds[last + 1]].varies:
+            last += 1
+        # Half of what stopping and starting lose: v/2a at cruise speed is v²/2a of way.
+        return float(min(t + 0.5 * getattr(laws.get("turn"), "loss", 0.0), motions.times[last + 1]))
+
+    def seen(self, state: States, t: float) -> float:
+        """When the plan passes nearest to a state (1,) in which the robot is seen, about ``t``.
+
+        Raises DriveError for a robot that has left its plan.
+        """
+        space = self.announced.model.space
+        begin, end = max(0.0, t - BEHIND), min(self.end, t + AHEAD)
+        at, apart = begin, np.inf
+        low, high, count = begin, end, int((end - begin) / STEP) + 2
+        for _ in range(2):
+            moments = np.linspace(low, high, count)
+            off = space.apart(state.take(np.zeros(count, np.int64)), self.announced.at(moments))
+            nearest = int(np.argmin(off))
+            at, apart = float(moments[nearest]), float(off[nearest])
+            low, high, count = float(moments[max(nearest - 1, 0)]), float(moments[min(nearest + 1, count - 1)]), 101
+        if apart > FARTHEST:
+            raise DriveError(
+                f"the robot is seen {apart:.2f} m from its plan, more than {FARTHEST:g} m: plan anew from where it "
+                "is, with problem.at(state, t), and follow that"
+            )
+        return at
+
+    def then(self, i: int, stands: float, rest: Trajectory) -> Plan:
+        """The plan up to a state of `driven`, a while of standing there, and the rest from there on."""
+        return Plan(joined(held(part(self.driven, 0, i), stands), rest))
+
+    def closed_at(self, stops: float | None) -> Plan:
+        """The same, driven only until then."""
+        return replace(self, stops=stops)

@@ -1,0 +1,163 @@
+"""The world of a drive as it changes: doors that close and open, people who come, go and stop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from shapely.geometry.base import BaseGeometry
+
+from hpop.drive.closings import Closing, named_areas, to_close, to_open
+from hpop.drive.ways import OF_PEOPLE, bare
+from hpop.errors import DriveError, did_you_mean
+from hpop.motions import States
+from hpop.text import shown
+from hpop.world import Person, World
+from hpop.world.content import Content
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+SETTLED = 1e-9  # s: whose prediction ends sooner is as it stays
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is asked of a drive since some moment: its problem, in the world as it is since then.
+
+    problem   in that world, with its time from then on
+    bare      the world without people and without closed areas that have names
+    closings  what is closed
+    known     areas by name, of the map and of those that were closed meanwhile
+    since     s, of the drive
+    bodies    of the people who stand, which are closed as well
+    """
+
+    problem: Problem
+    bare: World
+    closings: tuple[Closing, ...]
+    known: dict[str, BaseGeometry]
+    since: float
+    bodies: dict[Person, Closing]
+
+    @classmethod
+    def of(cls, problem: Problem, since: float) -> Surroundings:
+        """Those of a problem as it is: what is closed are its keep-out zones that have names."""
+        zones = problem.world.content.zones
+        closings = tuple(Closing(z.area, z.name) for z in zones if z.kind == "keep-out" and z.name)
+        people = problem.world.content.people
+        return cls(problem, bare(problem.world), closings, named_areas(problem.world), since, _bodies(people, {}))
+
+    @property
+    def people(self) -> tuple[Person, ...]:
+        """People as they are predicted."""
+        return self.problem.world.content.people
+
+    @property
+    def moving(self) -> bool:
+        """Whether anybody is predicted to move."""
+        return any(person.settled > SETTLED for person in self.people)
+
+    @property
+    def closed(self) -> tuple[Closing, ...]:
+        """All that is closed to the robot and was not in the bare world."""
+        return (*self.closings, *self.bodies.values())
+
+    def at(self, state: States, now: float) -> Problem:
+        """The problem asked from a state (1,) at a time of the drive, s."""
+        return self.problem.at(self.problem.model.space.values(state), max(0.0, now - self.since))
+
+    # Changes
+
+    def close(self, now: float, area: Any, name: str) -> Surroundings:
+        """With an area closed, by a name that is known or as a polygon; DriveError where there is none."""
+        closing = to_close(area, name, self.known, self.closings)
+        known = {**self.known, closing.name: closing.area} if closing.name else self.known
+        return self._changed(now, (*self.closings, closing), self._people_at(now), known=known)
+
+    def open(self, now: float, area: Any) -> Surroundings:
+        """Without a closing, by its name or its polygon; DriveError where nothing is closed there."""
+        opened = to_open(area, self.known, self.closings)
+        return self._changed(now, tuple(c for c in self.closings if c not in opened), self._people_at(now))
+
+    def with_people(self, now: float, people: Iterable[Person]) -> Surroundings:
+        """With other people, as they are and are predicted now; their conversations are not known."""
+        given = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
+        if given is None or not all(isinstance(person, Person) for person in given):
+            raise DriveError(f"people are a list of hpop.world.Person, all who are there now, got {shown(people)}")
+        if not given and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
+            given = tuple(_gone(person) for person in self.people)
+        return self._changed(now, self.closings, given, groups=())
+
+    def stop(self, now: float, person: Any) -> Surroundings:
+        """With one person, by name or number, who stands from now on where the prediction has them."""
+        place = self._place_of(person)
+        people = list(self._people_at(now))
+        people[place] = _standing(people[place])
+        return self._changed(now, self.closings, tuple(people))
+
+    def _place_of(self, person: Any) -> int:
+        """The number of a person."""
+        names = [one.name for one in self.people]
+        if isinstance(person, int) and not isinstance(person, bool) and 0 <= person < len(names):
+            return person
+        name = person.name if isinstance(person, Person) else person
+        if isinstance(name, str) and names.count(name) == 1:
+            return names.index(name)
+        listed = ", ".join(f"{i}: {shown(name)}" if name else str(i) for i, name in enumerate(names)) or "none"
+        raise DriveError(
+            f"nobody is called {shown(name)}, or several are.{did_you_mean(name, names)} The people are {listed}; give "
+            "a name that one of them has, or a number"
+        )
+
+    def _people_at(self, now: float) -> tuple[Person, ...]:
+        """People as they are predicted to be by now."""
+        return tuple(person.later(max(0.0, now - self.since)) for person in self.people)
+
+    def _changed(
+        self,
+        now: float,
+        closings: tuple[Closing, ...],
+        people: tuple[Person, ...],
+        *,
+        groups: Sequence[tuple[int, ...]] | None = None,
+        known: dict[str, BaseGeometry] | None = None,
+    ) -> Surroundings:
+        """Others, since now."""
+        content = self.problem.world.content
+        zones = [zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name)]
+        unnamed = [zone for zone in self.bare.content.zones if zone.kind == "keep-out"]
+        zones = [zone for zone in zones if zone.kind != "keep-out"] + unnamed + [closing.zone for closing in closings]
+        world = self.problem.world.with_content(
+            people=people,
+            groups=content.groups if groups is None else groups,
+            landmarks=content.landmarks,
+            zones=zones,
+        )
+        problem = replace(self.problem, world=world)
+        known = self.known if known is None else known
+        return Surroundings(
+            problem, self.bare, closings, known, now, _bodies(problem.world.content.people, self.bodies)
+        )
+
+
+def _bodies(people: Iterable[Person], before: Mapping[Person, Closing]) -> dict[Person, Closing]:
+    """What is closed by people who stand; of those who stood before it is the very same."""
+    standing = [person for person in people if not person.moves]
+    return {person: before.get(person) or Closing(Content(people=(person,)).closed) for person in standing}
+
+
+def _standing(person: Person) -> Person:
+    """A person who stands where they are, and stays."""
+    yaw = person.yaw
+    if person.moves and not person.futures:
+        x, y = person.ahead_at(0.0)
+        yaw = math.atan2(float(y), float(x))
+    return Person(person.x, person.y, yaw=yaw, radius=person.radius, name=person.name)
+
+
+def _gone(person: Person) -> Person:
+    """A person who is not there any more, so that criteria of people still have somebody to ask about."""
+    return replace(_standing(person), until=0.0)

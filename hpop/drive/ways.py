@@ -1,0 +1,352 @@
+"""The graph of a drive, kept from its first moment to its last: ways from any of its nodes, and what is known of them.
+
+It is laid out once, in the world without people and without the areas that have names; these are masks over its arcs,
+which come and go. What a change makes of the costs is worked out for the criteria alone whose costs it changes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.drive.closings import Closing, chains_closed, closed_arcs, listed, states_by_place
+from hpop.drive.known import Known
+from hpop.frontier import is_nondominated
+from hpop.motions import Motions, States
+from hpop.planners.base import Candidates
+from hpop.planners.graphs.claims import how_far
+from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, JoinedEnds, with_ends
+from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.lattice.graph import StateLattice
+from hpop.planners.lattice.planner import REACH
+from hpop.planners.objectives import Objectives
+from hpop.search import Graph, ParetoPaths, SearchStats
+from hpop.search.prepared import Prepared
+from hpop.status import Status
+from hpop.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
+
+    from hpop.problem import Problem
+    from hpop.world import World
+
+ASKED = 200  # arcs nearest to a change that tell which criteria's costs it changes
+BESIDE = 12  # positions to which a robot that stands beside a roadmap is joined, at least
+OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # what a criterion of theirs requires
+
+
+def bare(world: World) -> World:
+    """A world without what comes and goes while a robot drives: people, and closed areas that have names."""
+    content = world.content
+    zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
+    if not content.people and len(zones) == len(content.zones):
+        return world
+    return world.with_content(landmarks=content.landmarks, zones=zones)
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """The graph of a drive, with its costs as they are now and what of it is closed now.
+
+    name      of the planner whose graph it is
+    query     the graph between a start and the goal, laid out in the bare world
+    world     in which costs are, with the people and closings of now
+    closings  areas that are closed
+    masks     (c,) of each of these, which arcs of the inner graph it closes, by number
+    reading   criteria, by column, whose costs closings change as well
+    """
+
+    name: str
+    query: GraphQuery
+    world: World
+    closings: tuple[Closing, ...] = ()
+    masks: tuple[IntArray, ...] = ()
+    reading: frozenset[int] = frozenset()
+
+    @classmethod
+    def laid_out(
+        cls, name: str, inner: StateGraph, problem: Problem, objectives: Objectives, closings: Sequence[Closing] = ()
+    ) -> Ways:
+        """The ways from a problem's start; ``inner`` is a graph of states in the bare world of the drive.
+
+        closings  what of the problem's world is closed, which it is not in the bare one
+
+        Raises QueryError where the start or the goal cannot be joined to it.
+        """
+        began = time.perf_counter()
+        space, start, goals = with_ends(inner, problem, _reach(inner, problem))
+        assert isinstance(space, StateGraph | JoinedEnds)
+        costed = space if inner.world is problem.world else space.costed_in(problem.world)
+        graph = costed.graph(objectives.optimised)
+        query = GraphQuery(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
+        masks = [closed_arcs(inner, closing, *states_by_place(inner)) for closing in closings]
+        return cls(name, query, problem.world, tuple(closings), tuple(masks))
+
+    def from_beside(self, problem: Problem) -> Ways:
+        """The same ways from a problem's start that is no state of the graph: joined to it as exact ends are."""
+        other = Ways.laid_out(self.name, self.inner, problem, self.query.objectives)
+        return replace(other, closings=self.closings, masks=self.masks, reading=self.reading)
+
+    @property
+    def inner(self) -> StateGraph:
+        """The graph of states, to which ends may be joined."""
+        space = self.query.space
+        if isinstance(space, JoinedEnds):
+            return space.inner
+        assert isinstance(space, StateGraph)
+        return space
+
+    @property
+    def graph(self) -> Graph:
+        """Arcs and their costs, closed ones among them."""
+        return self.query.graph
+
+    @cached_property
+    def tails(self) -> IntArray:
+        """Tail (m,) of each arc of the graph."""
+        return np.repeat(np.arange(self.graph.nodes), np.diff(self.graph.indptr))
+
+    @cached_property
+    def _places(self) -> tuple[States, float]:
+        return states_by_place(self.inner)
+
+    @cached_property
+    def closed(self) -> BoolArray:
+        """Which arcs (m,) of the graph are closed."""
+        space = self.query.space
+        inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
+        for mask in self.masks:
+            inner[mask] = True
+        if not isinstance(space, JoinedEnds):
+            return inner
+        joins = np.zeros(space.joins.tails.size, dtype=np.bool_)
+        for closing in self.closings:
+            joins |= chains_closed(space.joins, closing)
+        return space.with_joins(inner, joins)
+
+    # Changes
+
+    def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> Ways:
+        """The same ways in a world with other people (``people``) or other closings, of which known ones stay masked.
+
+        Costs are made anew of those criteria alone that read what changed.
+        """
+        masks, reading = [], set(self.reading)
+        criteria = self.query.objectives.optimised
+        for closing in closings:
+            if closing in self.closings:
+                masks.append(self.masks[self.closings.index(closing)])
+                continue
+            masks.append(closed_arcs(self.inner, closing, *self._places))
+            reading |= self._reading(closing, criteria, world)
+        for closing in self.closings:
+            if closing not in closings and not reading:
+                reading |= self._reading(closing, criteria, world)
+        anew = {j for j, c in enumerate(criteria) if people and OF_PEOPLE & {*c.requires}} | reading
+        other = replace(self, world=world, closings=tuple(closings), masks=tuple(masks), reading=frozenset(reading))
+        if anew:
+            columns = sorted(anew)
+            costs = self.graph.costs.copy()
+            space = self.query.space
+            assert isinstance(space, StateGraph | JoinedEnds)
+            costs[:, columns] = space.costed_in(world).graph([criteria[j] for j in columns]).costs
+            costs.setflags(write=False)
+            other = replace(other, query=replace(self.query, graph=replace(self.graph, costs=costs)))
+        kept = ["_places", "_finder", "tails"]
+        if not anew and "prepared" in vars(self):  # what is not asked of these ways any more is asked of the others
+            kept.append("prepared")
+            self.prepared.open(np.flatnonzero(self.closed & ~other.closed))
+            self.prepared.close(np.flatnonzero(other.closed & ~self.closed))
+        vars(other).update({part: vars(self)[part] for part in kept if part in vars(self)})
+        return other
+
+    def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
+        """Which criteria read what is closed: their costs of the arcs nearest to a closing differ in the two worlds."""
+        states, _ = self._places
+        nearest = np.argsort(shapely.distance(closing.area, shapely.points(states.x, states.y)), kind="stable")
+        arcs = self.inner.arcs
+        ends = [np.arange(arcs.start[node], arcs.start[node + 1]) for node in nearest[:ASKED].tolist()]
+        places = np.concatenate([np.zeros(0, np.int64), *ends])[:ASKED]
+        tails = np.searchsorted(arcs.start, places, side="right") - 1
+        found = set[int]()
+        for number, kind in enumerate(self.inner.kinds):
+            own = arcs.kinds[places] == number
+            if not own.any():
+                continue
+            motions = self.inner.motions(kind, tails[own], arcs.heads[places[own]].astype(np.int64))
+            before, after = (replace(motions, world=world) for world in (self.world, world))
+            for j, criterion in enumerate(criteria):
+                if j not in found and _differ(criterion, before, after):
+                    found.add(j)
+        return found
+
+    # What is known of its nodes
+
+    @cached_property
+    def _finder(self) -> KDTree:
+        """All states of the inner graph as points: what comes round lies on a circle."""
+        from scipy.spatial import KDTree  # on first use: the import takes its time
+
+        return KDTree(_points(self.inner, self._places[0]))
+
+    def nodes(self, states: States) -> IntArray:
+        """Nodes (N,) of the inner graph at which states are, -1 where there is none."""
+        space = self.inner.model.space
+        own = States(**{name: getattr(states, name) for name in space.names})
+        nearest = self._finder.query(_points(self.inner, own))[1]
+        there = self._places[0].take(nearest)
+        same = np.ones(nearest.size, dtype=np.bool_)
+        for name, off in space.differences(own, there).items():
+            same &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
+        return np.where(same, nearest, -1)
+
+    def ways_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
+        """The last part of each trajectory that goes along arcs of the graph to a goal, as their numbers."""
+        if not trajectories:
+            return []
+        names = self.inner.model.space.names
+        nodes = self.nodes(
+            States(**{name: np.concatenate([getattr(t.states, name) for t in trajectories]) for name in names})
+        )
+        ends = np.cumsum([len(t) + 1 for t in trajectories])
+        return [self._way(own) for own in np.split(nodes, ends[:-1])]
+
+    def whole_way(self, trajectory: Trajectory) -> IntArray | None:
+        """The arcs of a trajectory that goes along the graph from its beginning on, all of them open; None else."""
+        (arcs,) = self.ways_of([trajectory])
+        first = int(self.nodes(trajectory.states.take([0]))[0])
+        begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
+        return arcs if begins and not self.closed[arcs].any() else None
+
+    def _way(self, nodes: IntArray) -> IntArray:
+        """Arcs between the last of some nodes, to a goal; -1 among the nodes is none of the graph."""
+        nodes = nodes[np.append(True, nodes[1:] != nodes[:-1])]  # one who stands stays at a node
+        last, final = nodes.size - 1, np.zeros(0, np.int64)
+        if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
+            beside = [goal for goal in self.query.goals if goal >= self.inner.size]
+            for last in range(nodes.size - 2, max(nodes.size - 5, -1), -1):
+                tail = np.full(len(beside), nodes[last])
+                final = self._arcs(tail, np.array(beside, np.int64))[:1] if nodes[last] >= 0 else final
+                if final.size and final[0] >= 0:
+                    break
+            else:
+                return np.zeros(0, np.int64)
+        arcs = self._arcs(nodes[:last], nodes[1 : last + 1])
+        breaks = np.flatnonzero(arcs < 0)
+        return np.concatenate([arcs[breaks[-1] + 1 if breaks.size else 0 :], final])
+
+    def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Arcs (N,) of the graph between nodes, -1 where there is none."""
+        found = np.full(tails.size, -1)
+        here = np.flatnonzero((tails >= 0) & (heads >= 0))
+        begins, ends = self.graph.indptr[tails[here]], self.graph.indptr[tails[here] + 1]
+        for more in range(int((ends - begins).max(initial=0))):
+            arcs = np.minimum(begins + more, ends - 1)
+            hits = (begins + more < ends) & (self.graph.heads[arcs] == heads[here])
+            found[here[hits]] = arcs[hits]
+        return found
+
+    def known(self, ways: Sequence[IntArray]) -> Known:
+        """What is known of ways, arcs each."""
+        return Known.of(ways, self.tails, self.graph, self.closed)
+
+    # Search
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """The graph that is searched, turns as a last tie-break where no cost counts them, without what is closed."""
+        made = Prepared(self.graph if self.query.tie_broken is None else self.query.tie_broken, self.query.goals)
+        made.close(np.flatnonzero(self.closed))
+        return made
+
+    def rests(
+        self, node: int, known: Sequence[IntArray], present: IntArray | None, deadline: float | None = None
+    ) -> ParetoPaths:
+        """All non-dominated ways from a node to the goal as they are now, or what is found of them until a deadline.
+
+        What is known takes no search; so it is there after a deadline of 0 s, and stays where nothing is better.
+
+        known     open ways from there, arcs each
+        present   the present plan among them: it stands for all ways of its costs
+        deadline  s of this thread's processor time, None for none
+        """
+        several = [*known] if present is None else [present, *known]
+
+        def search(graph: Graph) -> ParetoPaths:
+            return self.prepared.paths(node, deadline=deadline, known=several)
+
+        paths, told = self.query.with_fewest_turns(search), self._told(node, several)
+        first = np.concatenate([len(paths) + np.arange(len(told)), np.arange(len(paths))])  # what is known comes first
+        paths = paths.and_those_of(told)
+        kept = first[is_nondominated(paths.costs[first])] if len(paths) else first
+        return paths.select(paths.costs, kept[np.lexsort(paths.costs[kept].T[::-1])])
+
+    def told(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
+        """What was found from a node before, where a deadline cut it short, from how it was noted."""
+        arcs = [np.array(way, np.int64) for way in answer["arcs"]]
+        paths, gap = self._told(node, arcs), answer["gap"]
+        stats = SearchStats("none", labels_generated=answer["labels"])
+        return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)
+
+    def _told(self, node: int, several: Sequence[IntArray]) -> ParetoPaths:
+        """Ways from a node, arcs each, as paths that nobody searched for."""
+        worst = np.array(self.graph.aggregates) == "max"
+        costs = np.zeros((len(several), self.graph.criteria), np.int64)
+        for row, arcs in zip(costs, several, strict=True):
+            each = self.graph.costs[arcs]
+            row[:] = np.where(worst, each.max(axis=0, initial=0), each.sum(axis=0))
+        stats = SearchStats("none")
+        return ParetoPaths(costs, Status.TIME_LIMIT, stats, self.graph, node, tuple(several), gap=math.inf)
+
+    def candidates(self, node: int, paths: ParetoPaths) -> Candidates:
+        """Ways from a node as candidates of the planner that laid out the graph, and what is claimed of them."""
+        query = replace(self.query, start=node)
+        shut = int(self.closed.sum())
+        where = f"{query.part} for ({query.names})" + f", {shut:,} of its edges closed" * bool(shut)
+        reason = ""
+        if paths.status.is_final:
+            claim = f"exact on {where}, edge costs rounded to their quanta"
+            if self.closings:
+                reason = f"no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
+        else:
+            claim = (
+                f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, "
+                f"others are missing{how_far(paths.gap, {})}"
+            )
+        counts = {"labels_generated": paths.stats.labels_generated, "labels_expanded": paths.stats.labels_expanded}
+        counts["gap"] = paths.gap if math.isfinite(paths.gap) else None  # type: ignore[assignment]
+        return query.candidates(self.name, paths, claim, reason=reason, stats=counts)
+
+
+def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:
+    """Whether a criterion costs motions differently in two worlds."""
+    return not np.array_equal(motion_costs(criterion, before), motion_costs(criterion, after))
+
+
+def _points(graph: StateGraph, states: States) -> FloatArray:
+    """States (N,) as points (N, d): near each other where the states are, whole turns apart or not."""
+    columns: list[FloatArray] = []
+    for name in graph.model.space.names:
+        column = getattr(states, name)
+        columns += [np.cos(column), np.sin(column)] if name in graph.model.space.turning else [column]
+    return np.stack(columns, axis=1)
+
+
+def _reach(inner: StateGraph, problem: Problem) -> float:
+    """How far, m, a start or goal beside a graph is joined to its states."""
+    if isinstance(inner, StateLattice):
+        return REACH * inner.step
+    start, states = problem.model.space.state(problem.start), inner.states(np.arange(inner.size))
+    apart = np.unique(np.hypot(states.x - start.x, states.y - start.y))
+    return float(apart[min(BESIDE, apart.size) - 1]) + UNMOVED

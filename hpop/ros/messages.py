@@ -1,0 +1,143 @@
+"""Messages of ROS 2 as dictionaries, field by field as the bridge sends them and rosbags declares them; pure.
+
+What is read comes from outside: every field that is used is checked, and what does not fit is a :class:`RosError` that
+names the field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from hpop.errors import RosError
+from hpop.options import FARTHEST
+from hpop.text import shown
+
+Message = dict[str, Any]
+
+PATH, STAMPED, TRANSFORMS = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+LONGEST_NAME = 200  # characters of a frame's name
+UNIT = 0.1  # by which the length of a quaternion may be off 1: who sends float32, or rounds to two digits, is meant
+SECOND = 10**9  # ns
+MOST_SECONDS = 2**31 - 1  # of a stamp, an int32
+
+
+class PlanarPose(NamedTuple):
+    """A pose on the floor, and the frame in which it is given, "" for none."""
+
+    x: float  # m
+    y: float  # m
+    yaw: float  # rad, counter-clockwise from x, of the direction ahead
+    frame: str
+
+
+def stamp(time: int) -> Message:
+    """A time, or a duration, in ns."""
+    seconds, rest = divmod(time, SECOND)
+    return {"sec": seconds, "nanosec": rest}
+
+
+def header(time: int, frame: str) -> Message:
+    """A std_msgs/Header; time in ns."""
+    return {"stamp": stamp(time), "frame_id": frame}
+
+
+def vector(values: Sequence[float]) -> Message:
+    """A geometry_msgs/Point or Vector3."""
+    return dict(zip("xyz", values, strict=True))
+
+
+def quaternion(values: Sequence[float]) -> Message:
+    """A geometry_msgs/Quaternion of x, y, z, w."""
+    return dict(zip("xyzw", values, strict=True))
+
+
+def pose_stamped(time: int, frame: str, place: Sequence[float], turned: Sequence[float]) -> Message:
+    """A geometry_msgs/PoseStamped; time in ns, place in m, quaternion x, y, z, w."""
+    return {"header": header(time, frame), "pose": {"position": vector(place), "orientation": quaternion(turned)}}
+
+
+def transform(time: int, frame: str, child: str, place: Sequence[float], turned: Sequence[float]) -> Message:
+    """A geometry_msgs/TransformStamped: where the axes of the child are in the frame."""
+    moved = {"translation": vector(place), "rotation": quaternion(turned)}
+    return {"header": header(time, frame), "child_frame_id": child, "transform": moved}
+
+
+def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Message:
+    """A geometry_msgs/PoseStamped of a pose on the floor, without a stamp: m, rad.
+
+    >>> pose_message(1.0, 2.0, 0.0)["pose"]["orientation"]
+    {'x': 0.0, 'y': 0.0, 'z': 0.0, 'w': 1.0}
+    """
+    return pose_stamped(0, frame_id, (x, y, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+
+
+def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
+    """A pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
+
+    The height is left out, and of a body that leans the direction in which its x points is taken. Raises RosError for
+    what is no such message, for numbers that are none, for a quaternion that is no rotation.
+
+    >>> planar_pose(pose_message(1.0, 2.0, 0.5, frame_id="odom"))
+    PlanarPose(x=1.0, y=2.0, yaw=0.5, frame='odom')
+    """
+    told = mapping(message, where)
+    frame = text(mapping(told.get("header", {}), f"header of {where}").get("frame_id", ""), f"frame_id of {where}")
+    pose = mapping(told.get("pose"), f"pose of {where}")
+    if "pose" in pose:  # with its covariance
+        pose = mapping(pose["pose"], f"pose of {where}")
+    position = mapping(pose.get("position"), f"position of {where}")
+    x, y = (number(position.get(axis), f"position.{axis} of {where}", FARTHEST) for axis in "xy")
+    return PlanarPose(x, y, _yaw(pose.get("orientation"), where), frame)
+
+
+def _yaw(orientation: Any, where: str) -> float:
+    """Of the direction ahead, rad."""
+    told = mapping(orientation, f"orientation of {where}")
+    x, y, z, w = (number(told.get(axis), f"orientation.{axis} of {where}", 2.0) for axis in "xyzw")
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if abs(length - 1.0) > UNIT:
+        raise RosError(
+            f"orientation of {where} must be a quaternion of length 1, got one of length {length:.3g}; where no "
+            "heading is meant, give x 0, y 0, z 0, w 1"
+        )
+    ahead = (w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z))
+    if math.hypot(*ahead) < 1e-3:
+        raise RosError(f"orientation of {where} looks straight up or down, which is no heading")
+    return math.atan2(ahead[1], ahead[0])
+
+
+def time_of(message: Any, where: str) -> int:
+    """The stamp of a message with a header, ns; 0 where it has none."""
+    told = mapping(mapping(message, where).get("header", {}), f"header of {where}").get("stamp", {})
+    given = mapping(told, f"stamp of {where}")
+    seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
+    for name, value, most in (("sec", seconds, MOST_SECONDS), ("nanosec", rest, SECOND - 1)):
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
+            raise RosError(
+                f"{name} of the stamp of {where} must be a whole number from 0 to {most:,}, got {shown(value)}"
+            )
+    return int(seconds) * SECOND + int(rest)
+
+
+def mapping(value: Any, where: str) -> Mapping[str, Any]:
+    """A message, or RosError."""
+    if not isinstance(value, Mapping):
+        raise RosError(f"{where} must be a message with fields, got {shown(value)}")
+    return value
+
+
+def number(value: Any, where: str, most: float) -> float:
+    """A finite number, or RosError; the bridge sends null for what is none."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not -most <= value <= most:
+        raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
+    return float(value)
+
+
+def text(value: Any, where: str) -> str:
+    """A short text, or RosError."""
+    if not isinstance(value, str) or len(value) > LONGEST_NAME:
+        raise RosError(f"{where} must be text of at most {LONGEST_NAME} characters, got {shown(value)}")
+    return value

@@ -1,0 +1,159 @@
+"""A trajectory as a nav_msgs/Path, and a path as a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import ModelError, OptionError, RosError
+from hpop.math import wrap
+from hpop.motions import Model, States
+from hpop.motions.hold import CLOCK
+from hpop.motions.possible import STILL
+from hpop.poses import Poses, nanoseconds
+from hpop.ros.messages import SECOND, Message, header, mapping, planar_pose, pose_stamped, time_of
+from hpop.ros.spaced import spaced
+from hpop.trajectory import STRAIGHT, Trajectory
+
+MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km
+
+
+def path_message(
+    trajectory: Trajectory, *, frame_id: str = "map", planned: bool = False, timed: bool = False
+) -> Message:
+    """The path of the base as a nav_msgs/Path: poses at the ends of motions, between these every 5 cm or 45 degrees.
+
+    A turn in place is a sequence of poses at one position, digit for digit. Stamps are 0, by which tf2 means the
+    newest transform, and what stands still has one pose: a path for a controller is geometry.
+
+    Parameters
+    ----------
+    planned : as it was planned; else what the robot does, from rest to rest
+    timed : stamps are s and ns from the start, and a hold is a pose that is there twice, when it is reached and when it
+        is left. :func:`trajectory_of` reads it back; a controller that asks tf2 for these stamps fails
+
+    Raises OptionError for a robot without a base.
+
+    >>> from hpop.registry import make_model
+    >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (1, 0, 0), (1, 0.1, np.pi / 2)])
+    >>> path_message(goes)["poses"][-1]["pose"]["position"]
+    {'x': 1.0, 'y': 0.1, 'z': 0.0}
+    """
+    if "base" not in trajectory.model.provides:
+        raise OptionError("a path is that of a base, but this robot has none; hpop.export writes poses of any body")
+    run = trajectory if planned else trajectory.execution()
+    return message_of(spaced(run, "base", planned=planned, timed=timed), frame_id, stamped=timed)
+
+
+def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
+    """Poses as a nav_msgs/Path, with their times or with stamps of 0."""
+    times = nanoseconds(poses.times).tolist() if stamped else [0] * len(poses)
+    rows = zip(times, poses.positions.tolist(), poses.quaternions.tolist(), strict=True)
+    return {"header": header(0, frame_id), "poses": [pose_stamped(time, frame_id, *row) for time, *row in rows]}
+
+
+def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
+    """Turns and moves of a model through the poses of a nav_msgs/Path, as a planner would have planned them.
+
+    Poses in one line become one move, turns one after the other with one sign one turn. Between poses that differ in
+    place the robot turns to where the next one is, moves there, and turns to its heading. Where a pose is there twice
+    and the second has a later stamp, the robot holds. A path that :func:`path_message` made of a plan, timed, comes
+    back as that plan. Times other than those of holds are those of the model.
+
+    Raises RosError for what is no path, has no pose, or more than 20,000; ModelError for a model whose states are not
+    x, y and yaw, and for holds of more than an hour in all.
+    """
+    if model.space.names != ("x", "y", "yaw"):
+        raise ModelError(f"a path has poses (x m, y m, yaw rad), which are no states of this model: {model.space}")
+    rows, times = _read(path)
+    way = _Way(rows[0].tolist())
+    for i in range(1, len(rows)):
+        x, y, yaw = rows[i].tolist()
+        turned = yaw - rows[i - 1, 2] + wrap(rows[i - 1, 2] - way.yaw)
+        if np.hypot(x - way.x, y - way.y) > STILL:
+            way.move(x, y)
+            way.turn(float(wrap(yaw - way.yaw)))
+        elif abs(turned) > STRAIGHT:
+            way.turn(float(turned))
+        elif times[i] > times[i - 1]:
+            way.hold((times[i] - times[i - 1]) / SECOND)
+    return way.of(model)
+
+
+class _Way:
+    """States and motions as they come, x, y, yaw and the clock of holds; one that goes on as the last makes it longer.
+
+    kinds  (n,) of the motions
+    """
+
+    def __init__(self, first: list[float]) -> None:
+        self._states: list[tuple[float, ...]] = [(*first, 0.0)]
+        self.kinds: list[str] = []
+
+    @property
+    def x(self) -> float:
+        return self._states[-1][0]
+
+    @property
+    def y(self) -> float:
+        return self._states[-1][1]
+
+    @property
+    def yaw(self) -> float:
+        return self._states[-1][2]
+
+    def turn(self, change: float) -> None:
+        """Turn in place, rad."""
+        x, y, yaw, clock = self._states[-1]
+        if abs(change) > STRAIGHT:
+            goes_on = self._last() == "turn" and change * (yaw - self._states[-2][2]) > 0.0
+            self._put("turn", (x, y, yaw + change, clock), goes_on)
+
+    def move(self, to_x: float, to_y: float) -> None:
+        """Turn to a place, m, and move there."""
+        if self._last() == "move":
+            from_x, from_y, yaw, clock = self._states[-2]
+            along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
+            heading = np.arctan2(to_y - from_y, to_x - from_x)
+            if along > np.hypot(self.x - from_x, self.y - from_y) and abs(wrap(heading - yaw)) <= STRAIGHT:
+                self._put("move", (to_x, to_y, yaw, clock), True)
+                return
+        self.turn(float(wrap(np.arctan2(to_y - self.y, to_x - self.x) - self.yaw)))
+        self._put("move", (to_x, to_y, *self._states[-1][2:]), False)
+
+    def hold(self, seconds: float) -> None:
+        """Stand still."""
+        x, y, yaw, clock = self._states[-1]
+        self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
+
+    def of(self, model: Model) -> Trajectory:
+        """The trajectory of a model that goes so."""
+        columns = np.array(self._states).T[: 4 if "hold" in self.kinds else 3]
+        states = States(**dict(zip((*model.space.names, CLOCK), columns, strict=False)))
+        return Trajectory(model, states, tuple(self.kinds))
+
+    def _last(self) -> str:
+        return self.kinds[-1] if self.kinds else ""
+
+    def _put(self, kind: str, state: tuple[float, ...], goes_on: bool) -> None:
+        if goes_on:
+            self._states[-1] = state
+        else:
+            self._states.append(state)
+            self.kinds.append(kind)
+
+
+def _read(path: Any) -> tuple[FloatArray, list[int]]:
+    """Poses (N, 3), x, y and continuous yaw, and their stamps in ns."""
+    given = mapping(path, "the path").get("poses")
+    if not isinstance(given, list | tuple) or not 0 < len(given) <= MOST_POSES:
+        size = f"{len(given):,}" if isinstance(given, list | tuple) else "none"
+        raise RosError(f"a path has a list of 1 to {MOST_POSES:,} poses, got {size}")
+    poses = [planar_pose(one, f"pose {i}") for i, one in enumerate(given)]
+    times = [time_of(one, f"pose {i}") for i, one in enumerate(given)]
+    rows = np.array([pose[:3] for pose in poses], float)
+    rows[:, 2] = np.unwrap(rows[:, 2])
+    return rows, times

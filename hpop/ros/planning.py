@@ -1,0 +1,210 @@
+"""What a goal of ComputePathToPose asks, planned: from a message to the path of the trajectory that is chosen."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any, cast
+
+import numpy as np
+import shapely
+
+from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
+from hpop.front import Front
+from hpop.frontier.union import JOINT
+from hpop.motions.space import Values
+from hpop.named_rows import NamedRow, named_rows
+from hpop.planners.base import Planner
+from hpop.problem import Problem
+from hpop.ros.interface import LONGEST_CHOICE, Interface
+from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
+from hpop.ros.paths import MOST_POSES, path_message
+from hpop.ros.protocol import GoalStatus
+from hpop.ros.result import Answer, ErrorCode, Failure, failed, values_of
+from hpop.status import ProgressCallback, Status
+from hpop.text import shown
+
+LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
+MOST_OPTIONS = 500  # points of a front that are told
+OF = ("x", "y", "yaw")
+CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.TIMEOUT}
+
+
+class Planning:
+    """Answers goals: the question of a problem, asked from elsewhere to elsewhere.
+
+    problem   world, model and criteria; what a pose does not say of start and goal, such as a head's angles, is as here
+    planners  whose joint front is chosen from
+    known     names in ROS
+
+    Raises OptionError for a robot without a base that has a place and a heading.
+    """
+
+    def __init__(self, problem: Problem, planners: Sequence[Planner], known: Interface) -> None:
+        self.problem, self.planners, self.known = problem, tuple(planners), known
+        names = problem.model.space.names
+        if "base" not in problem.model.provides or not set(OF) <= set(names):
+            raise OptionError(
+                f"a path needs a base with the states x, y and yaw, but this robot's are {', '.join(names)}"
+            )
+        self.names: tuple[str, ...] = ()
+
+    def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
+        """The front of the problem's own question: what it takes is compiled then, and errors come before goals do.
+
+        Raises UnknownName where an empty planner_id would mean no point of it.
+        """
+        front = self.problem.solve(self.planners, progress=progress)
+        self.names = front.names
+        if not self._is_known(choice_of(self.known.choice)):
+            raise UnknownName(f"choice is {shown(self.known.choice)}, which is none of {self._choices()}")
+        return front
+
+    def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> Answer:
+        """The answer to the fields of a goal; where there is none, what went wrong.
+
+        Parameters
+        ----------
+        robot : where the robot is, as far as that is known, for goals that do not say where to begin
+        progress : called now and then; what it raises ends the planning
+        """
+        began = perf_counter()
+        try:
+            asked = _checked(goal)
+            choice = self._choice(asked.get("planner_id", ""))
+            start, end = self._start(asked, robot), self._pose(asked.get("goal"), "the goal")
+            front = self._solved(start, end, progress)
+            row = _chosen(front, choice)
+            path = path_message(row.point.trajectory, frame_id=self.known.frame_id)
+            if len(path["poses"]) > MOST_POSES:
+                raise Failure(ErrorCode.UNKNOWN, f"the path has {len(path['poses']):,} poses, more than {MOST_POSES:,}")
+        except Failure as failure:
+            return failed(self.known, failure, perf_counter() - began)
+        values = values_of(self.known, path, perf_counter() - began)
+        return Answer(GoalStatus.SUCCEEDED, values, options_of(front, row))
+
+    def _choice(self, planner_id: Any) -> str:
+        """What of a front is asked for; what can be none is refused before anything is planned."""
+        if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
+            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
+        choice = choice_of(planner_id or self.known.choice)
+        if self.names and not self._is_known(choice):
+            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is one of {self._choices()}, got {shown(planner_id)}")
+        return choice
+
+    def _is_known(self, choice: str) -> bool:
+        return choice.isdecimal() or choice in ("knee", *self.names)
+
+    def _choices(self) -> str:
+        return ", ".join(["knee", *(f"least {name}" for name in self.names)])
+
+    def _start(self, asked: Mapping[str, Any], robot: PlanarPose | None) -> PlanarPose:
+        if asked.get("use_start") is True:
+            return self._pose(asked.get("start"), "the start")
+        if robot is None:
+            raise Failure(
+                ErrorCode.TF_ERROR,
+                f"use_start is false, but {self.known.pose_topic} told no pose of the robot in {self.known.frame_id}",
+            )
+        return robot
+
+    def _pose(self, message: Any, where: str) -> PlanarPose:
+        """A pose in the frame of the map."""
+        try:
+            pose = planar_pose(message, where)
+        except RosError as error:
+            raise Failure(ErrorCode.UNKNOWN, str(error)) from None
+        if pose.frame != self.known.frame_id:
+            raise Failure(
+                ErrorCode.TF_ERROR,
+                f"{where} must be in the frame {self.known.frame_id}, as transforms are not known here, got "
+                f"{shown(pose.frame)}",
+            )
+        return pose
+
+    def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
+        """The front between two poses, which has points."""
+        own = self.problem
+        whole = own.goal if isinstance(own.goal, tuple) else own.start
+        begin, finish = self._state(own.start, start), self._state(whole, end)
+        self._check_free(begin, "start", ErrorCode.START_OUTSIDE_MAP, ErrorCode.START_OCCUPIED)
+        self._check_free(finish, "goal", ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.GOAL_OCCUPIED)
+        try:
+            problem = Problem(own.world, own.model, cast(Any, begin), finish, own.criteria, quanta=own.quanta)
+            front = problem.solve(self.planners, progress=progress)
+        except QueryError as error:  # free, but out of reach
+            raise Failure(ErrorCode.NO_VALID_PATH, str(error)) from None
+        except LimitError as error:
+            raise Failure(ErrorCode.TIMEOUT, str(error)) from None
+        except HpopError as error:
+            raise Failure(ErrorCode.UNKNOWN, str(error)) from None
+        except MemoryError:
+            raise Failure(ErrorCode.UNKNOWN, "out of memory; take a larger step, or set max_memory") from None
+        if not len(front):
+            ended = [CODES.get(cast(Status, one), ErrorCode.UNKNOWN) for one in front.status.split(JOINT)]
+            code = next((one for one in ended if one is not ErrorCode.NO_VALID_PATH), ErrorCode.NO_VALID_PATH)
+            raise Failure(code, f"no path was found: {front.status}; {front.certificate}")
+        return front
+
+    def _state(self, whole: Values, pose: PlanarPose) -> Values:
+        """A state of the robot: the pose of its base, all else as in another."""
+        told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
+        return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
+
+    def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
+        """Raise Failure for a state off the map or in an obstacle; an angle that is free is taken from the start."""
+        own = self.problem
+        space = own.model.space
+        full = [own.start[i] if value is None else value for i, value in enumerate(values)]
+        told = dict(zip(space.names, full, strict=True))
+        if not own.world.extent.covers(shapely.Point(told["x"], told["y"])):
+            raise Failure(outside, f"the {what} ({told['x']:g}, {told['y']:g}) is off the map")
+        if why := own.model.collision(own.world).why_blocked(space.state(full)):
+            raise Failure(occupied, f"the {what} is blocked: {why}")
+
+
+def choice_of(planner_id: str) -> str:
+    """The point of a front that a planner_id means: "knee", the name of a criterion, or a row's number.
+
+    >>> choice_of("fewest turns"), choice_of("least_personal_space"), choice_of("knee")
+    ('turns', 'personal_space', 'knee')
+    """
+    match = LEAST.fullmatch(planner_id.strip())
+    return (match.group(1) if match else planner_id).strip().replace(" ", "_")
+
+
+def options_of(front: Front, chosen: NamedRow) -> Message:
+    """What is told of a front: costs of its points, the ones worth a name, which was chosen, what is claimed.
+
+    Of more than 500 points it tells 500, evenly, and those worth a name.
+    """
+    named = {name: point.index for name, point in front.named().items()}
+    rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), MOST_OPTIONS)).round().astype(int))
+    told = sorted({*rows.tolist(), *named.values(), chosen.number})
+    return {
+        "names": list(front.names),
+        "units": list(front.units),
+        "points": len(front),
+        "rows": told,
+        "costs": front.costs[told].tolist(),
+        "named": named,
+        "chosen": chosen.number,
+        "status": front.status,
+        "certificate": front.certificate,
+    }
+
+
+def _chosen(front: Front, choice: str) -> NamedRow:
+    try:
+        (row,) = named_rows(front, [choice])
+    except (OptionError, UnknownName) as error:
+        raise Failure(ErrorCode.INVALID_PLANNER, str(error)) from None
+    return row
+
+
+def _checked(goal: Any) -> Mapping[str, Any]:
+    try:
+        return mapping(goal, "the goal")
+    except RosError as error:
+        raise Failure(ErrorCode.UNKNOWN, str(error)) from None

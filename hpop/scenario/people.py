@@ -1,0 +1,109 @@
+"""People of a scenario: where they stand, what is predicted of them, and what files recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from hpop.errors import MapError
+from hpop.scenario.faults import Faults, entries
+from hpop.scenario.schema import FutureEntry, PersonEntry, TrackEntry, WaypointsEntry
+from hpop.scenario.yaml_lines import Place
+from hpop.text import counted, printable, shown
+from hpop.world.people import Future, Person
+from hpop.world.tracks import Track, read_tracks
+
+BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})
+"""Keys that say which track it is, and are no attributes of a person."""
+
+People = tuple[Person, ...]
+
+
+def people_of(faults: Faults, given: Any) -> list[People | None]:
+    """Who each entry stands for, in order; None after noting what is wrong with one."""
+    found: list[People | None] = []
+    for place, entry in ((("people", i), entry) for i, entry in enumerate(entries(given))):
+        found.append(None)
+        checked = faults.validated(form_of(entry), entry, place) if isinstance(entry, dict) else None
+        if checked is not None:
+            with faults.collected(place):
+                found[-1] = _people(faults, checked, place)
+    return found
+
+
+def form_of(entry: dict[str, Any]) -> type[BaseModel]:
+    """The form that an entry has by its keys."""
+    return TrackEntry if "track" in entry else WaypointsEntry if "waypoints" in entry else PersonEntry
+
+
+def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> list[list[int]]:
+    """Places, among all people, of those whom each group names: by the place of an entry, or by name."""
+    everyone = [person for entry in people for person in entry or (None,)]
+    first = [sum(len(entry or (None,)) for entry in people[:i]) for i in range(len(people))]
+    names = [person.name if person else "" for person in everyone]
+    groups: list[list[int]] = []
+    for i, group in enumerate(entries(given)):
+        groups.append([])
+        for j, member in enumerate(entries(group)):
+            where = [k for k, name in enumerate(names) if name and name == member]
+            if type(member) is int and 0 <= member < len(people):
+                if len(people[member] or (None,)) > 1:
+                    faults.add(("groups", i, j), f"entry {member} is {len(people[member] or ())} people; give a name")
+                groups[-1].append(first[member])
+            elif len(where) == 1:
+                groups[-1] += where
+            elif isinstance(member, int | str) and not (isinstance(member, str) and None in everyone):
+                faults.add(("groups", i, j), _unknown(member, names, len(people), len(where)))
+    return groups
+
+
+def _people(faults: Faults, entry: BaseModel, place: Place) -> People:
+    said = {key: getattr(entry, key) for key in entry.model_fields_set - BESIDE}
+    match entry:
+        case TrackEntry():
+            return _recorded(faults, entry, said)
+        case WaypointsEntry():
+            return (Person.along(Track.through(entry.waypoints), **said),)
+        case PersonEntry():
+            said["futures"] = tuple(_future(future) for future in entry.futures)
+            return (Person(**{**said, "yaw": faults.angle(entry.yaw, (*place, "yaw"), "a yaw")}),)
+    raise AssertionError(entry)  # there is no other form
+
+
+def _future(entry: FutureEntry) -> Future:
+    said = {key: getattr(entry, key) for key in entry.model_fields_set - BESIDE}
+    return Future(**said, track=None if entry.waypoints is None else Track.through(entry.waypoints))
+
+
+def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People:
+    """The people of a file who are there from the moment that is now on, up to the end of what is asked for."""
+    ids = [entry.id] if isinstance(entry.id, int | str) else entry.id
+    path = faults.beside(entry.track)
+    tracks = read_tracks(path, entry.frame_rate, entry.unit, entry.format, ids)
+    people = []
+    for one, whole in tracks.items():
+        track = whole.later(entry.begin) if entry.begin else whole
+        if track.end > 0 and (entry.until is None or track.begin < entry.until):
+            name = entry.name if entry.name and len(tracks) == 1 else f"{entry.name} {one}".strip()
+            people.append(Person.along(track, **{**said, "name": name}))
+    if not people:
+        begin, end = min(track.begin for track in tracks.values()), max(track.end for track in tracks.values())
+        asked = "" if entry.until is None else f" to {entry.begin + entry.until:g} s"
+        raise MapError(
+            f"nobody of {shown(entry.track)} is there from {entry.begin:g} s{asked} on: its "
+            f"{counted(len(tracks), 'track')} go from {begin:g} to {end:g} s; give another moment that is now, begin."
+        )
+    return tuple(people)
+
+
+def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
+    """Why a member of a group is nobody, or not one person."""
+    known = ", ".join(name for name in names if name)
+    where = f"places are 0 to {places - 1}" if places else "there are no people"
+    if times > 1:
+        return f"{times} people are called {shown(member)}; give the place of the one who is meant ({where})"
+    return f"expected a person's place or name, got {shown(member)}; {where}" + (
+        f", names are {printable(known)}" if known else ""
+    )

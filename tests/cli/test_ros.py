@@ -1,0 +1,87 @@
+"""`hpop ros`: the planner of a scenario over a bridge, until Ctrl-C; mistakes end in one message, and early."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from hpop.ros import plain, planar_pose, pose_message
+from tests.ros.bridge import SUCCEEDED, FakeBridge, fake_bridge
+
+Run = Callable[..., Result]
+
+
+def test_it_plans_goals_until_ctrl_c(run: Run, room: Path) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+
+    def ask(bridge: FakeBridge) -> Any:
+        """What a client does while the command runs in the main thread, which gets the signal."""
+        try:
+            poses = {"start": pose_message(0.5, 1.5, 0), "goal": pose_message(3.5, 1.5, 0)}
+            goal = bridge.send_goal("/way", {**poses, "planner_id": "", "use_start": True})
+            return bridge.ended(goal)
+        finally:
+            signal.pthread_kill(main, signal.SIGINT)
+
+    with fake_bridge("iron") as bridge, ThreadPoolExecutor() as pool:
+        asked = pool.submit(ask, bridge)
+        options = ["--action", "/way", "--distro", "iron", "--choice", "fewest turns"]
+        result = run("ros", room / "room.yaml", "--url", bridge.url, *options)
+        goal = asked.result()
+        assert bridge.log == []
+        bridge.until(lambda: not bridge.clients)
+    assert goal.status == SUCCEEDED
+    assert planar_pose(plain(goal.result.path.poses[-1])) == pytest.approx((3.5, 1.5, 0, "map"))
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    assert lines[0].startswith(f"planned {room / 'room.yaml'}: ")
+    assert lines[0].endswith(" trajectories, complete")
+    assert lines[1] == f"connected to {bridge.url}: goals of /way are planned"
+    assert lines[2].startswith("goal action_goal:/way:1: succeeded after 0.")
+    assert "(least turns)" in lines[2] or "(knee)" in lines[2]
+    assert lines[-1] == "no longer offered"
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (["--url", "localhost:9090"], 10, "url must be the address of a bridge, such as ws://localhost:9090"),
+        (["--url", "ws://a", "--distro", "jazy"], 10, "distribution is 'jazy'. Did you mean 'jazzy'"),
+        (["--url", "ws://a", "--action", "a b"], 10, "action must be a name of ROS"),
+        (["--url", "ws://a", "--pose-type", "Pose"], 10, "pose_type must be one of geometry_msgs/msg/Pose"),
+        (["--url", "ws://a", "--choice", "turnes"], 7, "choice is 'turnes', which is none of knee, least turns"),
+    ],
+)
+def test_a_mistake_ends_in_one_message(
+    run: Run, room: Path, refused: Callable[..., None], options: list[str], code: int, said: str
+) -> None:
+    refused(run("ros", room / "room.yaml", *options), code, said)
+
+
+def test_without_an_address_it_says_what_one_is(run: Run, room: Path) -> None:
+    result = run("ros", room / "room.yaml")
+    assert result.exit_code == 2
+    assert "Missing option '--url'" in result.output
+
+
+def test_without_the_extra_it_says_how_to_install_it(
+    run: Run, room: Path, refused: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "websockets.sync.client", None)
+    refused(run("ros", room / "room.yaml", "--url", "ws://localhost:9090"), 12, "pip install 'hpop[ros]'")
+
+
+def test_a_start_that_is_blocked_is_told_at_once(
+    run: Run, room: Path, write: Callable[..., None], refused: Callable[..., None]
+) -> None:
+    write(room, ("start: [0.5, 0.5, 0]", "start: [2.0, 0.5, 0]"))
+    refused(run("ros", room / "room.yaml", "--url", "ws://localhost:9090"), 5, "start")

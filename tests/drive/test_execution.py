@@ -1,0 +1,95 @@
+"""Claims of a drive: where it is, what may be chosen, what a change of the world makes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.errors import DriveError
+from tests.drive.rooms import NORTH, SOUTH, planned, through
+
+
+def driving(door: str = "north") -> hpop.drive.Execution:
+    """A drive along the least turns through one of the doors."""
+    problem, front = planned()
+    rows = [i for i, way in enumerate(front.trajectories) if through(way) == door]
+    return hpop.follow(problem, front, min(rows, key=lambda i: front.costs[i, 1]))
+
+
+def test_the_plan_is_driven_from_the_start_to_the_goal_and_costs_what_the_front_says() -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee")
+    end = drive.at(drive.plan.duration + 1.0)
+    assert end.arrived
+    assert end.past == pytest.approx(problem.evaluate(front.knee().trajectory))
+    assert drive.at(0.0).past == dict.fromkeys(end.past, 0.0)
+
+
+def test_another_way_may_be_taken_where_a_straight_move_arrives_later_than_the_deadline() -> None:
+    drive = driving()
+    for now in np.arange(0.0, drive.plan.duration - 1.0, 0.7).tolist():
+        commit = drive.commit(now, 0.5)
+        assert commit.time > now + 0.5
+        assert drive.plan.kinds[commit.place - 1] == "move"
+
+
+def test_a_door_that_closes_turns_the_robot_to_the_other_one_without_a_jump() -> None:
+    drive = driving("north")
+    change = drive.world(1.0, close="north")
+    assert change.safe_until is not None
+    assert change.stops_at is not None
+    assert 1.0 < change.stops_at <= change.safe_until
+    options = drive.options(1.2)
+    assert options.keep_on is None
+    assert {through(option.item) for option in options} == {"south"}
+    drive.take(options.knee())
+    assert drive.at(100.0).arrived
+    assert through(drive.plan) == "south"
+    assert drive.world(2.0, open="north").safe_until is None
+
+
+def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -> None:
+    drive = driving("north")
+    drive.world(0.5, close="south")
+    drive.world(1.0, close=NORTH, name="the north door")
+    assert drive.options(1.0).status is hpop.Status.NO_PATH
+    waiting = drive.at(60.0)
+    assert waiting.stands
+    assert not waiting.arrived
+    drive.world(70.0, open="the north door")
+    assert not drive.at(70.0).stands
+    assert drive.plan.kinds.count("hold") == 1
+    assert drive.at(200.0).arrived
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"close": "east"}, "no door or zone of the map is called 'east'"),
+        ({"open": "north"}, "'north' is not closed"),
+        ({"open": SOUTH}, "no closing has the area"),
+        ({"close": [(0.5, 2.5), (1.5, 2.5), (1.5, 3.5), (0.5, 3.5)]}, "covers the robot"),
+        ({"close": [(0, 0), (1, float("nan")), (1, 1)]}, "what is closed"),
+        ({"stop": "somebody"}, "nobody is called 'somebody'"),
+        ({"close": "north", "open": "south"}, "one thing that changes"),
+        ({}, "one thing that changes"),
+    ],
+)
+def test_what_makes_no_sense_is_told_and_changes_nothing(told: dict[str, object], said: str) -> None:
+    drive = driving()
+    with pytest.raises(DriveError, match=said):
+        drive.world(0.1, **told)  # type: ignore[arg-type]
+    assert drive.record == []
+    assert drive.surroundings.closed == ()
+
+
+def test_events_are_told_in_order_of_time() -> None:
+    drive = driving()
+    drive.world(3.0, close="south")
+    with pytest.raises(DriveError, match="in order of time"):
+        drive.world(2.0, open="south")
+    with pytest.raises(DriveError, match="now must be a time"):
+        drive.options(float("nan"))
+    with pytest.raises(DriveError, match="deadline must be"):
+        drive.options(4.0, -1.0)
