@@ -23,22 +23,33 @@ def known_paths(
     graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
 ) -> KnownPaths:
     """Paths of which no arc is closed, and what they cost; QueryError for what leads from the source to no target."""
-    costs = np.zeros((len(paths), graph.criteria), np.int64)
-    worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
-    free = np.ones(len(paths), np.bool_)
-    checked = []
-    for i, path in enumerate(paths):
-        arcs = np.asarray(path)
-        whole = arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size)
-        if not whole or (arcs.size and (arcs.min() < 0 or arcs.max() >= graph.arcs)):
-            raise QueryError(f"known path {i} must list places of arcs, from 0 to {graph.arcs - 1}")
-        arcs = arcs.astype(np.int64)
-        heads = np.append(source, graph.heads[arcs])
-        leads = (graph.indptr[heads[:-1]] <= arcs) & (arcs < graph.indptr[heads[:-1] + 1])
-        if not leads.all() or not is_target[heads[-1]]:
-            raise QueryError(f"known path {i} does not lead from node {source} to a target, arc by arc")
-        rows = graph.costs[arcs]
-        costs[i] = np.where(worst, rows.max(axis=0, initial=0), rows.sum(axis=0))
-        free[i] = not closed[arcs].any()
-        checked.append(arcs)
-    return KnownPaths(costs[free], tuple(arcs for arcs, kept in zip(checked, free, strict=True) if kept))
+    several = [_places(graph, i, path) for i, path in enumerate(paths)]
+    sizes = np.array([path.size for path in several], np.int64)
+    ends = np.cumsum(sizes)
+    arcs = np.concatenate([np.zeros(0, np.int64), *several])
+    heads = graph.heads[arcs].astype(np.int64)
+    tails = np.append(source, heads)[:-1] if arcs.size else arcs
+    tails[(ends - sizes)[sizes > 0]] = source
+    leads = (graph.indptr[tails] <= arcs) & (arcs < graph.indptr[tails + 1])
+    last = np.full(len(several), source)
+    last[sizes > 0] = heads[ends[sizes > 0] - 1]
+    row = np.repeat(np.arange(len(several)), sizes)
+    wrong = np.concatenate([row[~leads], np.flatnonzero(~is_target[last])])
+    if wrong.size:
+        raise QueryError(f"known path {wrong.min()} does not lead from node {source} to a target, arc by arc")
+    costs = np.zeros((len(several), graph.criteria), np.int64)
+    for j, aggregate in enumerate(graph.aggregates):
+        if arcs.size:
+            add = np.maximum if aggregate == "max" else np.add
+            costs[sizes > 0, j] = add.reduceat(graph.costs[arcs, j], (ends - sizes)[sizes > 0])
+    free = np.ones(len(several), np.bool_)
+    free[row[closed[arcs]]] = False
+    return KnownPaths(costs[free], tuple(path for path, kept in zip(several, free, strict=True) if kept))
+
+
+def _places(graph: Graph, i: int, path: IntArray) -> IntArray:
+    arcs = np.asarray(path)
+    listed = arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size)
+    if not listed or (arcs.size and (arcs.min() < 0 or arcs.max() >= graph.arcs)):
+        raise QueryError(f"known path {i} must list places of arcs, from 0 to {graph.arcs - 1}")
+    return arcs.astype(np.int64)

@@ -3,8 +3,8 @@
 A drive asks the same question again and again, from node after node, while doors close and open. What takes most of the
 time of a small question does not change then: the groups that turns make, and lower bounds of the costs-to-go, which do
 not depend on the source. Nor does a closed arc need another graph. In the tables of a search it costs more than any
-solution, or leads back to where it begins, so kernels stay what they are; and bounds stay consistent, only weaker. When
-arcs open again the bounds are repaired (:mod:`.repair`).
+solution, or leads back to where it begins, so kernels stay what they are. The bounds are repaired where they change
+(:mod:`.repair`): old ones would be true after a closing, but lead a search to the closed door.
 
 All turns of a group can be closed together. Where only some of them are, a path may need two turns in a row, which
 groups rule out: then the search does without groups until they are open again. That is exact, and slower.
@@ -13,6 +13,7 @@ groups rule out: then the search does without groups until they are open again. 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,13 +21,13 @@ from numpy.typing import ArrayLike, NDArray
 from hpop.arrays import BoolArray, IntArray
 from hpop.options import MOST, real
 from hpop.search.graph import Graph
-from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_to_go
+from hpop.search.machinery.bounds import PILES, costs_to_go
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.prepared.closings import Closings
 from hpop.search.prepared.deadline import Deadline
 from hpop.search.prepared.known import known_paths
-from hpop.search.prepared.repair import is_reached, lower_bounds_from, sort_by_head
+from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
 from hpop.search.prepared.run import PreparedRun
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
@@ -35,15 +36,15 @@ from hpop.status import Budget, ProgressCallback, Status
 class Prepared:
     """A graph ready to be searched from any node to the same targets, again and again.
 
-    bounds  (k, n)  lower bounds of the costs-to-go, consistent on the arcs that are open
-    onward  (k, n)  next node on a way of that cost while all arcs were open, -1 for none
+    bounds  (k, n)  least cost of any open way to a target
+    onward  (k, n)  next node on such a way, -1 for none
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 
     Guarantees: :meth:`paths` is what :func:`pareto_paths` finds on the graph without the arcs that are closed.
 
-    Cost: groups and bounds once. A search then takes the time of its labels alone, after closings up to twice as many
-    as with bounds made anew.
+    Cost: groups and bounds once, and what closings and openings change of the bounds. A search then takes the time of
+    its labels alone.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)
@@ -75,20 +76,27 @@ class Prepared:
 
     def close(self, arcs: ArrayLike) -> None:
         """Let no path take these arcs, by their places (N,) in the graph, until they are opened."""
-        self.closings.turned(arcs, closed=True)
+        self._repair(after_closing, self.closings.turned(arcs, closed=True))
 
     def open(self, arcs: ArrayLike) -> None:
-        """Let paths take these arcs again, by their places (N,) in the graph; the bounds are repaired."""
-        opened = self.closings.turned(arcs, closed=False)
+        """Let paths take these arcs again, by their places (N,) in the graph."""
+        self._repair(after_opening, self.closings.turned(arcs, closed=False))
+
+    def _repair(self, kernel: Any, changed: IntArray) -> None:
+        """Make the bounds right again after some arcs (a,) were closed or opened."""
         graph, clock, n = self.graph, Clock(UNLIMITED, None), self.graph.nodes
         if self._entering is None:
             self._entering = np.zeros(n + 2, np.int64), np.empty(graph.arcs, np.int32)
             clock.call(sort_by_head, graph.heads, *self._entering)
-        arrays = (*self._entering, self.closings.tails, graph.heads, graph.costs)
-        for j, aggregate in enumerate(graph.aggregates):
-            scratch = np.zeros(n, np.uint8), np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32)
-            tables = (*arrays, j, aggregate == "max", self.closings.closed)
-            clock.call(lower_bounds_from, opened, *tables, self.bounds[j], self.onward[j], *scratch)
+        tables = (graph.indptr, graph.heads, graph.costs, self.closings.tails)
+
+        def arguments(j: int) -> tuple[Any, ...]:
+            piles = np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32)
+            kind = (j, graph.aggregates[j] == "max", self.closings.closed)
+            bounds = self.bounds[j], self.onward[j], np.zeros(n, np.uint8)
+            return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(n, np.int32))
+
+        clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
 
     def paths(
         self,
@@ -122,14 +130,3 @@ class Prepared:
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         return run.result(clock, status)
-
-    def is_reached(self, source: int, clock: Clock) -> bool:
-        """Whether any target is reached from a node by arcs that are open."""
-        if self.bounds[0, source] >= UNREACHABLE:
-            return False
-        if not self.closings.closed.any():
-            return True
-        graph = self.graph
-        room = np.zeros(graph.nodes, np.uint8), np.empty(graph.nodes, np.int32)
-        tables = (graph.indptr, graph.heads, self.closings.closed, self.bounds[0], self.is_target.view(np.uint8))
-        return bool(clock.call(is_reached, *tables, source, *room))

@@ -1,11 +1,15 @@
-"""Bounds that stay true while arcs are opened, and whether a target is reached at all while others are closed.
+"""Bounds that are made right again where arcs were closed or opened, and nowhere else.
 
-To close an arc leaves lower bounds consistent: h(u) <= c + h(v) holds for fewer arcs. To open one may break that at its
-tail u. Then h(u) becomes c + h(v), and so on backward: a search like that of :mod:`.machinery.bounds`, which only
-lowers, and so comes no farther than where the way through an opened arc is better. What was exact before is so after.
+h_j(v) is the least cost j of any way from v to a target, and each node knows the next one on such a way. Where an arc
+is closed, only nodes whose way takes it may have to go farther: their bounds are forgotten, and made anew from those of
+their neighbours (Ramalingam and Reps, "An incremental algorithm for a generalization of the shortest-path problem",
+1996). Where an arc u -> v is opened h(u) may fall to c + h(v), and so on backward. Both go on as the search of
+:mod:`.machinery.bounds` does, from where something changed.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,39 +33,22 @@ def sort_by_head(heads: NDArray[np.int32], first: IntArray, arcs: NDArray[np.int
 
 
 @lean
-def lower_bounds_from(
-    opened: IntArray,
-    first: IntArray,
-    entering: NDArray[np.int32],
-    tails: NDArray[np.int32],
-    heads: NDArray[np.int32],
-    costs: IntArray,
+def settle(
+    graph: Any,
+    entering: Any,
     column: int,
     is_max: bool,
     closed: BoolArray,
     h: IntArray,
     onward: NDArray[np.int32],
     is_open: NDArray[np.uint8],
-    tops: IntArray,
-    above: NDArray[np.int32],
-    below: NDArray[np.int32],
+    piles: Any,
 ) -> None:
-    """Lower h and onward (n,) in one cost where an opened arc (a,) makes the way to a target shorter.
-
-    first, entering  the arcs that enter each node, see :func:`sort_by_head`
-    is_open, tops    (n,) 0 and (PILES,) -1 before; above and below (n,) are scratch
-    """
+    """Lower bounds until no open arc could lower one any more, from the nodes that lie in the piles."""
+    _, _, costs, tails = graph
+    first, arcs = entering
+    tops, above, below = piles
     lowest = d = np.int64(0)
-    for a in opened:
-        u, v = np.int64(tails[a]), np.int64(heads[a])
-        if closed[a] or h[v] >= UNREACHABLE:
-            continue
-        far = max(h[v], costs[a, column]) if is_max else h[v] + costs[a, column]
-        if far < h[u]:
-            if is_open[u]:
-                leave(u, bits(h[u] ^ d), tops, above, below)
-            h[u], onward[u], is_open[u] = far, v, 1
-            enter(u, bits(far ^ d), tops, above, below)
     while True:
         if tops[0] < 0:
             pile = 1
@@ -85,7 +72,7 @@ def lower_bounds_from(
         leave(v, lowest, tops, above, below)
         is_open[v] = 0
         for i in range(first[v], first[v + 1]):
-            a = entering[i]
+            a = np.int64(arcs[i])
             u = np.int64(tails[a])
             if closed[a] or h[u] <= d:
                 continue
@@ -98,30 +85,91 @@ def lower_bounds_from(
 
 
 @lean
-def is_reached(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
+def after_opening(
+    opened: IntArray,
+    graph: Any,
+    entering: Any,
+    column: int,
+    is_max: bool,
     closed: BoolArray,
     h: IntArray,
-    is_target: NDArray[np.uint8],
-    source: int,
-    seen: NDArray[np.uint8],
-    stack: NDArray[np.int32],
-) -> bool:
-    """Whether a target is reached from the source by arcs that are open; seen (n,) is 0 before, stack (n,) scratch."""
-    size = 1
-    stack[0] = source
-    seen[source] = 1
-    while size > 0:
-        size -= 1
-        v = np.int64(stack[size])
-        if is_target[v]:
-            return True
-        for a in range(indptr[v], indptr[v + 1]):
-            u = np.int64(heads[a])
-            if closed[a] or seen[u] or h[u] >= UNREACHABLE:
-                continue
-            seen[u] = 1
-            stack[size] = u
+    onward: NDArray[np.int32],
+    is_open: NDArray[np.uint8],
+    piles: Any,
+    scratch: NDArray[np.int32],
+) -> None:
+    """Lower h and onward (n,) of one cost where opened arcs (a,) make the way to a target shorter.
+
+    graph          indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
+    entering       the arcs that enter each node, see :func:`sort_by_head`
+    is_open, piles (n,) 0; (PILES,) -1, and (n,) and (n,) scratch, before
+    """
+    _, heads, costs, tails = graph
+    tops, above, below = piles
+    for a in opened:
+        u, v = np.int64(tails[a]), np.int64(heads[a])
+        if h[v] >= UNREACHABLE:
+            continue
+        far = max(h[v], costs[a, column]) if is_max else h[v] + costs[a, column]
+        if far < h[u]:
+            if is_open[u]:
+                leave(u, bits(h[u]), tops, above, below)
+            h[u], onward[u], is_open[u] = far, v, 1
+            enter(u, bits(far), tops, above, below)
+    settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)
+
+
+@lean
+def after_closing(
+    shut: IntArray,
+    graph: Any,
+    entering: Any,
+    column: int,
+    is_max: bool,
+    closed: BoolArray,
+    h: IntArray,
+    onward: NDArray[np.int32],
+    is_open: NDArray[np.uint8],
+    piles: Any,
+    affected: NDArray[np.int32],
+) -> None:
+    """Raise h and onward (n,) of one cost where closed arcs (a,) were on the ways; arguments as before.
+
+    affected  (n,) scratch
+    """
+    indptr, heads, costs, tails = graph
+    first, arcs = entering
+    tops, above, below = piles
+    size = 0
+    for a in shut:
+        u = np.int64(tails[a])
+        if onward[u] == heads[a] and h[u] < UNREACHABLE:
+            h[u] = UNREACHABLE
+            affected[size] = u
             size += 1
-    return False
+    at = 0
+    while at < size:
+        v = np.int64(affected[at])
+        at += 1
+        for i in range(first[v], first[v + 1]):
+            u = np.int64(tails[arcs[i]])
+            if onward[u] == v and h[u] < UNREACHABLE:
+                h[u] = UNREACHABLE
+                affected[size] = u
+                size += 1
+    for i in range(size):
+        onward[affected[i]] = -1
+    for i in range(size):
+        u = np.int64(affected[i])
+        best, to = UNREACHABLE, np.int64(-1)
+        for a in range(indptr[u], indptr[u + 1]):
+            v = np.int64(heads[a])
+            if closed[a] or is_open[v] or h[v] >= UNREACHABLE:
+                continue
+            far = max(h[v], costs[a, column]) if is_max else h[v] + costs[a, column]
+            if far < best:
+                best, to = far, v
+        if to >= 0:
+            h[u], onward[u], is_open[u] = best, to, 1
+            enter(u, bits(best), tops, above, below)
+    settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)

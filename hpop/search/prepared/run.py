@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.frontier import is_nondominated
-from hpop.search.machinery.bounds import costs_of_least
+from hpop.search.machinery.bounds import UNREACHABLE, costs_of_least
 from hpop.search.machinery.slices import Search
 from hpop.search.methods import Question, chosen_method
 from hpop.search.prepared.deadline import Deadline
@@ -34,7 +34,7 @@ class PreparedRun:
     def go(self, clock: Deadline) -> Status:
         """Search until all is found, or time is up."""
         prepared = self.prepared
-        if not prepared.is_reached(self.source, clock):
+        if prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         status = clock.exceeded(0, 0)
         if status is not None:
