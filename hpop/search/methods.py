@@ -36,50 +36,23 @@ class Question:
     at_most: tuple[int, ...] = ()
 
     def search(
-        self,
-        method: str,
-        index: int,
-        h: IntArray,
-        samples: IntArray,
-        groups: Groups,
-        clock: Clock,
-        *,
-        jointly: bool,
-    ) -> tuple[Search, str, tuple[int, ...]]:
-        """Set up the search, and say which method it is, and its order of the costs.
+        self, method: str, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
+    ) -> Search:
+        """Set up the search by a method, with the costs in the order of :func:`chosen_order`; may raise TooWide.
 
-        method, index  of :func:`chosen_method`
-        h, samples     bounds (k, n), and the costs (k, k) of the paths least in each cost
-        jointly        whether it may take joint bounds
+        h        (k, n)  bounds
+        groups   of the order's index, or none, where the method is "staircase"
+        jointly  whether it may take joint bounds
         """
-        by_spread = _by_spread(samples, h[:, self.source])
+        ends = self.graph, self.source, self.targets
         if method == "staircase":
-            from hpop.search.machinery.turns import Groups
             from hpop.search.staircase.search import Staircase
-            from hpop.search.staircase.tables import TooWide
 
-            others = [j for j in by_spread if j != index]
-            others.sort(key=lambda j: self._is_raised(j, index, groups))  # free turns first
-            three = (others[0], index, others[1] if len(others) > 1 else -1)
-            turns = groups if groups.column == index else Groups.none(self.graph, clock)
-            ends = self.graph, self.source, self.targets
-            try:
-                staircase = Staircase(*ends, h, three, turns, clock, self.precision, self.at_most, jointly=jointly)
-                return staircase, method, (others[0], index, *others[1:])
-            except TooWide:
-                groups = turns
+            three = (order[0], order[1], order[2] if len(order) > 2 else -1)
+            return Staircase(*ends, h, three, groups, clock, self.precision, self.at_most, jointly=jointly)
         from hpop.search.general.search import General
 
-        order = _free_first(self.graph, by_spread, groups)
-        ends = self.graph, self.source, self.targets
-        return General(*ends, h, order, groups, clock, self.precision, self.at_most), "general", order
-
-    def _is_raised(self, j: int, index: int, groups: Groups) -> bool:
-        """Whether any turn, an arc with a positive index, raises cost j."""
-        if groups.column == index:
-            return bool(groups.dearest[:, j].any())
-        turns = self.graph.costs[:, index] > 0
-        return bool(self.graph.costs[:, j].max(where=turns, initial=0))
+        return General(*ends, h, order, groups, clock, self.precision, self.at_most)
 
 
 def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, int]:
@@ -99,6 +72,30 @@ def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, in
     if method == "auto":
         method = "staircase" if index >= 0 and graph.criteria == 3 else "general"
     return method, index
+
+
+def chosen_order(
+    graph: Graph, method: str, index: int, samples: IntArray, least: IntArray, groups: Groups
+) -> tuple[int, ...]:
+    """The order of the costs: of the method "staircase" its index is the second.
+
+    method, index   of :func:`chosen_method`
+    samples, least  costs (k, k) of the paths least in each cost, and these (k,)
+    """
+    by_spread = _by_spread(samples, least)
+    if method != "staircase":
+        return _free_first(graph, by_spread, groups)
+    others = [j for j in by_spread if j != index]
+    others.sort(key=lambda j: _is_raised(graph, j, index, groups))  # free turns first
+    return (others[0], index, *others[1:])
+
+
+def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
+    """Whether any turn, an arc with a positive index, raises cost j."""
+    if groups.column == index:
+        return bool(groups.dearest[:, j].any())
+    turns = graph.costs[:, index] > 0
+    return bool(graph.costs[:, j].max(where=turns, initial=0))
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:

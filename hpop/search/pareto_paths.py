@@ -13,7 +13,7 @@ from hpop.errors import OptionError, did_you_mean
 from hpop.options import MOST_COUNTED, amounts, whole
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
-from hpop.search.methods import Question, chosen_method
+from hpop.search.methods import Question, chosen_method, chosen_order
 from hpop.search.networks import WHOLE
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
@@ -171,10 +171,18 @@ class _ParetoRun:
         if h[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         question = Question(self.graph, self.source, self.targets, self.precision, self.at_most)
-        search, self.method, self.order = question.search(
-            self.method, index, h, samples, groups, clock, jointly=self.keeper is None
-        )
-        return search
+        costs = samples, h[:, self.source]
+        self.order = chosen_order(self.graph, self.method, index, *costs, groups)
+        if self.method == "staircase":
+            from hpop.search.staircase.tables import TooWide
+
+            if groups.column != index:
+                groups = Groups.none(self.graph, clock)
+            try:
+                return question.search("staircase", self.order, h, groups, clock, jointly=self.keeper is None)
+            except TooWide:
+                self.method, self.order = "general", chosen_order(self.graph, "general", index, *costs, groups)
+        return question.search(self.method, self.order, h, groups, clock, jointly=False)
 
     def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
         """What was found; ``proven`` says that the gap is, which takes seconds where millions of labels are open.

@@ -17,22 +17,43 @@ class Deadline(Clock):
     """A clock that ends a search so early that its answer, gap and paths included, is there in time.
 
     Compiling is not charged, as always.
+
+    share   of all limits that the search may spend for now
+    labels  count  that other searches of the same question have generated
+    memory  bytes  that these hold
     """
 
     def __init__(self, seconds: float | None, budget: Budget, progress: ProgressCallback | None) -> None:
         super().__init__(budget, progress)
         self.deadline = seconds
         self.started = thread_time()
+        self.share = 1.0
+        self.labels = self.memory = 0
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether the search may have to end before it is complete."""
+        limits = self.deadline, self.budget.time_limit, self.budget.max_labels
+        return any(limit is not None for limit in limits)
 
     @property
     def left(self) -> float:
         """Seconds that are left; infinitely many without a deadline."""
-        return float("inf") if self.deadline is None else self.deadline - (thread_time() - self.started)
+        if self.deadline is None:
+            return float("inf")
+        return self.share * self.deadline - (thread_time() - self.started)
 
     @property
     def work(self) -> int:
         """As much as there is time for, less and less towards the end."""
         return int(min(SLICE, max(LEAST, self.left * STEPS / 2)))
+
+    def silent(self, labels: int, memory: int) -> Deadline:
+        """As of any clock; of the same deadline."""
+        plain = super().silent(self.labels + labels, self.memory + memory)
+        clock = Deadline(self.deadline, plain.budget, None)
+        clock.begin, clock.started, clock.share = plain.begin, self.started, self.share
+        return clock
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
         """Compile a kernel, or load it."""
@@ -43,7 +64,13 @@ class Deadline(Clock):
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
         """Return the limit that is passed, or None; the deadline is passed when the answer's share of it begins."""
-        status = super().exceeded(labels, memory, record=record)
-        if status is None and self.left <= END + LABEL * labels:
+        labels += self.labels
+        status = super().exceeded(labels, memory + self.memory, record=record)
+        if status is not None:
+            return status
+        limit = self.budget
+        if limit.max_labels is not None and labels >= self.share * limit.max_labels:
+            return Status.LABEL_LIMIT
+        if limit.time_limit is not None and self.seconds() >= self.share * limit.time_limit:
             return Status.TIME_LIMIT
-        return status
+        return Status.TIME_LIMIT if self.left <= END + LABEL * labels else None

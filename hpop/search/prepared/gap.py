@@ -21,11 +21,12 @@ def excess(one: FloatArray, least: FloatArray) -> float:
 
 
 @lean
-def largest_gap(front: FloatArray, estimates: FloatArray, gap: float) -> float:
-    """Find the least gap, `gap` or more, within which some vector of the front (n, k) covers each estimate (m, k).
+def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
+    """Find the gap within which some vector of the front (n, k) covers each estimate (m, k); `most` or more is enough.
 
     Neighbours in a queue are alike, so the vector that covered one estimate is asked first about the next one.
     """
+    gap = 0.0
     last = 0
     for i in range(len(estimates)):
         if excess(front[last], estimates[i]) <= gap:
@@ -39,13 +40,15 @@ def largest_gap(front: FloatArray, estimates: FloatArray, gap: float) -> float:
                 if best <= gap:
                     break
         gap = max(gap, best)
+        if gap >= most:
+            break
     return gap
 
 
-def proven_gap(front: IntArray, estimates: IntArray) -> float:
-    """As :func:`hpop.search.machinery.approximation.proven_gap`, but estimates that others dominate cost little."""
+def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
+    """As :func:`hpop.search.machinery.approximation.proven_gap`; where that is `most` or more, some gap of so much."""
     if not len(estimates):
         return 0.0
     if not len(front):
         return float("inf")
-    return float(largest_gap(front.astype(np.float64), np.ascontiguousarray(estimates, np.float64), 0.0))
+    return float(largest_gap(front.astype(np.float64), np.ascontiguousarray(estimates, np.float64), most))

@@ -1,4 +1,4 @@
-"""Paths that are known beforehand: the rest of those found from an earlier node, for one."""
+"""Paths that are known beforehand: the rest of those found from an earlier node, and the least in each cost."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
+from hpop.compiled import lean
 from hpop.errors import QueryError
 from hpop.search.graph import Graph
 
@@ -45,6 +47,31 @@ def known_paths(
     free = np.ones(len(several), np.bool_)
     free[row[closed[arcs]]] = False
     return KnownPaths(costs[free], tuple(path for path, kept in zip(several, free, strict=True) if kept))
+
+
+@lean
+def least_way(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    closed: BoolArray,
+    onward: NDArray[np.int32],
+    source: int,
+    arcs: IntArray,
+) -> int:
+    """Follow nodes onward (n,) from the source by the open arcs (n,) that cost least; returns how many these are."""
+    size = 0
+    u = np.int64(source)
+    while onward[u] >= 0:
+        best = np.int64(-1)
+        for a in range(indptr[u], indptr[u + 1]):
+            if heads[a] == onward[u] and not closed[a] and (best < 0 or costs[a, column] < costs[best, column]):
+                best = np.int64(a)
+        arcs[size] = best
+        size += 1
+        u = np.int64(onward[u])
+    return size
 
 
 def _places(graph: Graph, i: int, path: IntArray) -> IntArray:

@@ -21,12 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from hpop.arrays import BoolArray, IntArray
 from hpop.options import MOST, real
 from hpop.search.graph import Graph
-from hpop.search.machinery.bounds import PILES, costs_to_go
+from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least, costs_to_go
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
+from hpop.search.methods import chosen_method, chosen_order
 from hpop.search.prepared.closings import Closings
 from hpop.search.prepared.deadline import Deadline
-from hpop.search.prepared.known import known_paths
+from hpop.search.prepared.known import known_paths, least_way
+from hpop.search.prepared.outlook import Outlook
 from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
 from hpop.search.prepared.run import PreparedRun
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
@@ -65,7 +67,22 @@ class Prepared:
         clock = Clock(UNLIMITED, progress)
         clock.report("bounds")
         groups = Groups.of(graph, clock)
-        self.bounds, self.onward = costs_to_go(graph, self.targets, clock, groups)
+        h, self.onward = costs_to_go(graph, self.targets, clock, groups)
+        reached = h[0] < UNREACHABLE
+        far = int(
+            np.argmax(np.where(reached, (h / (1 + h.max(axis=1, where=reached, initial=0))[:, None]).sum(axis=0), -1))
+        )
+        samples = costs_of_least(graph, far, h, self.onward, clock)
+        method, index = chosen_method(graph, "auto", samples)
+        if method == "staircase" and groups.column != index:
+            groups = Groups.none(graph, clock)
+        self.plans = [
+            (each, chosen_order(graph, each, index, samples, h[:, far], groups)) for each in (method, "general")
+        ]
+        self.bounds = h.copy()
+        self.outlook = Outlook(h)
+        if method == "staircase":
+            self.outlook = Outlook.of(graph, far, self.targets, self.plans[0][1], h, groups, clock)
         self.closings = Closings(graph, groups)
         self._entering: tuple[IntArray, NDArray[np.int32]] | None = None
 
@@ -123,10 +140,21 @@ class Prepared:
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         clock = Deadline(deadline, budget, progress)
-        sooner = known_paths(self.graph, start, self.is_target, known, self.closings.closed)
+        sooner = known_paths(self.graph, start, self.is_target, [*known, *self.least_ways(start)], self.closings.closed)
         run = PreparedRun(self, start, sooner)
         try:
             status = run.go(clock)
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         return run.result(clock, status)
+
+    def least_ways(self, source: int) -> list[IntArray]:
+        """A path from a node that is least in each cost, by the places of its arcs; none where no target is reached."""
+        if self.bounds[0, source] >= UNREACHABLE:
+            return []
+        graph, clock, found = self.graph, Clock(UNLIMITED, None), []
+        arcs = np.empty(graph.nodes, np.int64)
+        for j in range(graph.criteria):
+            tables = (graph.indptr, graph.heads, graph.costs, j, self.closings.closed, self.onward[j])
+            found.append(arcs[: clock.call(least_way, *tables, source, arcs)].copy())
+        return found

@@ -1,25 +1,37 @@
-"""One search of a prepared graph: set up from what is kept, ended in time, answered together with what was known."""
+"""One search of a prepared graph: set up from what is kept, ended in time, answered together with what was known.
+
+Most questions of a drive are small: the exact search answers them in milliseconds. Where it has spent a part of its
+limits and is not done, a search within a precision comes in between: with the joint bounds that are kept, and all that
+is known to begin with, it needs some thousands of labels, and proves a gap that the exact search, which goes by its
+first cost, would prove at its end. Then the exact one goes on.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.arrays import IntArray
 from hpop.frontier import is_nondominated
-from hpop.search.machinery.bounds import UNREACHABLE, costs_of_least
-from hpop.search.machinery.slices import Search
-from hpop.search.methods import Question, chosen_method
+from hpop.search.machinery.approximation import Precision
+from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.machinery.slices import N_GENERATED, Search
+from hpop.search.methods import Question
 from hpop.search.prepared.deadline import Deadline
 from hpop.search.prepared.gap import proven_gap
 from hpop.search.prepared.known import KnownPaths
 from hpop.search.queries import ParetoPaths, SearchStats
+from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import TooWide
 from hpop.status import Status
 
 if TYPE_CHECKING:
     from hpop.search.prepared.prepared import Prepared
+
+FIRST = 0.4  # of all limits, after which a search within a precision comes in between
+GAP = 0.1  # its precision, relative
 
 
 class PreparedRun:
@@ -27,59 +39,112 @@ class PreparedRun:
 
     def __init__(self, prepared: Prepared, source: int, known: KnownPaths) -> None:
         self.prepared, self.source, self.known = prepared, source, known
-        self.search: Search | None = None
-        self.method = "auto"
-        self.order: tuple[int, ...] = ()
+        self.exact: Search | None = None
+        self.near: Staircase | None = None
+        self.is_near = False  # whether the search within a precision is complete
+        self.method, self.order = prepared.plans[0]
 
     def go(self, clock: Deadline) -> Status:
         """Search until all is found, or time is up."""
-        prepared = self.prepared
-        if prepared.bounds[0, self.source] >= UNREACHABLE:
+        if self.prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         status = clock.exceeded(0, 0)
         if status is not None:
             return status
-        graph, h = prepared.graph, prepared.bounds
-        samples = costs_of_least(graph, self.source, h, prepared.onward, clock)
-        method, index = chosen_method(graph, self.method, samples)
-        question = Question(graph, self.source, prepared.targets)
-        groups = prepared.closings.groups
-        self.search, self.method, self.order = question.search(method, index, h, samples, groups, clock, jointly=False)
-        prepared.closings.mask(self.search)
         try:
-            return self.search.run(clock)
+            return self._go(clock)
         except TooWide:
-            self.search, self.method = None, "general"
-            return self.go(clock)
+            self.exact, (self.method, self.order) = None, self.prepared.plans[1]
+            return self._go(clock)
+
+    def _go(self, clock: Deadline) -> Status:
+        prepared = self.prepared
+        question = Question(prepared.graph, self.source, prepared.targets)
+        groups = prepared.closings.groups
+        search = question.search(self.method, self.order, prepared.bounds, groups, clock, jointly=False)
+        prepared.closings.mask(search)
+        self.exact = search
+        outlook, in_groups = prepared.outlook, groups is prepared.closings.whole
+        if isinstance(search, Staircase) and in_groups and outlook.layers is not None:
+            search.take_turn_bounds(outlook.layers.astype(search.dtype, copy=False))
+        if isinstance(search, Staircase) and in_groups and outlook.hull is not None and clock.is_limited:
+            clock.share = FIRST
+            status = search.run(clock)
+            clock.share = 1.0
+            if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
+                return status
+            self._go_near(search, clock)
+        return search.run(clock)
+
+    def _go_near(self, exact: Staircase, clock: Deadline) -> None:
+        """Search within a precision, with joint bounds and all that is found and known to begin with."""
+        prepared, outlook = self.prepared, self.prepared.outlook
+        graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
+        if hull is None:
+            return
+        clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
+        question = Question(graph, self.source, prepared.targets, Precision(GAP))
+        try:
+            search = question.search("staircase", self.order, outlook.h, groups, clock, jointly=True)
+            assert isinstance(search, Staircase)
+            prepared.closings.mask(search)
+            along, ways = search.front_along(hull, clock)
+            found, labels, *_ = exact.found()
+            costs = np.concatenate([self.known.costs[:, list(self.order)], found, along])
+            paths = [*self.known.paths, *exact.paths(labels, clock), *ways]
+            rows = _best(costs)
+            search.take_joint_bounds(hull, costs[rows], [paths[row] for row in rows], clock)
+            self.near = search
+            self.is_near = search.run(clock) is Status.COMPLETE
+        except TooWide:
+            self.near = None
+        clock.labels = 0 if self.near is None else int(self.near.counters[N_GENERATED])
+        clock.memory = 0 if self.near is None else self.near.memory()
 
     def result(self, clock: Deadline, status: Status) -> ParetoPaths:
         """What was found and what was known, together, and how much better others may be."""
-        k, graph = self.prepared.graph.criteria, self.prepared.graph
+        graph = self.prepared.graph
         costs, paths = self.known
-        missing = self.prepared.bounds[:, self.source][None]  # (m, k)  lower bounds of what may be missing
-        counts: dict[str, Any] = {}
-        end = clock.seconds()
-        if self.search is not None:
-            found, labels, generated, expanded, waiting = self.search.found()
-            counts = {"labels_generated": generated, "labels_expanded": expanded, "labels_open": waiting}
-            own = np.empty((len(found), k), np.int64)
-            own[:, list(self.order)] = found[:, :k]
-            costs = np.concatenate([own, costs])
-            paths = (*self.search.paths(labels, clock), *paths)
-            if not status.is_final:
-                missing = np.empty((waiting, k), np.int64)
-                missing[:, list(self.order)] = self.search.estimates()[:, :k]
-        rows = np.lexsort(costs.T[::-1])
-        rows = rows[is_nondominated(costs[rows].astype(np.float64))] if len(rows) else rows
+        generated = expanded = waiting = 0
+        for search in (self.near, self.exact):
+            if search is not None:
+                found, labels, made, followed, waiting = search.found()
+                costs = np.concatenate([self._in_columns(found), costs])
+                paths = (*search.paths(labels, clock), *paths)
+                generated, expanded = generated + made, expanded + followed
+        rows = _best(costs)
         costs = costs[rows]
         costs.setflags(write=False)
-        gap = 0.0 if status.is_final else proven_gap(costs, missing) if len(costs) else math.inf
+        gap = 0.0 if status.is_final else self._gap(costs)
         stats = SearchStats(
             self.method,
             self.order,
+            labels_generated=generated,
+            labels_expanded=expanded,
+            labels_open=waiting,
             peak_memory=clock.peak,
-            seconds_search=end,
+            seconds_search=clock.seconds(),
             seconds_compiled=clock.compiled,
-            **counts,
         )
         return ParetoPaths(costs, status, stats, graph, self.source, tuple(paths[row] for row in rows), gap=gap)
+
+    def _gap(self, costs: IntArray) -> float:
+        """The least gap that any search proves of what is returned (n, k)."""
+        if self.exact is None:
+            return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
+        gap = GAP if self.is_near else math.inf
+        if self.near is not None and not self.is_near:
+            gap = max(GAP, proven_gap(costs, self._in_columns(self.near.estimates()), gap))
+        return min(gap, proven_gap(costs, self._in_columns(self.exact.estimates()), gap))
+
+    def _in_columns(self, table: IntArray) -> IntArray:
+        """A table (n, k) in the order of the search, in the caller's columns."""
+        columns: IntArray = np.empty((len(table), len(self.order)), np.int64)
+        columns[:, list(self.order)] = table[:, : len(self.order)]
+        return columns
+
+
+def _best(costs: IntArray) -> IntArray:
+    """The rows of non-dominated costs (n, k), in lexicographic order."""
+    rows: IntArray = np.lexsort(costs.T[::-1])
+    return rows[is_nondominated(costs[rows].astype(np.float64))] if len(rows) else rows

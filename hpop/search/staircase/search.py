@@ -25,6 +25,7 @@ covered (:mod:`.corners`): often some thousands of labels for millions.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,7 @@ from hpop.search.staircase.tables import (
     widen,
 )
 from hpop.search.staircase.turn_bounds import LAYERS, costs_by_turns
-from hpop.search.staircase.turn_hull import LANES, ROOM, JointBounds, directions, turn_hull
+from hpop.search.staircase.turn_hull import LANES, ROOM, IntLanes, JointBounds, TurnHull, directions, turn_hull
 
 STEPS = 64  # arcs a path for which there is room at first
 INDEX_BITS = 14
@@ -137,6 +138,7 @@ class Staircase(BucketSearch):
         self.hull: JointBounds | None = None
         self.cornered = 0  # size of the front that the corners are of
         self.hull_paths: tuple[IntArray, ...] = ()  # arcs of the solutions that no label led to
+        self.closed_arcs: BoolArray | None = None
         sizes = self.groups.rows[:, SIZE]
         degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
         super().__init__(3, int((degrees + sizes).max()))
@@ -148,6 +150,7 @@ class Staircase(BucketSearch):
 
         Their rest cost then is more than any solution's, so that no test of dominance lets them pass.
         """
+        self.closed_arcs = arcs
         far = self._empty(1)[0]
         self.arcs[arcs[self.origin], REST] = far
         self.group_table[groups, DEAREST] = far
@@ -232,8 +235,7 @@ class Staircase(BucketSearch):
             return
         layers = costs_by_turns(self.groups, self.order[2], self.nodes, self.start, self.arcs, self.is_target, clock)
         if layers is not None:
-            self.layers = layers
-            self._lengthen_goal()
+            self.take_turn_bounds(layers)
 
     def _look_jointly(self, clock: Clock) -> bool:
         """Take joint bounds, and solutions to begin with; False where there are none, or no room for them."""
@@ -243,14 +245,34 @@ class Staircase(BucketSearch):
         weights = directions((int(self.nodes[:, H_FIRST].max()), int(self.nodes[:, H_REST].max())))
         best = self.nodes[self.source, [H_FIRST, H_REST]]
         enough = best * (1 + self.precision.eps / NEAR) + self.tolerance[[0, 2]] // NEAR
-        tables = (self.nodes, self.start, self.arcs, self.is_target, self.source)
-        hull = turn_hull(self.groups, columns, weights, *tables, (enough[0], enough[1]), room, clock)
+        near = enough[0] * weights[0, 0], enough[1] * weights[1, 1]
+
+        def is_enough(now: IntLanes) -> bool:
+            return not (now[self.source, :2] > near).any()
+
+        tables = (self.nodes, self.start, self.arcs)
+        hull = turn_hull(self.groups, columns, weights, *tables, self.is_target, is_enough, room, clock)
         if hull is None:
             return False
-        costs, hull_paths = self._front_on(hull.passed, clock)
+        self.take_joint_bounds(hull, *self.front_along(hull, clock), clock)
+        return True
+
+    def front_along(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """The front (n, 3) of the paths through the nodes that a hull's best ways pass, near enough, and their arcs."""
+        columns = (self.order[0], self.order[2])
+        passed = hull.passed(self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock)
+        return self._front_on(passed, clock)
+
+    def take_joint_bounds(self, hull: TurnHull, costs: IntArray, paths: Sequence[IntArray], clock: Clock) -> None:
+        """Begin with solutions (n, 3) that are known, and follow only what a hull and these cannot tell to be covered.
+
+        costs  in the order of the search, rows in lexicographic order
+        paths  n  places of their arcs
+        """
+        self.looked_ahead = True
         found = int(self.counters[N_FRONT])
         rows = thinned(costs, self.front[:found], self.precision.eps / THIN, self.tolerance // THIN)
-        self.hull_paths = tuple(hull_paths[row] for row in rows)
+        self.hull_paths = tuple(paths[row] for row in rows)
         self.front = np.concatenate([self.front[:found], costs[rows], np.zeros((64, 3), np.int64)])
         self.solutions = np.concatenate([self.solutions[:found], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
         self.counters[N_FRONT] += len(rows)
@@ -258,13 +280,21 @@ class Staircase(BucketSearch):
         ahead = ahead[ahead[:, 0].argsort()]
         nothing = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
         reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
-        self._take_corners(JointBounds(hull.layers, weights, *nothing, ahead, reached, scratch), clock)
-        return True
+        self._take_corners(JointBounds(hull.layers, hull.weights, *nothing, ahead, reached, scratch), clock)
+
+    def take_turn_bounds(self, layers: NDArray[Any]) -> None:
+        """Prune by bounds (n, LAYERS) that know how many turns are left, of :mod:`.turn_bounds`."""
+        self.looked_ahead = True
+        self.layers = layers
+        self._lengthen_goal()
 
     def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
         """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
         nodes = np.sort(self.groups.nodes[passed])
         part = self.graph.among(nodes)
+        if self.closed_arcs is not None:
+            free = part.without(self.closed_arcs[part.arc])
+            part = replace(free, arc=part.arc[free.arc])
         source = int(np.searchsorted(nodes, self.groups.nodes[self.source]))
         targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
         memory = self.memory()

@@ -13,6 +13,7 @@ truth, which is still a lower bound. (Memory is most of the time: a layer of m30
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -68,12 +69,32 @@ class TurnHull:
     weights  (LANES, 2)           of the first and the rest cost; the first two are of one cost alone
     layers   (m, nodes, LANES)    steps by which the least weighted rest with at most 0, 1, ... turns, in the last layer
                                   with any number, exceeds the weighted least rests
-    passed   nodes that the best ways from the source pass, for some direction and number of turns
+    moved    (m, arcs)             by which arcs a layer is better than the one before, a bit a lane
+    step     (arcs,)               the place of each arc in that order
     """
 
     weights: FloatArray
     layers: Steps
-    passed: IntArray
+    moved: NDArray[np.uint8]
+    step: IntArray
+
+    def passed(
+        self,
+        groups: Groups,
+        columns: tuple[int, int],
+        nodes: NDArray[Any],
+        start: IntArray,
+        arcs: NDArray[Any],
+        source: int,
+        clock: Clock,
+    ) -> IntArray:
+        """Nodes that the best ways from a source pass, for some direction and number of turns."""
+        alike = bool(groups.alike[list(columns)].all())
+        turns = np.ascontiguousarray(groups.dearest.T) if alike else groups.turns
+        passed = np.zeros(len(nodes), np.uint8)
+        tables = (nodes, start, arcs, self.step, groups.rows, alike, turns[columns[0]], turns[columns[1]], self.weights)
+        clock.call(mark_ways, self.layers[:-1], self.moved, *tables, source, passed)
+        return np.flatnonzero(passed)
 
 
 def directions(typical: tuple[int, int]) -> FloatArray:
@@ -91,12 +112,11 @@ def turn_hull(
     start: IntArray,
     arcs: NDArray[Any],
     is_target: NDArray[np.uint8],
-    source: int,
-    enough: tuple[int, int],
+    is_enough: Callable[[IntLanes], bool],
     room: int,
     clock: Clock,
 ) -> TurnHull | None:
-    """Sweep layer after layer, until more turns than so many bring the source's costs below `enough` no more.
+    """Sweep layer after layer, until the weighted rests (n, LANES) of so many turns are near enough to the least.
 
     The tables are the staircase search's; the columns are of its first and its rest cost. None where plain arcs are not
     chains, where so few layers have room (bytes) that they bound little, or when the time is up.
@@ -122,12 +142,11 @@ def turn_hull(
     least = np.empty_like(now)
     clock.call(price_least, nodes, weights, least)
     clock.prepare(keep, now, least, layers[0])
-    near = np.array([enough[0] * weights[0, 0], enough[1] * weights[1, 1]])
     last = 1
     with ThreadPoolExecutor(1) as beside:  # a layer is kept while the next one is swept
         with interrupts_held():
             kept = beside.submit(keep, now, least, layers[0])
-        while last < most - 1 and (now[source, :2] > near).any():
+        while last < most - 1 and not is_enough(now):
             before, now = now, before
             clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
             first = chains.begin(last)
@@ -145,12 +164,9 @@ def turn_hull(
         if clock.exceeded(0, 0, record=False) is not None:
             return None
     keep(now, least, layers[last])
-    passed = np.zeros(len(nodes), np.uint8)
     step = np.empty(len(places), np.int64)
     step[places] = np.arange(len(places))
-    tables = (nodes, start, arcs, step, groups.rows, alike, turn, weights)
-    clock.call(mark_ways, layers[:last], moved, *tables, source, passed)
-    return TurnHull(weights, layers[: last + 1], np.flatnonzero(passed))
+    return TurnHull(weights, layers[: last + 1], moved[:last], step)
 
 
 def _priced(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, clock: Clock) -> IntLanes:
@@ -248,7 +264,8 @@ def mark_ways(
     step: IntArray,
     groups: IntArray,
     alike: bool,
-    turn: IntLanes,
+    turn_first: IntArray,
+    turn_rest: IntArray,
     weights: FloatArray,
     source: int,
     passed: NDArray[np.uint8],
@@ -280,7 +297,10 @@ def mark_ways(
                     rest = weights[k, 0] * nodes[u, H_FIRST] + weights[k, 1] * nodes[u, H_REST]
                     rest += np.int64(layers[m, u, k]) << STEP_BITS
                     if u != v:
-                        rest += turn[group if alike else groups[group, TURNS] + (v - begin) * size + u - begin, k]
+                        t = group if alike else groups[group, TURNS] + (v - begin) * size + u - begin
+                        rest += np.int64(
+                            min(FAR - 1.0, (weights[k, 0] * turn_first[t] + weights[k, 1] * turn_rest[t]) * DOWN)
+                        )
                     if rest < least:
                         least, to = rest, u
                 v = to

@@ -147,8 +147,10 @@ def test_after_a_deadline_of_nothing_there_is_what_was_known_and_its_gap(lattice
     assert found.costs.tolist() == exact.costs.tolist()
     least = exact.costs.min(axis=0)  # all that is known without a search
     assert found.gap == pytest.approx((exact.costs / least - 1).max(axis=1).min())
-    nothing = prepared.paths(0, deadline=0)
-    assert (len(nothing), nothing.gap) == (0, math.inf)
+    alone = prepared.paths(0, deadline=0)  # the least ways in each cost, which bounds know
+    assert (alone.costs.min(axis=0) == least).all()
+    assert covers(alone.costs, exact.costs, alone.gap)
+    assert found.gap <= alone.gap < math.inf
 
 
 def test_known_paths_through_what_was_closed_since_are_left_out(lattice: Callable[..., Graph]) -> None:

@@ -42,8 +42,8 @@ def hull_of(graph: Graph) -> tuple[Staircase, TurnHull]:
     h, _, _ = lower_bounds(graph, 0, target, clock, groups)
     search = Staircase(graph, 0, target, h, (2, 1, 0), groups, clock, Precision(0.01))
     weights = directions((int(search.nodes[:, H_FIRST].max()), int(search.nodes[:, H_REST].max())))
-    tables = (search.nodes, search.start, search.arcs, search.is_target, search.source)
-    hull = turn_hull(groups, (2, 0), weights, *tables, (0, 0), 2**30, clock)
+    tables = (search.nodes, search.start, search.arcs, search.is_target)
+    hull = turn_hull(groups, (2, 0), weights, *tables, lambda _: False, 2**30, clock)
     assert hull is not None
     return search, hull
 
