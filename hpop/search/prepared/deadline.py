@@ -8,9 +8,9 @@ from typing import Any
 from hpop.search.machinery.slices import Clock
 from hpop.status import Budget, ProgressCallback, Status
 
-STEPS = 25e6  # a second, at the least: slices are meant to be too short
+STEPS = 25e6  # a second, before it is known
 SLICE, LEAST = 500_000, 2_000  # steps of a slice: 5 to 20 ms, and what is not worth a call
-END, LABEL = 0.5e-3, 12e-9  # s that an answer takes, and for each label: its gap is proven, its paths are told
+END, LABEL = 1e-3, 12e-9  # s that an answer takes, and for each label: its gap is proven, its paths are told
 
 
 class Deadline(Clock):
@@ -29,6 +29,7 @@ class Deadline(Clock):
         self.started = thread_time()
         self.share = 1.0
         self.labels = self.memory = 0
+        self._sliced, self._steps, self._pace, self._answer = 0.0, 0, STEPS, END
 
     @property
     def is_limited(self) -> bool:
@@ -45,8 +46,13 @@ class Deadline(Clock):
 
     @property
     def work(self) -> int:
-        """As much as there is time for, less and less towards the end."""
-        return int(min(SLICE, max(LEAST, self.left * STEPS / 2)))
+        """Half of what there is time for at the pace of the last slice: less and less towards the end."""
+        now = thread_time()
+        if self._steps:
+            self._pace = self._steps / max(now - self._sliced, 1e-9)
+        steps = (self.left - self._answer) * min(STEPS, self._pace) / 2
+        self._sliced, self._steps = now, int(min(SLICE, max(LEAST, steps)))
+        return self._steps
 
     def silent(self, labels: int, memory: int) -> Deadline:
         """As of any clock; of the same deadline."""
@@ -73,4 +79,5 @@ class Deadline(Clock):
             return Status.LABEL_LIMIT
         if limit.time_limit is not None and self.seconds() >= self.share * limit.time_limit:
             return Status.TIME_LIMIT
-        return Status.TIME_LIMIT if self.left <= END + LABEL * labels else None
+        self._answer = END + LABEL * labels
+        return Status.TIME_LIMIT if self.left <= self._answer else None

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 FIRST = 0.4  # of all limits, after which a search within a precision comes in between
 GAP = 0.1  # its precision, relative
+AHEAD = 150e-9  # s a node that it takes before its first label
 
 
 class PreparedRun:
@@ -80,7 +81,7 @@ class PreparedRun:
         """Search within a precision, with joint bounds and all that is found and known to begin with."""
         prepared, outlook = self.prepared, self.prepared.outlook
         graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
-        if hull is None:
+        if hull is None or clock.left < AHEAD * graph.nodes:
             return
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
         question = Question(graph, self.source, prepared.targets, Precision(GAP))

@@ -90,16 +90,42 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
 
 def waiting(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
     """The entries (n, 2) that wait, and their buckets (n,): the lowest first, each as it was filled."""
-    parts, buckets = [entries[:0]], [np.zeros(0, np.int64)]
-    for bucket in np.flatnonzero(tops[:, 0] >= 0).tolist():
-        chunks = []
-        chunk, filled = tops[bucket].tolist()
+    counts = np.zeros(len(tops), np.int64)
+    n = int(count_waiting(tops, below, counts))
+    out, buckets = np.empty((n, 2), np.int64), np.repeat(np.arange(len(tops)), counts)
+    copy_waiting(tops, below, entries, counts, out)
+    return out, buckets
+
+
+@lean
+def count_waiting(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
+    """Count the entries of each bucket (b,); returns their sum."""
+    total = np.int64(0)
+    for bucket in range(len(tops)):
+        chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
         while chunk >= 0:
-            chunks.append(entries[chunk * CHUNK : chunk * CHUNK + filled])
-            chunk, filled = int(below[chunk]), CHUNK
-        parts += chunks[::-1]
-        buckets.append(np.full(sum(map(len, chunks)), bucket))
-    return np.concatenate(parts), np.concatenate(buckets)
+            counts[bucket] += filled
+            chunk, filled = np.int64(below[chunk]), np.int64(CHUNK)
+        total += counts[bucket]
+    return int(total)
+
+
+@lean
+def copy_waiting(
+    tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, counts: IntArray, out: IntArray
+) -> None:
+    """Copy the entries of all buckets, of each the chunk on top last."""
+    end = np.int64(0)
+    for bucket in range(len(tops)):
+        end += counts[bucket]
+        at = end
+        chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
+        while chunk >= 0:
+            at -= filled
+            for i in range(filled):
+                out[at + i, 0] = entries[chunk * CHUNK + i, 0]
+                out[at + i, 1] = entries[chunk * CHUNK + i, 1]
+            chunk, filled = np.int64(below[chunk]), np.int64(CHUNK)
 
 
 def fill(

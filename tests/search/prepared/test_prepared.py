@@ -139,6 +139,46 @@ def test_the_gap_that_is_told_is_true_of_what_was_found_and_known(
         assert costs_along(graph, found, prepared.closed, 0, {graph.nodes - 1}) == found.costs.tolist()
 
 
+def rich(lattice: Callable[..., Graph], seed: int, width: int) -> Graph:
+    """A lattice whose moves cost up to a thousand, so that the front has many trade-offs, and turns alike or not."""
+    graph, rng = lattice(seed, width), np.random.default_rng(seed)
+    costs = graph.costs.copy()
+    turn = costs[:, 1] > 0
+    costs[~turn, 0] = rng.integers(1, 1000, (~turn).sum())
+    costs[~turn, 2] = rng.integers(100, 300, (~turn).sum())
+    costs[turn, 0] = 50 if seed % 2 else rng.integers(40, 70, turn.sum())
+    return Graph.from_csr(graph.indptr, graph.heads, costs)
+
+
+@pytest.mark.seeds(4, of=60)
+def test_what_a_search_within_a_tenth_proves_among_closed_places_is_true(
+    seed: int, lattice: Callable[..., Graph]
+) -> None:
+    width = 12 if seed % 3 else 24
+    graph, rng = rich(lattice, seed, width), np.random.default_rng(seed)
+    target = graph.nodes - 1
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    prepared, places = Prepared(graph, target), rng.integers(2, graph.nodes // 4 - 2, width // 4)
+    prepared.close(np.flatnonzero(np.isin(tails // 4, places) | np.isin(graph.heads // 4, places)))
+    exact = prepared.paths(0)
+    if exact.status is Status.NO_PATH:
+        return
+    found = prepared.paths(0, budget=Budget(max_labels=int(0.9 * exact.stats.labels_generated)))
+    assert found.status is Status.LABEL_LIMIT
+    assert covers(found.costs, exact.costs, found.gap)
+    assert costs_along(graph, found, prepared.closed, 0, {target}) == found.costs.tolist()
+
+
+def test_a_long_search_that_is_stopped_has_proved_a_tenth(lattice: Callable[..., Graph]) -> None:
+    graph = rich(lattice, 3, 30)
+    prepared = Prepared(graph, graph.nodes - 1)
+    exact = prepared.paths(0)
+    found = prepared.paths(0, budget=Budget(max_labels=exact.stats.labels_generated // 2))
+    assert found.status is Status.LABEL_LIMIT
+    assert 0 < found.gap <= 0.1
+    assert covers(found.costs, exact.costs, found.gap)
+
+
 def test_after_a_deadline_of_nothing_there_is_what_was_known_and_its_gap(lattice: Callable[..., Graph]) -> None:
     graph = lattice(3, 7)
     exact, prepared = pareto_paths(graph, 0, graph.nodes - 1), Prepared(graph, graph.nodes - 1)
