@@ -26,6 +26,7 @@ import hpop
 from hpop.apart import child
 from hpop.cli import main
 from hpop.registry import criteria, models, planners
+from hpop.ros import Interface, Planning, path_message, pose_message, protocol, trajectory_of
 from hpop.scenario import load_scenario
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
@@ -508,6 +509,34 @@ def graph(rng: Rng, folder: Path) -> str:
     return verdict(lambda: pareto_paths(Graph.from_arcs(made, tails, heads, costs), *ends, **options))
 
 
+# ROS
+
+
+def ros(rng: Rng, folder: Path) -> str:
+    """Goals as a bridge sends them, and paths as others plan them."""
+    model = hpop.DifferentialDrive()
+    if rng.random() < 0.3:
+        tour = hpop.Trajectory.from_poses(model, [(1, 1, 0), (2, 1, 0)]).with_hold(at=0, seconds=1)
+        path = bent_tree(path_message(tour, planned=True, timed=True), rng)
+        return verdict(lambda: trajectory_of(path, model))
+    goal = {"start": pose_message(1, 1, 0), "goal": pose_message(5, 3, 0), "planner_id": "knee", "use_start": True}
+    told = {"op": "send_action_goal", "id": "1", "action": "/hpop/compute_path_to_pose", "args": goal}
+    text = json.dumps(bent_tree(told, rng, most=1))
+    data = bent_bytes(text.encode(), rng).decode(errors="replace") if rng.random() < 0.3 else text
+    world = hpop.World.from_polygons([], extent=_box(0, 0, 6, 4))
+    asked_first = hpop.Problem(world, model, (1, 1, 0), (5, 3, 0), ["turns", "length"])
+    planning = Planning(asked_first, [planners["lattice"](step=0.5, time_limit=2.0)], Interface())
+    answers = []
+
+    def answer() -> None:
+        message = protocol.parsed(data)
+        protocol.goal_id(message)
+        answers.append(planning.answer(message.get("args"), None))
+
+    said = verdict(answer)
+    return shown(answers[0].values["error_msg"]) if answers and answers[0].options is None else said
+
+
 # The command line
 
 
@@ -543,6 +572,6 @@ def warm(folder: Path) -> None:
 
 EVERY: list[Attempt] = [
     *(geojson, ros_map, movingai, moveit_scene, image, dxf, pdf, ros_bag, arm, scenario, plan, front, show, checkpoint),
-    *(pick, python, problem, graph, arguments),
+    *(pick, python, problem, graph, ros, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
