@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -84,10 +85,10 @@ def ros(
     echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
     server = PathServer(planning, say=echo)
     try:
-        Bridge(url, server, say=echo).run()
+        with suppress(KeyboardInterrupt):
+            Bridge(url, server, say=echo).run()
     except ImportError as error:
         raise OutputError(str(error)) from None
-    except KeyboardInterrupt:
-        echo("no longer offered")
     finally:
         server.close()
+    echo("no longer offered")
