@@ -91,6 +91,15 @@ class Prepared:
         """Which arcs (m,) are closed; a copy."""
         return self.closings.closed.copy()
 
+    @property
+    def memory(self) -> int:
+        """Bytes of what is kept beside the graph."""
+        outlook, entering = self.outlook, self._entering or ()
+        kept = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
+        kept += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
+        kept += [vars(self.closings).get("tails")]
+        return sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+
     def close(self, arcs: ArrayLike) -> None:
         """Let no path take these arcs, by their places (N,) in the graph, until they are opened."""
         self._repair(after_closing, self.closings.turned(arcs, closed=True))

@@ -30,9 +30,10 @@ from hpop.status import Status
 if TYPE_CHECKING:
     from hpop.search.prepared.prepared import Prepared
 
-FIRST = 0.4  # of all limits, after which a search within a precision comes in between
+FIRST, SECOND = 0.4, 0.7  # of all limits: a search within a precision comes in between
 GAP = 0.1  # its precision, relative
 AHEAD = 150e-9  # s a node that it takes before its first label
+STALE = 1.05  # joint bounds are of little use where closings made a least cost so much dearer
 
 
 class PreparedRun:
@@ -71,18 +72,24 @@ class PreparedRun:
         if isinstance(search, Staircase) and in_groups and outlook.hull is not None and clock.is_limited:
             clock.share = FIRST
             status = search.run(clock)
-            clock.share = 1.0
             if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
                 return status
             self._go_near(search, clock)
+            clock.share = 1.0
         return search.run(clock)
 
     def _go_near(self, exact: Staircase, clock: Deadline) -> None:
         """Search within a precision, with joint bounds and all that is found and known to begin with."""
         prepared, outlook = self.prepared, self.prepared.outlook
         graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
-        if hull is None or clock.left < AHEAD * graph.nodes:
+        now, before = prepared.bounds[:, self.source], outlook.h[:, self.source]
+        if (
+            hull is None
+            or (SECOND - FIRST) * (clock.deadline or math.inf) < AHEAD * graph.nodes
+            or (now > STALE * before).any()
+        ):
             return
+        clock.share = SECOND
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
         question = Question(graph, self.source, prepared.targets, Precision(GAP))
         try:

@@ -1,0 +1,188 @@
+"""Benchmark of a drive: the front of the rest, again and again, while places are closed and opened.
+
+    python benchmarks/drive.py [--maps museum pal_office nav2_depot m200] [--events 300] [--out FILE]
+
+Of each map the lattice at 0.25 m with exposure, turns and length, prepared once (:class:`hpop.search.Prepared`), and
+the exact front from its start. An event is a place on a way of that front from which all that is left is asked for; the
+rest of each way that passes it is known. In two of three events a circle of 0.4 to 1.5 m a little ahead on the way is
+closed before, which may leave nothing known, and opened after. Seconds are processor seconds of the thread that asks,
+with a deadline of them: of 0.1 s, on m200 of 0.3 s. Where an answer is complete its front is compared with that of
+``pareto_paths`` on a fresh graph without what is closed; where it is not, some are, and the gap that was claimed with
+the true one. Fails where any differs, or a gap is larger than claimed. Maps that are absent are skipped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import maps
+import museums
+import numpy as np
+
+import hpop
+from hpop.arrays import IntArray
+from hpop.criteria import make_criterion
+from hpop.planners import Lattice
+from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
+from hpop.status import Status
+
+STEP = 0.25  # m
+COSTS = ["exposure", "turns", "length"]
+DEADLINES = {"museum": 0.1, "pal_office": 0.1, "nav2_depot": 0.1, "m100": 0.1, "m200": 0.3}  # s
+RADII = (0.4, 1.5)  # m, of what is closed
+AHEAD = (5, 40)  # states on the way
+LONG = 10  # answers that are not complete and yet compared, for their gaps
+SLACK = 0.03  # s, by which no deadline is to be overrun
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--maps", nargs="+", default=["museum", "pal_office", "nav2_depot", "m200"])
+    parser.add_argument("--events", type=int, default=300)
+    parser.add_argument("--out", type=Path, help="JSON file; printed in any case")
+    arguments = parser.parse_args()
+    rows = []
+    for name in arguments.maps:
+        if name in maps.FOLDERS and (reason := maps.missing(name)):
+            print(f"{name} skipped: {reason}")
+            continue
+        rows.append(Drive(name).measured(arguments.events))
+        print(json.dumps(rows[-1], indent=1), flush=True)
+    if arguments.out:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        arguments.out.write_text(json.dumps({"maps": rows}, indent=1) + "\n")
+    if wrong := [row["map"] for row in rows if row["different"] or row["claims_broken"]]:
+        sys.exit(f"answers differ from those of fresh graphs, or claim too small a gap: {', '.join(wrong)}")
+
+
+def problem(name: str) -> hpop.Problem:
+    """The museum of the examples, one of the museums by seed, or a real map."""
+    if name != "museum":
+        return maps.problem(name) if name in maps.FOLDERS else museums.problem(name)
+    asked = hpop.examples.museum()
+    return hpop.Problem(asked.world, asked.model, asked.start, asked.goal, COSTS)
+
+
+class Drive:
+    """A map's graph, prepared, and the front from its start."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.deadline = name, DEADLINES.get(name, 0.1)
+        asked, planner = problem(name), Lattice(step=STEP)
+        space, start, goals = planner.ends(planner.lattice(asked), asked)
+        self.graph: Graph = space.graph([make_criterion(cost) for cost in COSTS])
+        self.goals = np.array(goals)
+        states = space.states(np.arange(space.size))
+        self.place = np.column_stack([states.x, states.y])  # (n, 2) m
+        self.tails = np.repeat(np.arange(self.graph.nodes), np.diff(self.graph.indptr))
+        Prepared(self.graph, goals).paths(start, deadline=self.deadline)  # compiles
+        began = time.process_time()
+        self.prepared = Prepared(self.graph, goals)
+        self.seconds = time.process_time() - began
+        self.front = pareto_paths(self.graph, start, goals)
+
+    def measured(self, events: int) -> dict[str, Any]:
+        """Seconds of so many events, and what was claimed; see the module."""
+        rng = np.random.default_rng(0)
+        rows = list[tuple[float, ParetoPaths]]()
+        closing, opening = list[float](), list[float]()
+        different = broken = 0
+        long: list[float] = []
+        while len(rows) < events:
+            node, shut = self._event(rng, closes=len(rows) % 3 > 0)
+            if shut.size:
+                closing.append(seconds(lambda shut=shut: self.prepared.close(shut)))
+            known = self.front.suffixes(node)
+            began = time.thread_time()
+            found = self.prepared.paths(node, deadline=self.deadline, known=known)
+            rows.append((time.thread_time() - began, found))
+            if found.status.is_final or len(long) < LONG:
+                exact = pareto_paths(self.graph.without(self.prepared.closed), node, self.goals)
+                different += found.status.is_final and not same(found, exact)
+                if not found.status.is_final:
+                    long.append(true_gap(found, exact))
+                    broken += long[-1] > found.gap + 1e-9
+            if shut.size:
+                opening.append(seconds(lambda shut=shut: self.prepared.open(shut)))
+        return {
+            "map": self.name,
+            "states": self.graph.nodes,
+            "arcs": self.graph.arcs,
+            "front": len(self.front),
+            "prepare_s": self.seconds,
+            "prepared_mb": self.prepared.memory / 2**20,
+            "close_ms": spread(closing),
+            "open_ms": spread(opening),
+            "deadline_s": self.deadline,
+            **answers(rows, self.deadline),
+            "different": different,
+            "claims_broken": broken,
+            "true_gaps": sorted(long),
+        }
+
+    def _event(self, rng: np.random.Generator, closes: bool) -> tuple[int, IntArray]:
+        """A place on a way, and the arcs that are closed ahead of it: none, or all at some positions."""
+        while True:
+            nodes = self.front.nodes(int(rng.integers(len(self.front))))
+            at = int(rng.integers(nodes.size - 1))
+            centre = self.place[nodes[min(nodes.size - 2, at + int(rng.integers(*AHEAD)))]]
+            near = np.hypot(*(self.place - centre).T) < rng.uniform(*RADII)
+            if not closes:
+                return int(nodes[at]), np.zeros(0, np.int64)
+            if not near[nodes[at]] and not near[self.goals].any():
+                return int(nodes[at]), np.flatnonzero(near[self.tails] | near[self.graph.heads])
+
+
+def answers(rows: list[tuple[float, ParetoPaths]], deadline: float) -> dict[str, Any]:
+    """What the answers took, and what they claim."""
+    spent = [row[0] for row in rows]
+    gaps = [found.gap for _, found in rows if not found.status.is_final]
+    over = np.array(spent) - deadline
+    return {
+        "events": len(rows),
+        "no_path": sum(found.status is Status.NO_PATH for _, found in rows),
+        "ms": spread(spent),
+        "exact": 1 - len(gaps) / len(rows),
+        "in_time": float((over <= 0).mean()),
+        "overrun_ms": 1e3 * max(0.0, float(over.max())),
+        "overruns_above_30_ms": int((over > SLACK).sum()),
+        "gaps": spread(gaps, 1.0),
+        "gaps_above_a_tenth": sum(gap > 0.1 for gap in gaps),
+        "search_mb": max(found.stats.peak_memory for _, found in rows) / 2**20,
+    }
+
+
+def same(found: ParetoPaths, exact: ParetoPaths) -> bool:
+    """Whether two answers have the same status and vectors."""
+    return found.status is exact.status and found.costs.tolist() == exact.costs.tolist()
+
+
+def true_gap(found: ParetoPaths, exact: ParetoPaths) -> float:
+    """By how much, in proportion, the worst vector of the exact front is missed."""
+    beyond = found.costs[None] / np.maximum(exact.costs[:, None], 1e-9) - 1
+    return float(np.maximum(beyond.max(axis=2), 0).min(axis=1).max())
+
+
+def spread(values: list[float], unit: float = 1e3) -> dict[str, float]:
+    """Median, 99th percentile and largest, in milliseconds."""
+    if not values:
+        return {}
+    table = unit * np.array(values)
+    return {"median": float(np.median(table)), "p99": float(np.quantile(table, 0.99)), "max": float(table.max())}
+
+
+def seconds(call: Any) -> float:
+    """Processor seconds of a call, of all threads."""
+    began = time.process_time()
+    call()
+    return time.process_time() - began
+
+
+if __name__ == "__main__":
+    main()
