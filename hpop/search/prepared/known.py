@@ -25,17 +25,23 @@ def known_paths(
     graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
 ) -> KnownPaths:
     """Paths of which no arc is closed, and what they cost; QueryError for what leads from the source to no target."""
-    several = [_places(graph, i, path) for i, path in enumerate(paths)]
+    several = [np.asarray(path) for path in paths]
+    listed = [arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size) for arcs in several]
+    if not all(listed):
+        raise QueryError(f"known path {listed.index(False)} must list places of arcs, whole numbers; see suffixes")
     sizes = np.array([path.size for path in several], np.int64)
     ends = np.cumsum(sizes)
-    arcs = np.concatenate([np.zeros(0, np.int64), *several])
+    arcs = np.concatenate([np.zeros(0, np.int64), *several]).astype(np.int64)
+    row = np.repeat(np.arange(len(several)), sizes)
+    strange = row[(arcs < 0) | (arcs >= graph.arcs)]
+    if strange.size:
+        raise QueryError(f"known path {strange[0]} must list places of arcs, from 0 to {graph.arcs - 1}")
     heads = graph.heads[arcs].astype(np.int64)
     tails = np.append(source, heads)[:-1] if arcs.size else arcs
     tails[(ends - sizes)[sizes > 0]] = source
     leads = (graph.indptr[tails] <= arcs) & (arcs < graph.indptr[tails + 1])
     last = np.full(len(several), source)
     last[sizes > 0] = heads[ends[sizes > 0] - 1]
-    row = np.repeat(np.arange(len(several)), sizes)
     wrong = np.concatenate([row[~leads], np.flatnonzero(~is_target[last])])
     if wrong.size:
         raise QueryError(f"known path {wrong.min()} does not lead from node {source} to a target, arc by arc")
@@ -46,7 +52,8 @@ def known_paths(
             costs[sizes > 0, j] = add.reduceat(graph.costs[arcs, j], (ends - sizes)[sizes > 0])
     free = np.ones(len(several), np.bool_)
     free[row[closed[arcs]]] = False
-    return KnownPaths(costs[free], tuple(path for path, kept in zip(several, free, strict=True) if kept))
+    parts = np.split(arcs, ends[:-1]) if several else []
+    return KnownPaths(costs[free], tuple(part for part, kept in zip(parts, free, strict=True) if kept))
 
 
 @lean
@@ -72,11 +79,3 @@ def least_way(
         size += 1
         u = np.int64(onward[u])
     return size
-
-
-def _places(graph: Graph, i: int, path: IntArray) -> IntArray:
-    arcs = np.asarray(path)
-    listed = arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size)
-    if not listed or (arcs.size and (arcs.min() < 0 or arcs.max() >= graph.arcs)):
-        raise QueryError(f"known path {i} must list places of arcs, from 0 to {graph.arcs - 1}")
-    return arcs.astype(np.int64)
