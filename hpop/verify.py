@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray
+from hpop.contacts import contact
 from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.others.robot import upright_parts
 from hpop.front import Front
 from hpop.further import claimable, criteria_of
 from hpop.goals import GoalSet
@@ -24,6 +26,7 @@ from hpop.trajectory import Trajectory
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same
 HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
+SPOKEN = 100  # trajectories between two reports, where each is looked at by itself
 TOGETHER = 2**10  # motions that are looked at between two reports
 MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
 
@@ -32,7 +35,8 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
     """Faults of a front of this problem, in words; none if it holds what it claims.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
-    than 5 cm or 3 degrees, the ends from the problem. What trajectories share is checked once. Fronts of earlier
+    than 5 cm or 3 degrees, the ends from the problem; people who move are looked for every hundredth of a second
+    (:mod:`.contacts`). What trajectories share is checked once. Fronts of earlier
     versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"): no more than
     half a diagonal of a "step" is believed.
 
@@ -54,7 +58,22 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
                 *problem.model.faults(trajectory),
             )
         ]
-    return [*faults, *(f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say)))]
+    faults += [f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say))]
+    return [*faults, *_contacts(problem, front, say)]
+
+
+def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None) -> Iterator[str]:
+    """Contact with people who move, and what is nearer to them than the planner says that it keeps."""
+    people = problem.world.content.people
+    if not any(person.moves for person in people):
+        return
+    for i, trajectory in enumerate(front.trajectories):
+        if say is not None and i % SPOKEN == 0:
+            say(f"people who move about {i:,} of {len(front):,} trajectories")
+        margin = front.provenance[i].get("margin")
+        kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
+        if fault := contact(upright_parts(problem.model), people, trajectory, kept):
+            yield f"trajectory {i} {fault}"
 
 
 def lost_trajectories(problem: Problem, front: Front) -> list[str]:

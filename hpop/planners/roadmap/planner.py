@@ -17,6 +17,7 @@ from hpop.motions import States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import End, goals_of, start_of
+from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
@@ -25,6 +26,8 @@ from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configura
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.timed.asked import Asked, people_move, refuse_needless
+from hpop.planners.timed.clock import HOLD, TimeOptions
 from hpop.planners.usable import elsewhere
 from hpop.randomness import MaybeRNG, set_seed
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
@@ -62,6 +65,10 @@ class Roadmap:
     max_memory  bytes  of the map that is read, the fields that are made, the roadmap's graph and the search
     checkpoint  file in which the search keeps its state, and from which it goes on if it is there; remove it when the
                 front is safe
+    clock       s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
+    hold        s  that the robot stands at least when it waits for people who move; None: it never waits
+    arrive_by   s  at the latest, among people who move; None: whenever
+    margin      m  to be kept from people who move
 
     Of a robot that turns and moves and has no states but x, y and yaw, samples are positions, and links straight moves,
     free on the exact geometry; the robot turns in place between any two of them, where it has the room and they differ
@@ -81,8 +88,10 @@ class Roadmap:
     roadmap (its options up to the seed) is better in one cost and no worse in the others, costs rounded to the
     criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
     samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); how far it still is, this planner does not
-    say. Positions cost a state for each heading of each link, and a turn for each two headings of a position; where a
-    robot that is not round has little room, each of these turns is checked by itself, which takes most of the time.
+    say. Among people who move, a roadmap of positions has a clock, as the lattice has
+    (:class:`hpop.planners.lattice.Lattice`), and the robot holds at positions. Positions cost a state for each heading
+    of each link, and a turn for each two headings of a position; where a robot that is not round has little room, each
+    of these turns is checked by itself, which takes most of the time.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -99,6 +108,10 @@ class Roadmap:
     max_labels: int | None = None
     max_memory: int | None = None
     checkpoint: CheckpointSpec | None = None
+    clock: float | None = None
+    hold: float | None = HOLD
+    arrive_by: float | None = None
+    margin: float = 0.0
     rng: InitVar[MaybeRNG] = ...
 
     def __post_init__(self, rng: MaybeRNG) -> None:
@@ -109,7 +122,13 @@ class Roadmap:
         set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
+        _ = self.time_options
         self.budget()
+
+    @property
+    def time_options(self) -> TimeOptions:
+        """What it is told about time."""
+        return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
 
     def budget(self) -> Budget:
         """The planner's limits, which reading the map, building and searching share."""
@@ -118,7 +137,8 @@ class Roadmap:
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the roadmap.
 
-        Raises QueryError when start or goal is blocked, or when people move, UnsupportedCriterion when no criterion
+        Raises QueryError when start or goal is blocked, or when people move about a robot whose samples are no
+        positions, UnsupportedCriterion when no criterion
         adds up along edges, CriterionError for a cost that is negative or not finite, CheckpointError for a checkpoint
         of another question.
         """
@@ -136,6 +156,10 @@ class Roadmap:
         the better front that it had when it was stopped. Raises as :meth:`solve` does.
         """
         objectives = edge_objectives(problem.criteria, "roadmap")
+        if people_move(problem) and _has_positions(problem):
+            yield from self._among_people(problem, objectives, progress)
+            return
+        refuse_needless(problem, self.time_options)
         refuse_unanswerable(problem, objectives, "roadmap")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
@@ -154,6 +178,25 @@ class Roadmap:
             yield stopped("roadmap", objectives, stop, spending)
             return
         yield on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
+
+    def _among_people(
+        self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None
+    ) -> Iterator[Candidates]:
+        """Answers on a clock, each of them judged."""
+        from hpop.planners.timed.answers import answers  # on first use: it takes what only they need
+
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
+        goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
+        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+        asked = Asked("roadmap", self.time_options, checkpoint=self.checkpoint, in_stages=not goes_on)
+        try:
+            roadmap, notes = self._noted(self._of_positions(problem, spending))
+            ends = Ends(roadmap, roadmap.start, roadmap.goals)
+            for found in answers(problem, objectives, ends, asked, progress):
+                yield _judged(replace(found, notes=(*found.notes, *notes)), problem, roadmap)
+        except Exhausted as stop:
+            yield stopped("roadmap", objectives, stop, spending)
 
     def graph_query(
         self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
@@ -310,7 +353,12 @@ def on_roadmap(
         found = query.exact(name, spending.left(), progress, checkpoint=checkpoint)
     except Exhausted as stop:
         return stopped(name, objectives, stop, spending)
-    kept = trusted(found, problem, name)
+    return _judged(found, problem, roadmap)
+
+
+def _judged(found: Candidates, problem: Problem, roadmap: AnyRoadmap) -> Candidates:
+    """Those of the candidates that are to be trusted."""
+    kept = trusted(found, problem, str(found.stats["planner"]))
     dropped = len(found.trajectories) - len(kept.trajectories)
     return replace(
         kept,

@@ -66,7 +66,7 @@ class Noticed:
         size = self.reach.shape[1]
         low = np.floor(np.arctan2(cos * sy - sin * sx, cos * sx + sin * sy) * (size / (2 * math.pi))).astype(np.int64)
         within = np.maximum(reach[moment, low % size], reach[moment, (low + 1) % size])
-        beyond[place, moment] = np.hypot(sx, sy) - within
+        beyond[place, moment] = np.hypot(sx, sy) - np.where(within > 0, within, -np.inf)
         if self.left > 0:
             end_x, end_y = (float(column) for column in self.person.at(np.float64(self.person.settled)))
             from_end = (np.hypot(x - end_x, y - end_y) - self.left).astype(np.float32)

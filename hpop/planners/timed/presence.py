@@ -55,6 +55,8 @@ class Presence:
     def _beyond(self) -> list[NDArray[np.float32]]:
         """For each of those who move, how far (P, H), m, places are beyond where it is noticed."""
         times = self.clock.seconds(np.arange(self.horizon))
+        if not self.notices.overlooked.size:
+            return [np.full((self.x.size, self.horizon), np.inf, np.float32) for _ in self.notices.of]
         each = ([one.beyond(self.x, self.y, times) for one in some] for some in self.notices.of)
         return [np.minimum.reduce(some) for some in each]
 

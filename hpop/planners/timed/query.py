@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.contacts import contact
 from hpop.criteria.base import place_of
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates
@@ -18,7 +19,7 @@ from hpop.planners.graphs.claims import how_far, within
 from hpop.planners.graphs.query import SHARE, tolerance_counts
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.assembly import Timed
-from hpop.planners.timed.clock import TimeOptions
+from hpop.planners.timed.clock import SLACK, TimeOptions
 from hpop.planners.timed.plans import Plans
 from hpop.search import pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointSpec
@@ -139,17 +140,37 @@ class TimedQuery:
 
     def candidates(self, name: str, paths: TimedPaths, claim: str, origin: Mapping[str, Any]) -> Candidates:
         """Paths as the candidates of the planner ``name``, with more of their origin."""
-        space, plans = self.timed.arcs.space, Plans(self.timed, [paths.steps(i) for i in range(len(paths))])
+        plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))])
+        kept = np.flatnonzero(~self._in_contact(plans))
+        if kept.size < len(paths):
+            claim += f", without {len(paths) - kept.size} that are so far off the clock that they are in people's way"
+        return self._candidates(
+            name, paths, kept, Plans(self.timed, [plans.steps[i] for i in kept.tolist()]), claim, origin
+        )
+
+    def _in_contact(self, plans: Plans) -> BoolArray:
+        """Plans (n,) too far off the clock for its slack that come too near to people; none of all others."""
+        found = np.zeros(len(plans.steps), dtype=bool)
+        late = np.flatnonzero(plans.drift > SLACK)
+        people, parts = self.problem.world.content.people, self.timed.arcs.inner.model.parts
+        for i, trajectory in zip(late.tolist(), plans.trajectories(late), strict=True):
+            found[i] = bool(contact(parts, people, trajectory, self.options.margin))
+        return found
+
+    def _candidates(
+        self, name: str, paths: TimedPaths, kept: IntArray, plans: Plans, claim: str, origin: Mapping[str, Any]
+    ) -> Candidates:
+        space, costs = self.timed.arcs.space, paths.costs[kept]
         drift = float(plans.drift.max(initial=0.0))
-        claim += f"; times of plans are off the clock by at most {drift:.2g} s; {UNREACTING}" if len(paths) else ""
+        claim += f"; times of plans are off the clock by at most {drift:.2g} s; {UNREACTING}" if kept.size else ""
         common: dict[str, Any] = {"planner": name, **space.options, **self.options.described, **origin}
         own = zip(plans.lengths.tolist(), plans.holds.tolist(), plans.drift.tolist(), strict=True)
         gap = paths.gap if math.isfinite(paths.gap) else None
         return Candidates(
             objectives=self.objectives.optimised,
-            trajectories=Deferred(len(paths), plans.trajectories) if len(paths) else (),
-            planned=paths.costs * self.quanta,
-            tolerance=plans.tolerance(paths.costs, self.quanta),
+            trajectories=Deferred(kept.size, plans.trajectories) if kept.size else (),
+            planned=costs * self.quanta,
+            tolerance=plans.tolerance(costs, self.quanta),
             status=paths.status,
             certificate=f"{name}: {claim}{self.objectives.certificate}",
             provenance=tuple(

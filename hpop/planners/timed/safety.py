@@ -43,7 +43,9 @@ HALVINGS = 40
 TOUCH = 1e-9  # m
 PAIRS = 1 << 20  # of arcs and ticks that are looked at together
 LEAVING = 5.0  # s
+PIECE = 0.5  # s
 BETWEEN = 2  # places a tick at which a way is compared with its chord
+Place = tuple[FloatArray, FloatArray]
 DOING = "it was reckoned where people who move are in the way"
 
 
@@ -129,7 +131,7 @@ class Safety:
         for person in self.people:
             way, need = _Way.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
             near = np.minimum(need.gap + self.reach + person.radius, need.axis) + way.stray
-            x0, y0, x1, y1 = way.ends
+            (x0, y0), (x1, y1) = way.ends
             walked = np.hypot(x1 - x0, y1 - y0)
             middles = np.stack([0.5 * (x0 + x1), 0.5 * (y0 + y1)], axis=1)
             found = places.query_ball_point(middles, near + 0.5 * walked)
@@ -142,74 +144,63 @@ class Safety:
     def blocked(self, legs: Sequence[Leg]) -> Blocked:
         """Which arcs of some legs must not be left for at which ticks."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for leg in legs:
-            lasts = self.clock.of(leg.lasts)
-            after = np.rint(leg.after / self.clock.tick).astype(np.int64)
-            row = np.empty(leg.lasts.size, np.int64)
-            row[leg.of[leg.of >= 0]] = np.flatnonzero(leg.of >= 0)
+        for pieces in (_Pieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
-                for own, tick in self._near(leg, lasts, after, person):
-                    hit = self._hits(leg, own, tick + after[own], lasts[own], person)
+                for own, tick in self._near(pieces, person):
+                    some = pieces.take(own)
+                    hit = self._hits(some, tick + some.after, person)
                     if person in self.about_start:
-                        hit &= ~self._leaves(leg, own, tick + after[own], lasts[own], person)
-                    rows.append(row[own[hit]])
+                        hit &= ~self._leaves(some, tick + some.after, person)
+                    rows.append(some.row[hit])
                     ticks.append(tick[hit])
         blocked = Blocked.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
         return Blocked(blocked.rows, self._widened(blocked.table))
 
-    def _near(self, leg: Leg, lasts: IntArray, after: IntArray, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
-        """Legs and the ticks at which their arcs are left for, where somebody may be near."""
+    def _near(self, pieces: _Pieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
+        """Pieces and the ticks at which their arcs are left for, where somebody may be near."""
         seconds = self.clock.seconds(np.arange(self.horizon + 1))
         need = self.needed(person, seconds)
         near = float(np.minimum(need.gap + self.reach + person.radius, need.axis).max())
-        middle = 0.5 * np.stack([leg.start.x + leg.end.x, leg.start.y + leg.end.y], axis=1)
-        half = 0.5 * np.hypot(leg.end.x - leg.start.x, leg.end.y - leg.start.y)
-        walked = person.speed * int((after + lasts).max(initial=0)) * self.clock.tick
+        (ax, ay), (bx, by) = pieces.start, pieces.end
+        half = 0.5 * float(np.hypot(bx - ax, by - ay).max(initial=0.0))
+        walked = person.speed * self.clock.tick * int((pieces.after + pieces.lasts).max(initial=0))
         at = np.stack(np.broadcast_arrays(*person.at(seconds), seconds)[:2], axis=1)
-        found = KDTree(middle).query_ball_point(at, near + walked + float(half.max(initial=0.0)))
-        counts = np.array([len(some) for some in found])
-        step = max(1, PAIRS // max(1, int(counts.max(initial=0))))
-        for begin in range(0, counts.size, step):
+        middles = KDTree(0.5 * np.stack([ax + bx, ay + by], axis=1))
+        step = max(1, PAIRS // max(1, pieces.row.size))
+        for begin in range(0, seconds.size, step):
             self.spending.check(DOING)
-            part = slice(begin, begin + step)
-            tick = np.repeat(np.arange(counts.size)[part], counts[part])
-            if tick.size:
-                yield np.concatenate([np.array(some, np.int64) for some in found[part]]), tick
+            found = middles.query_ball_point(at[begin : begin + step], near + walked + half)
+            counts = np.array([len(some) for some in found])
+            if counts.any():
+                own = np.concatenate([np.array(some, np.int64) for some in found])
+                yield own, np.repeat(begin + np.arange(counts.size), counts)
 
-    def _hits(self, leg: Leg, own: IntArray, tick: IntArray, lasts: IntArray, person: Person) -> BoolArray:
-        """Whether legs that begin at ticks (N,) come too near to somebody."""
-        way = _Way.of(person, tick, lasts, self.clock)
-        need = self._needed_on(person, tick, lasts)
-        x0, y0, x1, y1 = way.ends
-        start, end = leg.start.take(own), leg.end.take(own)
-        ax, ay, bx, by = x0 - start.x, y0 - start.y, x1 - end.x, y1 - end.y  # seen from the robot
-        distance = _to_segments(ax, ay, bx, by)
+    def _hits(self, pieces: _Pieces, tick: IntArray, person: Person) -> BoolArray:
+        """Whether pieces (N,) that begin at ticks come too near to somebody."""
+        way = _Way.of(person, tick, pieces.lasts, self.clock)
+        need = self._needed_on(person, tick, pieces.lasts)
+        seen = way.seen_from(pieces)
+        distance = _to_segments(*seen[0], *seen[1])
         close = distance - way.stray < np.minimum(need.gap + self.reach + person.radius, need.axis) - TOUCH
         hit: BoolArray = close & way.there
-        turns = leg.kind != "move"
-        if self._round or turns:
+        if self._round:
             return hit
-        some = np.flatnonzero(hit)
-        cos, sin = np.cos(start.yaw[some]), np.sin(start.yaw[some])
-        seen = [
-            np.stack([cos * dx[some] + sin * dy[some], cos * dy[some] - sin * dx[some]], axis=1)
-            for dx, dy in ((ax, ay), (bx, by))
-        ]
-        gap = _to_parts(self.parts, *seen) - person.radius
+        some = np.flatnonzero(hit & ~pieces.turns)
+        cos, sin = np.cos(pieces.yaw[some]), np.sin(pieces.yaw[some])
+        ends = (np.stack([cos * dx[some] + sin * dy[some], cos * dy[some] - sin * dx[some]], axis=1) for dx, dy in seen)
+        gap = _to_parts(self.parts, *ends) - person.radius
         hit[some] = gap - way.stray[some] < need.gap[some] - TOUCH
         return hit
 
-    def _leaves(self, leg: Leg, own: IntArray, tick: IntArray, lasts: IntArray, person: Person) -> BoolArray:
-        """Whether legs lead from within somebody's margin, without contact, soon after a start that was there."""
-        way = _Way.of(person, tick, lasts, self.clock)
-        need = self._needed_on(person, tick, lasts)
-        x0, y0, x1, y1 = way.ends
-        start, end = leg.start.take(own), leg.end.take(own)
-        begins_at = np.hypot(x0 - start.x, y0 - start.y)
-        distance = _to_segments(x0 - start.x, y0 - start.y, x1 - end.x, y1 - end.y)
+    def _leaves(self, pieces: _Pieces, tick: IntArray, person: Person) -> BoolArray:
+        """Whether pieces lead from within somebody's margin, without contact, soon after a start that was there."""
+        way = _Way.of(person, tick, pieces.lasts, self.clock)
+        need = self._needed_on(person, tick, pieces.lasts)
+        begin, end = way.seen_from(pieces)
         touch = self.reach + person.radius
-        inside = begins_at < np.minimum(need.gap + touch, need.axis)
-        found: BoolArray = inside & (distance - way.stray >= touch) & (tick <= self.clock.up_to(LEAVING))
+        inside = np.hypot(*begin) < np.minimum(need.gap + touch, need.axis)
+        clear = _to_segments(*begin, *end) - way.stray >= touch
+        found: BoolArray = inside & clear & (tick <= self.clock.up_to(LEAVING))
         return found
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Needed:
@@ -250,15 +241,58 @@ class Blocked(NamedTuple):
         return cls(arcs, table)
 
 
+class _Pieces(NamedTuple):
+    """Pieces of motions that last no longer than :data:`PIECE`, so that nobody strays far from a chord meanwhile.
+
+    row         (N,)  the arc that each is of
+    start, end  x, y (N,), m
+    yaw         (N,)  rad, where they begin
+    after       (N,)  ticks since the arc was left for
+    lasts       (N,)  ticks
+    turns       (N,)  whether the yaw changes
+    """
+
+    row: IntArray
+    start: Place
+    end: Place
+    yaw: FloatArray
+    after: IntArray
+    lasts: IntArray
+    turns: BoolArray
+
+    @classmethod
+    def of(cls, leg: Leg, clock: Clock) -> _Pieces:
+        """Those of motions of one kind."""
+        ticks = clock.of(leg.lasts)
+        count = -(-ticks // max(1, clock.within(PIECE)))
+        owner = np.repeat(np.arange(ticks.size), count)
+        number = np.arange(owner.size) - np.repeat(np.cumsum(count) - count, count)
+        first, last = (part * ticks[owner] // count[owner] for part in (number, number + 1))
+        after = np.rint(leg.after / clock.tick).astype(np.int64)[owner] + first
+        x, y, to_x, to_y = (column[owner] for column in (leg.start.x, leg.start.y, leg.end.x, leg.end.y))
+        shares = first / ticks[owner], last / ticks[owner]
+        start, end = ((x + share * (to_x - x), y + share * (to_y - y)) for share in shares)
+        rows = np.flatnonzero(leg.of >= 0)
+        row = np.empty(ticks.size, np.int64)
+        row[leg.of[rows]] = rows
+        turns = np.full(owner.size, leg.kind != "move")
+        return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, turns)
+
+    def take(self, rows: IntArray) -> _Pieces:
+        """Some of them."""
+        start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
+        return _Pieces(self.row[rows], start, end, self.yaw[rows], self.after[rows], self.lasts[rows], self.turns[rows])
+
+
 class _Way(NamedTuple):
     """Where somebody walks during motions (N,).
 
-    ends   x, y at their begin, x, y at their end (N,), m
+    ends   x, y (N,), m, at their begin and at their end
     stray  (N,)  m, how far it leaves the line between these, walked evenly
     there  (N,)  whether it is there at any time of them
     """
 
-    ends: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    ends: tuple[Place, Place]
     stray: FloatArray
     there: BoolArray
 
@@ -275,9 +309,15 @@ class _Way(NamedTuple):
         off_x = x - (x[:, :1] + share * (x[:, -1:] - x[:, :1]))
         off_y = y - (y[:, :1] + share * (y[:, -1:] - y[:, :1]))
         stray = np.hypot(off_x, off_y).max(axis=1)
-        ends = (x[which, 0], y[which, 0], x[which, -1], y[which, -1])
+        ends = ((x[which, 0], y[which, 0]), (x[which, -1], y[which, -1]))
         present = np.asarray(np.max(there, axis=1) > 0)
         return cls(ends, stray[which], present[which])
+
+    def seen_from(self, pieces: _Pieces) -> tuple[Place, Place]:
+        """Ways (x, y), m, from the robot to the person at both ends of pieces."""
+        (x, y), (to_x, to_y) = self.ends
+        (ax, ay), (bx, by) = pieces.start, pieces.end
+        return (x - ax, y - ay), (to_x - bx, to_y - by)
 
 
 def _clear_distance(deviation: FloatArray, disc: float) -> FloatArray:

@@ -21,7 +21,6 @@ from hpop.status import Status
 from hpop.trajectory import Trajectory
 from hpop.verify import verify
 from hpop.world import World
-from hpop.world.content import Person
 
 ROBOT = DifferentialDrive(radius=0.25, camera_height=0.8)
 PILLAR = World.from_polygons([shapely.box(2.6, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
@@ -353,12 +352,6 @@ def test_options_that_make_no_sense_are_refused(options, message):
 def test_a_start_or_goal_that_is_blocked_is_refused_with_the_reason(start, goal, message):
     with pytest.raises(QueryError, match=message):
         Roadmap(samples=5).solve(problem(start=start, goal=goal))
-
-
-def test_people_who_move_are_refused_by_name():
-    world = PILLAR.with_content(people=(Person(1.0, 4.0, velocity=(0.5, 0.0), name="Bob"),))
-    with pytest.raises(QueryError, match=r"the roadmap has no time.*: Bob\."):
-        Roadmap(samples=5).solve(problem(world=world))
 
 
 def test_criteria_with_memory_alone_are_refused_and_beside_others_they_filter():

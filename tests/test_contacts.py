@@ -1,0 +1,88 @@
+"""Claims: contact with people who move is found when it happens, of sure and of uncertain ones, whatever the robot."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from scipy.stats import norm
+
+from hpop.contacts import contact
+from hpop.models import DifferentialDrive
+from hpop.problem import Problem
+from hpop.trajectory import Trajectory
+from hpop.verify import verify
+from hpop.world import Future, Person, World
+
+ROOM = World.from_polygons([], extent=shapely.box(0, -3, 10, 3))
+ROBOT = DifferentialDrive(radius=0.25, speed=1.0)
+STRAIGHT = Trajectory.from_poses(ROBOT, [(1, 0, 0), (9, 0, 0)])  # at 1 m/s from x = 1
+
+
+def touched(person, trajectory=STRAIGHT, margin=0.0, robot=ROBOT):
+    return contact(robot.parts, [person], trajectory, margin)
+
+
+def test_who_comes_towards_the_robot_is_touched_when_the_gap_closes():
+    """1 m/s each, 8 m apart, bodies of 0.25 m: after (8 - 0.5) / 2 seconds."""
+    assert touched(Person(9.0, 0.0, velocity=(-1, 0), name="Ann")) == "touches Ann at 3.76 s"
+
+
+@pytest.mark.parametrize(("aside", "margin", "near"), [(0.51, 0.0, False), (0.51, 0.1, True), (0.49, 0.0, True)])
+def test_who_passes_beside_is_as_near_as_the_bodies_are(aside, margin, near):
+    assert bool(touched(Person(9.0, aside, velocity=(-1, 0)), margin=margin)) == near
+
+
+def test_who_is_gone_by_then_or_not_yet_there_is_not_touched():
+    assert not touched(Person(5.0, 0.0, until=3.0))
+    assert touched(Person(5.0, 0.0, until=4.0)) == "touches person 0 at 3.51 s"
+
+
+def test_one_that_holds_lets_people_pass():
+    crosses = Person(5.0, -3.0, velocity=(0, 0.8))
+    assert touched(crosses)
+    assert not touched(crosses, STRAIGHT.with_hold(at=0, seconds=4.0))
+
+
+def test_several_futures_count_by_their_weight():
+    head_on, aside = {"velocity": (-1.0, 0.0)}, {"velocity": (0.0, 1.0)}
+    for weight, near in ((0.04, False), (0.06, True)):
+        futures = (Future(weight, **head_on), Future(1 - weight, **aside))
+        assert bool(touched(Person(9.0, 0.0, futures=futures))) == near
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.5])
+def test_an_uncertain_place_counts_by_its_share(sigma):
+    """Beside a long straight edge the share is that of a half-plane: the robot is a wide box, the person a point."""
+    wide = DifferentialDrive(footprint=((20.0, 0.2), (-20.0, 0.2), (-20.0, -0.2), (20.0, -0.2)))
+    stands = Trajectory.from_poses(wide, [(5, 0, 0), (5.01, 0, 0)])
+    for share, near in ((0.04, False), (0.08, True)):
+        aside = 0.2 + 0.01 - sigma * float(norm.ppf(share))
+        person = Person(5.0, aside, radius=0.01, spread=sigma, until=60.0)
+        assert bool(touched(person, stands, robot=wide)) == near
+
+
+def test_a_robot_that_turns_sweeps_with_its_corners():
+    long = DifferentialDrive(footprint=((0.8, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.8, -0.1)))
+    turns = Trajectory.from_poses(long, [(5, 0, 0), (5, 0, math.pi / 2)])
+    walks = Person(5.6, 0.6, velocity=(1e-3, 0.0), radius=0.1)
+    assert np.hypot(0.6, 0.6) < 0.95
+    assert touched(walks, turns, robot=long)
+    assert not touched(walks, Trajectory.from_poses(long, [(5, 0, 0), (5, 0, -math.pi / 2)]), robot=long)
+
+
+def test_who_begins_within_a_margin_may_leave_once():
+    beside = Person(1.0, 0.8, velocity=(0.0, 1e-3))
+    assert not touched(beside, margin=0.5)
+    back = Trajectory.from_poses(ROBOT, [(1, 0, 0), (4, 0, 0), (1, 0, 0)])
+    assert touched(beside, back, margin=0.5)
+
+
+def test_a_front_that_touches_somebody_is_at_fault():
+    problem = Problem(ROOM, ROBOT, (1, 0, 0), (9, 0, None), ["length"])
+    front = problem.solve(planner={"lattice": {"step": 0.5}})
+    assert not verify(problem, front)
+    walker = ROOM.with_content(people=[Person(9.0, 0.1, velocity=(-1, 0), name="Ann")])
+    among = Problem(walker, ROBOT, (1, 0, 0), (9, 0, None), ["length"])
+    assert any("touches Ann at 3.7" in fault for fault in verify(among, front))
+    assert not verify(among, among.solve(planner={"lattice": {"step": 0.5}}))
