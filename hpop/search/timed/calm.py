@@ -19,34 +19,62 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.compiled import lean
 from hpop.search.machinery.bounds import enter, leave
-from hpop.search.timed.tables import PLAIN, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+from hpop.search.timed.graph import RATE, RATE_BITS
+from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
 
 NOTHING = -1  # calm from tick 0 on
 
 
 @lean
-def last_changes(tables: Tables, leads: NDArray[np.uint8], out: NDArray[np.int32]) -> None:
+def settle(tables: Tables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
+    """The first tick (P,) from which on standing at a place is as from H on; whole (P,), whether rates are then."""
+    last = tables.since.shape[1] - 1
+    for p in range(len(settled)):
+        whole[p] = True
+        for j in range(len(tables.is_max)):
+            whole[p] &= tables.is_max[j] or tables.rate[p, j] % RATE == 0
+        t = last
+        while t > 0:
+            same = (free_since(tables, p, t) == t) == tables.cut_on[p]
+            for j in range(len(tables.is_max)):
+                s = tables.omega_of[j]
+                if s >= 0 and tables.is_max[j]:
+                    same &= tables.omega[s, p, t - 1] == tables.omega[s, p, last]
+                elif s >= 0:
+                    same &= tables.rate[p, j] % RATE == 0
+                    same &= (tables.omega[s, p, t] - tables.omega[s, p, t - 1]) == tables.rate[p, j] >> RATE_BITS
+            if not same:
+                break
+            t -= 1
+        settled[p] = t
+
+
+@lean
+def last_changes(tables: Tables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]) -> None:
     """The last tick (n,) at which an arc that leaves a node differs from what it is at H; NOTHING if none does.
 
-    leads (n,) says from where a target may be reached.
+    leads (n,) says from where a target may be reached. An arc that stays may differ until its place is settled.
     """
     last = tables.since.shape[1] - 1
     k = len(tables.is_max)
     for v in range(len(out)):
-        latest = NOTHING
+        latest = np.int64(NOTHING)
         p = np.int64(tables.place[v])
         for a in range(tables.start[v], tables.start[v + 1]):
-            if tables.row[a] == PLAIN or not leads[tables.heads[a]]:
+            r = tables.row[a]
+            if r == PLAIN or not leads[tables.heads[a]]:
                 continue
-            opened = is_open(tables, a, p, last)
+            if r == STAYS:
+                latest = max(latest, np.int64(settled[p]) - 1)
+                continue
             t = last - 1
             while t > latest:
-                same = is_open(tables, a, p, t) == opened
+                same = tables.blocked[r, t] == tables.blocked[r, last]
                 j = 0
-                while same and opened and j < k:
+                while same and not tables.blocked[r, t] and j < k:
                     same = arc_cost(tables, a, p, j, t) == arc_cost(tables, a, p, j, last)
                     j += 1
                 if not same:
@@ -91,19 +119,35 @@ def last_gains(
     leads: NDArray[np.uint8],
     calm: NDArray[np.int32],
     earliest: IntArray,
+    whole: BoolArray,
+    settled: NDArray[np.int32],
     out: NDArray[np.int32],
 ) -> None:
-    """The last tick (m,) at which waiting for an arc gained anything, 0 if none, for whoever may be there to wait."""
+    """The last tick (m,) at which waiting for an arc gained anything, 0 if none, for whoever may be there to wait.
+
+    Where both places of a plain arc are settled all the time, or an arc stays where nobody is ever cut off, and parts
+    of counts play no role, all ticks are alike.
+    """
+    last = tables.since.shape[1] - 1
     for v in range(len(calm)):
         p = np.int64(tables.place[v])
         for a in range(tables.start[v], tables.start[v + 1]):
             out[a] = 0
-            if tables.hold == 0 or calm[v] < earliest[v] or not leads[tables.heads[a]]:
+            u = tables.heads[a]
+            if tables.hold == 0 or calm[v] < earliest[v] or not leads[u]:
                 continue
+            q = np.int64(tables.place[u])
+            alike = whole[p] and whole[q]
+            if tables.row[a] == STAYS:
+                alike &= tables.since[p, last] == 0 and not tables.cut_on[p]
+            else:
+                alike &= tables.row[a] == PLAIN and settled[p] == 0 and settled[q] == 0
             t = np.int64(calm[v]) + tables.hold
             while t > earliest[v]:
                 if gains(tables, a, p, t - 1, t):
                     out[a] = t
+                    break
+                if alike:
                     break
                 t -= 1
 

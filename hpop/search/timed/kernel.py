@@ -35,6 +35,8 @@ from hpop.search.machinery.slices import (
     SLICE,
 )
 from hpop.search.timed.calm import gains
+from hpop.search.timed.corners import may_improve
+from hpop.search.timed.joint import Joint, row_of
 from hpop.search.timed.sets import (
     BEGIN,
     CALM,
@@ -53,8 +55,8 @@ from hpop.search.timed.sets import (
 from hpop.search.timed.tables import STAYS, Tables, arc_cost, is_open, omega_at
 
 # Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
-# many nodes wait, the first free row of the queue and how many rows were ever used.
-NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, STATE = range(8)
+# many nodes wait, the first free row of the queue and how many rows were ever used, and solutions ever found.
+NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, SOLVED, STATE = range(9)
 ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
 
 
@@ -63,6 +65,7 @@ class Rest(NamedTuple):
 
     least   (k, n)  least costs, at whatever tick
     ticks   (n,)    fewest ticks
+    earliest (n,)   the tick at which a node may be reached
     calm    (n,)    L of :mod:`.calm`
     gain    (m,)    the last tick at which waiting for an arc gains anything
     until   (n,)    the last tick at which waiting at a node may have a use
@@ -71,6 +74,7 @@ class Rest(NamedTuple):
 
     least: IntArray
     ticks: IntArray
+    earliest: IntArray
     calm: NDArray[np.int32]
     gain: NDArray[np.int32]
     until: IntArray
@@ -129,12 +133,45 @@ class Known(NamedTuple):
     waits: NDArray[np.uint8]
 
 
+class Bounds(NamedTuple):
+    """What labels are compared with beside the solutions.
+
+    joint    joint bounds
+    corners  (c, k)         what solutions leave uncovered; lanes (c, b, LANES) weighed
+    hint     (1,)           the corner that a label got into last
+    weighed  (b, LANES)     room
+    """
+
+    joint: Joint
+    corners: IntArray
+    lanes: NDArray[np.int32]
+    hint: IntArray
+    weighed: NDArray[np.int32]
+
+
 @lean
-def estimate(tables: Tables, rest: Rest, v: int, g: IntArray, f: IntArray) -> None:
-    """Least costs (k,) of whatever becomes of a label."""
+def is_hopeless(
+    tables: Tables,
+    rest: Rest,
+    goal: Goal,
+    bounds: Bounds,
+    count: int,
+    v: int,
+    t: int,
+    g: IntArray,
+    f: IntArray,
+) -> bool:
+    """Whether all that becomes of a label at node v and tick t, with costs g (k,), is covered; f (k,) is room."""
+    joint = bounds.joint
+    row = row_of(joint.offset, joint.calm, v, t)
     for j in range(len(g)):
         h = rest.least[j, v]
+        if joint.alone[j] >= 0:
+            h = max(h, np.int64(joint.rows[0, row, joint.alone[j]]) << joint.shift[j])
         f[j] = max(g[j], h) if tables.is_max[j] else g[j] + h
+    if is_covered(goal, count, f):
+        return True
+    return not may_improve(joint, bounds.corners, bounds.lanes, row, g, f, bounds.hint, bounds.weighed)
 
 
 @lean
@@ -184,6 +221,7 @@ def offer(
     tables: Tables,
     rest: Rest,
     goal: Goal,
+    bounds: Bounds,
     queue: Queue,
     counters: IntArray,
     state: IntArray,
@@ -203,12 +241,13 @@ def offer(
     for j in range(len(g)):
         c = arc_cost(tables, a, p, j, t)
         after[j] = max(g[j], c) if tables.is_max[j] else g[j] + c
-    estimate(tables, rest, x, after, f)
-    if is_covered(goal, counters[N_FRONT], f):
-        return
     value = (parent << 32) | (a + 1)
     if goal.is_target[x]:
-        solve(goal, counters, after, value, t)
+        if not is_covered(goal, counters[N_FRONT], after):
+            solve(goal, counters, after, value, t)
+            state[SOLVED] += 1
+        return
+    if is_hopeless(tables, rest, goal, bounds, counters[N_FRONT], x, end, after, f):
         return
     row = state[FREE]
     if row >= 0:
@@ -234,6 +273,7 @@ def advance(
     tables: Tables,
     rest: Rest,
     goal: Goal,
+    bounds: Bounds,
     queue: Queue,
     known: Known,
     sets: Sets,
@@ -268,9 +308,8 @@ def advance(
             counters[N_OPEN] -= 1
             for j in range(k):
                 g[j] = queue.costs[row, j]
-            estimate(tables, rest, v, g, vector)
             work -= 1 + counters[N_FRONT] // 8
-            if is_covered(goal, counters[N_FRONT], vector):
+            if is_hopeless(tables, rest, goal, bounds, counters[N_FRONT], v, t, g, vector):
                 continue
             refresh(tables, rest.calm, sets, v, t)
             work -= sets.heads[v, SIZE] // 8
@@ -309,7 +348,7 @@ def advance(
                 g[j] = known.costs[state[NEXT], j]
             for a in range(tables.start[v], tables.start[v + 1]):
                 if not (stayed and tables.row[a] == STAYS) and is_open(tables, a, p, t):
-                    offer(tables, rest, goal, queue, counters, state, a, p, t, g, label + 1, scratch)
+                    offer(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, label + 1, scratch)
             work -= 2 * degree
             if t < rest.until[v] and known.waits[v] == 0:
                 known.waits[v] = 1
@@ -335,7 +374,7 @@ def advance(
             code = lacking(goal, queue, counters, state, (tables.start[v + 1] - tables.start[v]) * sets.heads[v, RIPE])
             if code != SLICE:
                 break
-            work -= leave_after_hold(tables, rest, goal, queue, counters, state, known, sets, v, t, scratch)
+            work -= leave_after_hold(tables, rest, goal, bounds, queue, counters, state, known, sets, v, t, scratch)
             state[NEXT] += 1
     return int(code)
 
@@ -355,6 +394,7 @@ def leave_after_hold(
     tables: Tables,
     rest: Rest,
     goal: Goal,
+    bounds: Bounds,
     queue: Queue,
     counters: IntArray,
     state: IntArray,
@@ -393,5 +433,5 @@ def leave_after_hold(
                 shifted = not for_good and not tables.is_max[j]
                 g[j] = sets.vectors[i, j] + (omega_at(tables, p, j, t) if shifted else 0)
             work += 2
-            offer(tables, rest, goal, queue, counters, state, a, p, t, g, owner + 1, scratch)
+            offer(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, owner + 1, scratch)
     return work

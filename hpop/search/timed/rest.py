@@ -11,7 +11,7 @@ from hpop.arrays import IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, reverse
 from hpop.search.machinery.slices import Clock
-from hpop.search.timed.calm import last_changes, last_gains, spread_back
+from hpop.search.timed.calm import last_changes, last_gains, settle, spread_back
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.kernel import Rest
 from hpop.search.timed.stays import mark_one_stay
@@ -38,16 +38,19 @@ def rest_of_way(
         return None, status
     leads = (needed[0] < UNREACHABLE).astype(np.uint8)
     calm = np.empty(n, np.int32)
-    clock.call(last_changes, tables, leads, calm)
+    whole, settled = np.empty(graph.places, np.bool_), np.empty(graph.places, np.int32)
+    clock.call(settle, tables, whole, settled)
+    clock.call(last_changes, tables, leads, settled, calm)
     begin, entering, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((1, m), np.int64)
     clock.call(reverse, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights)
     piles = np.full(graph.horizon + 1, -1), np.empty(n, np.int32), np.empty(n, np.int32)
     clock.call(spread_back, begin[:-1], entering, weights[0], calm, *piles)
     gain = np.empty(m, np.int32)
-    clock.call(last_gains, tables, leads, calm, earliest[0], gain)
+    clock.call(last_gains, tables, leads, calm, earliest[0], whole, settled, gain)
     one_stay = np.ones(graph.places, np.uint8)
     clock.call(mark_one_stay, tables, one_stay)
-    return Rest(least, needed[0], calm, gain, _until(graph, gain, calm), one_stay), None
+    until = _until(graph, gain, calm)
+    return Rest(least, needed[0], earliest[0], calm, gain, until, one_stay), None
 
 
 def _cheapest(graph: TimedGraph) -> Graph:

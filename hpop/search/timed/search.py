@@ -26,21 +26,28 @@ from hpop.search.machinery.slices import (
     WORK,
     Clock,
 )
+from hpop.search.timed.bounds import Seed
+from hpop.search.timed.corners import MOST_CORNERS, cut_corners, weighed_corners
 from hpop.search.timed.graph import TimedGraph
+from hpop.search.timed.joint import Joint
 from hpop.search.timed.kernel import (
     FIRST,
     FREE,
     LEAVE,
     NEXT,
+    SOLVED,
     STAGE,
     STATE,
     USED,
     WAITING,
+    Bounds,
     Goal,
     Known,
     Queue,
     Rest,
     advance,
+    is_covered,
+    solve,
 )
 from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
 from hpop.search.timed.tables import NEVER, Tables
@@ -59,7 +66,10 @@ class TimedSearch:
         targets: IntArray,
         precision: Precision,
         at_most: Sequence[int],
+        joint: Joint,
+        seeds: Sequence[Seed],
     ) -> None:
+        self.joint = joint
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
         n, k = graph.graph.nodes, graph.graph.criteria
         self.eps, self.tolerance = float(precision.eps), precision.of(range(k))
@@ -81,18 +91,51 @@ class TimedSearch:
         self.vectors, self.rows = _rows(1024, k), _rows(1024, ROW_COLUMNS)
         self.scratch = np.zeros((4, k), np.int64)
         self.state[FREE] = -1
+        self.corners = np.minimum(self.most, ANYTHING)[None]
+        self.lanes = weighed_corners(self.corners, joint.weights)
+        self.cornered = 0
+        self.hint, self.weighed = np.zeros(1, np.int64), np.zeros(joint.weights.shape[:2], np.int32)
+        self.cut: set[tuple[int, ...]] = set()
+        self.seeds: list[Seed] = []
+        for seed in seeds:
+            self._plant(seed)
         self.tops[0], self.below[0], self.state[USED], self.counters[N_OPEN] = 0, -1, 1, 1
 
-    def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
-        goal = Goal(
+    def _plant(self, seed: Seed) -> None:
+        """Enter a solution known before the search, if it is one, and nothing covers it yet."""
+        if self.counters[N_FRONT] == len(self.solutions):
+            self._room(FRONT)[1]()
+        goal = self._goal()
+        if not is_covered(goal, int(self.counters[N_FRONT]), seed.costs):
+            self.seeds.append(seed)
+            solve(goal, self.counters, seed.costs, -len(self.seeds), 0)
+            self.state[SOLVED] += 1
+
+    def _take_corners(self) -> None:
+        """Cut the corners that new solutions cover."""
+        self.cornered = int(self.state[SOLVED])
+        reach = self.reach[: int(self.counters[N_FRONT])]
+        for row in reach[np.argsort(reach.sum(axis=1))]:
+            if tuple(row) not in self.cut and len(self.corners) < MOST_CORNERS:
+                self.cut.add(tuple(row))
+                self.corners = cut_corners(self.corners, row)
+        self.lanes = weighed_corners(self.corners, self.joint.weights)
+
+    def _goal(self) -> Goal:
+        return Goal(
             self.front, self.reach, self.solutions, self.leaves, self.most, self.arrive_by, self.is_target,
             self.eps, self.tolerance,
         )  # fmt: skip
+
+    def advance(self, clock: Clock, work: int) -> int:
+        """Run the kernel."""
+        if self.cornered < self.state[SOLVED]:
+            self._take_corners()
+        goal, bounds = self._goal(), Bounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
         queue = Queue(self.tops, self.below, self.values, self.costs)
         known = Known(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
         sets = Sets(self.heads, self.vectors, self.rows)
-        arguments = (self.tables, self.rest, goal, queue, known, sets, self.source, self.scratch)
+        arguments = (self.tables, self.rest, goal, bounds, queue, known, sets, self.source, self.scratch)
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
     def run(self, clock: Clock) -> Status:
@@ -169,6 +212,9 @@ class TimedSearch:
 
     def _path(self, i: int) -> tuple[IntArray, IntArray]:
         value, leaves = int(self.solutions[i]), int(self.leaves[i])
+        if value < 0:
+            seed = self.seeds[-1 - value]
+            return seed.arcs, seed.leaves
         arcs, departures = [], []
         while value > 0:
             arc = (value & 0xFFFFFFFF) - 1

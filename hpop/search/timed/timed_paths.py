@@ -89,6 +89,7 @@ class _TimedRun:
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
+        from hpop.search.timed.bounds import JointBounds
         from hpop.search.timed.rest import rest_of_way
         from hpop.search.timed.search import TimedSearch
         from hpop.search.timed.tables import Tables
@@ -101,7 +102,10 @@ class _TimedRun:
             return status
         if rest.ticks[self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        self.search = TimedSearch(self.graph, tables, rest, self.source, self.targets, self.precision, self.at_most)
+        bounds = JointBounds(self.graph, tables, rest, self.source, self.targets)
+        bounds.make(clock)
+        query = (self.source, self.targets, self.precision, self.at_most)
+        self.search = TimedSearch(self.graph, tables, rest, *query, bounds.joint(), bounds.seeds)
         return self.search.run(clock)
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:

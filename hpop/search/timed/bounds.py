@@ -1,0 +1,122 @@
+"""Joint bounds of a query, made table by table, and the ways that are best for their weights: first solutions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.search.graph import Graph
+from hpop.search.machinery.bounds import lower_bounds
+from hpop.search.machinery.slices import Clock
+from hpop.search.timed.graph import TimedGraph
+from hpop.search.timed.joint import FAR, LANES, Ahead, Joint, follow, price_arcs, sweep
+from hpop.search.timed.kernel import Rest
+from hpop.search.timed.tables import NEVER, Tables
+from hpop.search.timed.weights import lone_weights, mixed_weights
+
+AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
+TABLES = 2  # of LANES weights each: the first with each cost alone, the second with mixtures of like ranges
+
+
+class Seed(NamedTuple):
+    """A solution known before the search: costs (k,), arcs (s,) and when they are left for (s,)."""
+
+    costs: IntArray
+    arcs: IntArray
+    leaves: IntArray
+
+
+class JointBounds:
+    """Tables of joint bounds, and the seeds that come with them."""
+
+    def __init__(self, graph: TimedGraph, tables: Tables, rest: Rest, source: int, targets: IntArray) -> None:
+        self.graph, self.tables, self.rest, self.source, self.targets = graph, tables, rest, source, targets
+        n = graph.graph.nodes
+        is_target = np.zeros(n, np.uint8)
+        is_target[targets] = 1
+        arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
+        self.ahead = Ahead(rest.ticks, rest.earliest, arrive_by, is_target)
+        between = np.maximum(rest.calm - rest.earliest + 1, 0)
+        self.offset = n + np.cumsum(between) - between - np.minimum(rest.earliest, NEVER)
+        self.size = n + int(between.sum())
+        latest = np.flatnonzero(between)
+        self.order = latest[np.argsort(-rest.calm[latest], kind="stable")]
+        self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
+        self.weights: list[FloatArray] = []
+        self.rows: list[NDArray[np.int32]] = []
+        self.seeds: list[Seed] = []
+        self.shift = np.zeros(graph.graph.criteria, np.int64)
+
+    @property
+    def memory(self) -> int:
+        """Bytes that a table takes, and what is needed while it is made."""
+        held = len(self.order) * (self.tables.hold + 1) * 8
+        return LANES * (self.size * 4 + self.graph.graph.arcs * 20 + held)
+
+    def make(self, clock: Clock) -> None:
+        """Make the tables, as far as there are sums, and memory and time for them."""
+        typical = self._typical()
+        for table in range(TABLES if len(self.summed) else 0):
+            if clock.exceeded(0, self.memory * (table + 1), record=False) is not None:
+                return
+            if table == 0:
+                weights, self.shift = lone_weights(self.summed, typical)
+            else:
+                weights = mixed_weights(self.summed, self._ranges(typical), typical)
+            self._add(weights, clock)
+
+    def joint(self) -> Joint:
+        """All tables, as kernels read them."""
+        k = self.graph.graph.criteria
+        alone = np.full(k, -1)
+        if not self.rows:
+            rows, weights = np.zeros((0, 1, LANES), np.int32), np.zeros((0, LANES, k))
+        else:
+            rows, weights = np.stack(self.rows), np.stack(self.weights)
+            alone[self.summed] = np.arange(len(self.summed))
+        return Joint(weights, rows, self.offset, self.rest.calm, alone, self.shift)
+
+    def _typical(self) -> FloatArray:
+        """What a way costs (k,), about: at least what is least of the farthest node, and some arcs."""
+        least = self.rest.least.astype(np.float64)
+        far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
+        return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
+
+    def _ranges(self, typical: FloatArray) -> FloatArray:
+        """How far apart (k,) the solutions known are in each cost."""
+        if len(self.seeds) < 2:
+            return typical
+        costs = np.array([seed.costs for seed in self.seeds], np.float64)
+        spread = costs.max(axis=0) - costs.min(axis=0)
+        return np.asarray(np.where(spread > 0, spread, np.maximum(costs.max(axis=0), 1.0)))
+
+    def _add(self, weights: FloatArray, clock: Clock) -> None:
+        """One more table, and the ways that are best for its weights."""
+        n, m = self.graph.graph.nodes, self.graph.graph.arcs
+        clock.report("bounds")
+        priced = np.empty((m, LANES), np.int32)
+        clock.call(price_arcs, self.tables, weights, priced)
+        rows = np.empty((self.size, LANES), np.int32)
+        closed = (priced == FAR).all(axis=1)
+        for begin in range(0, LANES, AT_ONCE):
+            lanes = slice(begin, begin + AT_ONCE)
+            calm = Graph.from_csr(self.graph.graph.indptr, self.graph.graph.heads, priced[:, lanes].astype(np.int64))
+            calm = calm.without(closed) if closed.any() else calm
+            h, _, _ = lower_bounds(calm, self.source, self.targets, clock)
+            rows[:n, lanes] = np.minimum(h, FAR).T
+        graph = (self.tables, self.ahead, weights, rows, self.offset, self.rest.calm, priced)
+        room = np.empty((2, LANES), np.int32), np.empty((3, LANES), np.int64)
+        held = np.empty((len(self.order), self.tables.hold + 1, LANES), np.int64)
+        clock.call(sweep, *graph, self.order, *room, held, np.empty(len(self.order), np.int64))
+        self.weights.append(weights)
+        self.rows.append(rows)
+        most = n + self.graph.horizon
+        for lane in range(LANES):
+            arcs, leaves = np.empty(most, np.int64), np.empty(most, np.int64)
+            total = np.zeros(self.graph.graph.criteria, np.int64)
+            count = clock.call(follow, *graph, lane, self.source, *room, arcs, leaves, total)
+            if count > 0:
+                self.seeds.append(Seed(total, arcs[:count].copy(), leaves[:count].copy()))
