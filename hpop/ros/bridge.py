@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable
 from contextlib import suppress
 from socket import SO_SNDTIMEO, SOL_SOCKET
-from threading import Event
+from threading import Event, Lock
 from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
@@ -72,7 +72,8 @@ class Bridge:
         self._client: Any = library("websockets.sync.client", "a bridge to ROS", "ros")
         self._errors: Any = library("websockets.exceptions", "a bridge to ROS", "ros")
         self._stopped = Event()
-        self._connection: Any = None
+        self._leaving = Lock()
+        self._connection: Any = None  # until it is left
 
     def run(self) -> None:
         """Connect, serve, and connect again, until :meth:`stop` or Ctrl-C."""
@@ -94,9 +95,7 @@ class Bridge:
     def stop(self) -> None:
         """End :meth:`run`, from any thread."""
         self._stopped.set()
-        connection = self._connection
-        if connection is not None:
-            self._leave(connection)
+        self._leave()
 
     def _connected(self) -> Any:
         return self._client.connect(
@@ -118,9 +117,6 @@ class Bridge:
         closed = self._errors.ConnectionClosed
 
         def send(text: str) -> None:
-            if len(text) > protocol.MOST_SENT:
-                self.say(f"a message of {len(text):,} characters is not sent, which the bridge would not take")
-                return
             with suppress(closed):  # the goals are gone with it
                 connection.send(text)
 
@@ -131,22 +127,26 @@ class Bridge:
             while not self._stopped.is_set():
                 self.server.received(connection.recv())
                 pace.step()
+            self._leave()
+            return "stopped"
         except closed as error:
             return str(error)
         except KeyboardInterrupt:
-            self._leave(connection)
+            self._leave()
             raise
         finally:
-            self._connection = None
             self.server.disconnected()
-        return "stopped"
 
-    def _leave(self, connection: Any) -> None:
-        """Take back what was offered, and close."""
-        with suppress(self._errors.ConnectionClosed):
-            for message in protocol.farewells(self.server.known):
-                connection.send(protocol.encoded(message))
-        connection.close()
+    def _leave(self) -> None:
+        """Take back what was offered, and close: once, whichever thread is first."""
+        with self._leaving:
+            connection, self._connection = self._connection, None
+            if connection is None:
+                return
+            with suppress(self._errors.ConnectionClosed):
+                for message in protocol.farewells(self.server.known):
+                    connection.send(protocol.encoded(message))
+            connection.close()
 
 
 def checked_url(url: Any) -> str:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, fields
 
 from hpop.errors import OptionError
 from hpop.options import one_of
-from hpop.text import HARMFUL, shown
+from hpop.text import shown
 
 NAME = re.compile(r"[A-Za-z/][A-Za-z0-9_/]{0,199}")
+FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}")  # it stands in each pose of a path
 POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
@@ -59,7 +60,7 @@ class Interface:
         one_of("distribution", self.distribution, FIELDS)
         one_of("pose_type", self.pose_type, POSES)
         frame = self.frame_id
-        if not isinstance(frame, str) or not 0 < len(frame) <= 200 or HARMFUL.search(frame) or frame.startswith("/"):
-            raise OptionError(f"frame_id must be the name of a frame without a slash, such as map, got {shown(frame)}")
+        if not isinstance(frame, str) or not FRAME.fullmatch(frame):
+            raise OptionError(f"frame_id must be the name of a frame, such as map, got {shown(frame)}")
         if not isinstance(self.choice, str) or not 0 < len(self.choice) <= LONGEST_CHOICE:
             raise OptionError(f"choice must be a name such as knee or 'fewest turns', got {shown(self.choice)}")

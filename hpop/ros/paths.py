@@ -18,7 +18,7 @@ from hpop.ros.messages import SECOND, Message, header, mapping, planar_pose, pos
 from hpop.ros.spaced import spaced
 from hpop.trajectory import STRAIGHT, Trajectory
 
-MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km
+MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km, below the 10 MB that a bridge takes (its max_message_size)
 
 
 def path_message(

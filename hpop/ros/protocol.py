@@ -21,7 +21,6 @@ from hpop.text import shown
 ACTION = "nav2_msgs/action/ComputePathToPose"
 TEXT = "std_msgs/msg/String"
 MOST_BYTES = 2**20  # of a message that comes in: a goal has 1 kB
-MOST_SENT = 10_000_000  # of one that goes out: max_message_size of the bridge, by default
 LONGEST_ID = 1000  # characters
 THROTTLE = 100  # ms between two poses of the robot, at least
 

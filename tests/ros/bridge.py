@@ -97,8 +97,8 @@ class FakeBridge:
             return what()
 
     def offered(self, action: str) -> Client:
-        """The client that offers an action, once there is one."""
-        return self.until(lambda: next((one for one in self.clients if action in one.actions), None))
+        """The newest client that offers an action, once there is one."""
+        return self.until(lambda: next((one for one in reversed(self.clients) if action in one.actions), None))
 
     def send_goal(self, action: str, args: Any) -> Goal:
         client = self.offered(action)
@@ -129,9 +129,11 @@ class FakeBridge:
                 client.connection.send(data)
 
     def drop(self) -> None:
-        """Break all connections."""
-        for client in list(self.clients):
+        """Break all connections, and wait until they are gone."""
+        broken = list(self.clients)
+        for client in broken:
             client.connection.close()
+        self.until(lambda: not any(client in self.clients for client in broken))
 
     # What the bridge does
 
