@@ -229,7 +229,7 @@ class Execution:
         now = self._told(self._now() if now is None else now)
         place = options.place_of(option)
         chosen, commit = options[place], options.commit
-        if now > commit.time + SAME:
+        if now > commit.time + SAME and not commit.arrives:
             raise DriveError(
                 f"these options began at {commit.time:.2f} s, and it is {now:.2f} s: ask for options again"
             )
