@@ -142,7 +142,7 @@ class Front(frontier.Front[Trajectory]):
         encode : turns a trajectory into JSON values of your own, one by one, to be read back by ``decode``
         """
         asked = self.problem if problem is None else problem
-        placed = asked and _seen(path, asked)
+        placed = asked and seen_from_file(path, asked)
         if encode is not None or not len(self):
             super().save(path, encode=encode, problem=placed)
         else:
@@ -161,7 +161,7 @@ class Front(frontier.Front[Trajectory]):
         """
         stored = storage.read(path)
         if stored["problem"] is not None:
-            stored["problem"] = _found(path, stored["problem"])
+            stored["problem"] = found_from_file(path, stored["problem"])
         items: Sequence[Any] | dict[str, Any] = stored["items"]
         if decode is None or isinstance(items, dict):
             model = _stored_model(path, stored["problem"])
@@ -203,13 +203,13 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
         raise FrontFileError(f"{path}: {error!s:.600}; plan again, or pass decode= for other items") from None
 
 
-def _seen(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
+def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
     """A problem whose files, of world and model, are also named as seen from the folder of a front's file."""
     folder = _folder(path)
     return _changed(problem, partial(seen_from, folder), partial(files.seen_from, folder))
 
 
-def _found(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
+def found_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
     """A problem whose files are found from the folder of a front's file."""
     folder = _folder(path)
     return _changed(problem, partial(found_from, folder), partial(files.found_from, folder))

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from hpop.drive.follow import follow
     from hpop.drive.moment import Moment
     from hpop.drive.options import Commit, Option, Options
+    from hpop.drive.record import load
     from hpop.drive.wishes import Wish
 
-__all__ = ["Change", "Commit", "Execution", "Moment", "Option", "Options", "Wish", "follow"]
+__all__ = ["Change", "Commit", "Execution", "Moment", "Option", "Options", "Wish", "follow", "load"]
 
 _HOMES = {
     "Change": "hpop.drive.execution",
@@ -24,6 +25,7 @@ _HOMES = {
     "Options": "hpop.drive.options",
     "Wish": "hpop.drive.wishes",
     "follow": "hpop.drive.follow",
+    "load": "hpop.drive.record",
 }
 
 __getattr__ = on_first_use(__name__, _HOMES)

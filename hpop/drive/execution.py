@@ -6,6 +6,7 @@ it is told the same, and can be repeated from its record.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -25,9 +26,10 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.wishes import Wish, wished
 from hpop.errors import DriveError
 from hpop.front import Point
+from hpop.frontier.strict_json import plain
 from hpop.motions import States
 from hpop.motions.space import StateSpec
-from hpop.options import MOST, real
+from hpop.options import MOST, real, whole
 from hpop.planners.base import Planner
 from hpop.trajectory import Trajectory
 from hpop.world import Person
@@ -66,6 +68,7 @@ class Execution:
     """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
 
     problem   as it was planned
+    choice    the plan that was chosen first; ``ways`` are those that were known then
     patience  by how much, as a share, another way must be better for the robot to take it by itself
     notice    s before the first turn that nobody was told of, where it does
     record    what it was told, as JSON; see :meth:`save`
@@ -91,7 +94,7 @@ class Execution:
         patience: float = PATIENCE,
         notice: float = NOTICE,
     ) -> None:
-        self.problem, self.planner = problem, planner
+        self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
         self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
@@ -185,6 +188,12 @@ class Execution:
         self._note("options", now, deadline=deadline, answer=found.answer)
         return options
 
+    def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
+        """Options as a record has them: ``answer`` is what was found then, where the deadline cut that short."""
+        now = self._told(now)
+        self._note("options", now, deadline=deadline, answer=answer)
+        return self._options(now, _deadline(deadline), answer)[0]
+
     def _options(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> tuple[Options, Found]:
         """Options, and what was found for them; ``answer``, what was found before is told again."""
         commit, surroundings = self.commit(now, deadline), self.surroundings
@@ -240,12 +249,29 @@ class Execution:
                    rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
         return self.plan
 
+    def take_again(self, event: Mapping[str, Any], way: Trajectory | None) -> None:
+        """Drive on as a record has it: by a way, or as planned."""
+        now, most = self._told(event["now"]), len(self._plan.driven)
+        place = whole("place", event["place"], 0, most, "the number of a state of the plan", error=DriveError)
+        stands = real("stands", event["stands"], 0, MOST, "a time in s", error=DriveError)
+        self._drive(now, place, stands, way)
+        self.record.append(dict(event))
+
     def _drive(self, now: float, place: int, stands: float, rest: Trajectory | None) -> None:
         """Go on by a way from a place of the plan, after standing there for a while; None: as planned."""
         if rest is not None:
             self._plan = self._plan.then(place, stands, rest)
             self._cut(now)
         self._latest = None
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the drive and all that it was told to a JSON file; :func:`hpop.drive.load` makes the same drive of it.
+
+        Raises OSError where it cannot be written.
+        """
+        from hpop.drive.record import save
+
+        save(self, path)
 
     def adapt(self, options: Options) -> Option | None:
         """What the robot changes by itself: the option taken, None where it keeps its plan.
@@ -414,7 +440,7 @@ class Execution:
 
     def _note(self, event: str, now: float, **what: Any) -> None:
         """Write into the record."""
-        self.record.append({"event": event, "now": now, **what})
+        self.record.append({"event": event, "now": now, **plain(what)})
 
 
 def _deadline(deadline: float) -> float:

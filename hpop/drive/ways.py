@@ -32,6 +32,7 @@ from hpop.planners.lattice.planner import REACH
 from hpop.planners.objectives import Objectives
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
+from hpop.search.prepared.known import known_paths
 from hpop.status import Status
 from hpop.trajectory import Trajectory
 
@@ -294,7 +295,8 @@ class Ways:
 
     def told(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
         """What was found from a node before, where a deadline cut it short, from how it was noted."""
-        arcs = [np.array(way, np.int64) for way in answer["arcs"]]
+        given = [np.array(way, np.int64) for way in answer["arcs"]]
+        arcs = known_paths(self.graph, node, self.prepared.is_target, given, self.closed).paths
         paths, gap = self._told(node, arcs), answer["gap"]
         stats = SearchStats("none", labels_generated=answer["labels"])
         return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)
