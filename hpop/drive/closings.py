@@ -29,6 +29,7 @@ from hpop.text import shown
 from hpop.world import World
 from hpop.world.content import Zone
 
+FAR = 4e5  # m: wherever a robot is, it does not come to the border of the world of an area
 BESIDE = 1.0  # m of room round an area in the world of its own, beyond all that a robot reaches
 
 
@@ -71,8 +72,7 @@ class Closing:
     def alone(self) -> World:
         """A world in which nothing else is."""
         x_min, y_min, x_max, y_max = self.area.bounds
-        room = 1e3  # m: whatever the robot, the border of this world is out of reach
-        extent = shapely.box(x_min - room, y_min - room, x_max + room, y_max + room)
+        extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
         return World.from_polygons([], extent=extent, keep_out=self.area)
 
     def collision(self, model: Model) -> Collision:

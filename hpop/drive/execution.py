@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from shapely.geometry import mapping
 
+from hpop.drive import storage
 from hpop.drive.closings import Closing, polygon_of
 from hpop.drive.cuts import Cut, cut_of
 from hpop.drive.departures import next_turn, same_side
@@ -269,9 +270,7 @@ class Execution:
 
         Raises OSError where it cannot be written.
         """
-        from hpop.drive.record import save
-
-        save(self, path)
+        storage.write(self, path)
 
     def adapt(self, options: Options) -> Option | None:
         """What the robot changes by itself: the option taken, None where it keeps its plan.
@@ -322,13 +321,14 @@ class Execution:
         people: Iterable[Person] | None = None,
         stop: Any = None,
         name: str = "",
+        groups: Iterable[Iterable[int]] = (),
     ) -> Change:
         """Tell what changes in the world, one thing at a time, and hear what that makes of the plan.
 
         close   a zone of the map by its name, or a polygon, m, which ``name`` lets one open by name
         open    what is closed, by name or by the polygon: of the map's zones those with a name are doors, and keep-out
                 ones among them are closed from the beginning
-        people  all who are there now, as they are predicted now
+        people  all who are there now, as they are predicted now; ``groups`` of them talk with each other
         stop    one of them, by name or number, stands from now on
         now     s; when it was last told where left out
 
@@ -350,13 +350,13 @@ class Execution:
         elif what == "open":
             after = before.open(now, open)
         elif people is not None:
-            people = tuple(people)
-            after = before.with_people(now, people)
+            people, groups = tuple(people), tuple(map(tuple, groups))
+            after = before.with_people(now, people, groups)
         else:
             after = before.stop(now, stop)
         new = [closing for closing in after.closed if closing not in before.closed]
         self._refuse_covered(now, new)
-        self._note(what, self._told(now), **_written(close, open, people, stop, name))
+        self._note(what, self._told(now), **_written(close, open, people, groups, stop, name))
         return self._change(now, after, new)
 
     def _refuse_covered(self, now: float, closings: Sequence[Closing]) -> None:
@@ -452,11 +452,18 @@ def _is_closed(way: Trajectory, closings: Sequence[Closing]) -> bool:
     return cut_of(Plan(way), 0.0, closings).safe is not None
 
 
-def _written(close: Any, open_: Any, people: Iterable[Person] | None, stop: Any, name: str) -> dict[str, Any]:
+def _written(
+    close: Any,
+    open_: Any,
+    people: Iterable[Person] | None,
+    groups: Iterable[Iterable[int]],
+    stop: Any,
+    name: str,
+) -> dict[str, Any]:
     """What a change was told by, as JSON."""
     if close is not None or open_ is not None:
         area = open_ if close is None else close
         return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}
     if people is not None:
-        return {"people": [described_person(person) for person in people]}
+        return {"people": [described_person(person) for person in people], "groups": [list(group) for group in groups]}
     return {"person": stop.name if isinstance(stop, Person) else stop}

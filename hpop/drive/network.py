@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.arrays import IntArray
+from hpop.drive.answers import candidates_from, described_candidates
 from hpop.drive.known import Known
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import Surroundings
@@ -67,15 +68,19 @@ class Network:
         """
         problem = now.at(commit.state, commit.time)
         if now.moving:
-            return self._in_time(problem, deadline)
+            return self._in_time(problem, deadline, answer)
         return self._on_graph(now, problem, commit, kept, deadline, answer)
 
-    def _in_time(self, problem: Problem, deadline: float) -> Found:
+    def _in_time(self, problem: Problem, deadline: float, answer: Mapping[str, Any] | None) -> Found:
         """What the planner finds among people who move, from the very beginning."""
-        limited = replace(self.planner, time_limit=max(deadline, LEAST))  # type: ignore[type-var]
-        candidates = limited.solve(problem)
-        gap = candidates.stats.get("gap", 0.0)
-        return Found(candidates, math.inf if gap is None else gap, candidates.stats.get("labels_generated", 0), None)
+        if answer is None:
+            limited = replace(self.planner, time_limit=max(deadline, LEAST))  # type: ignore[type-var]
+            candidates = limited.solve(problem)
+        else:
+            candidates = candidates_from(answer, problem, self.objectives)
+        gap, labels = candidates.stats.get("gap", 0.0), int(candidates.stats.get("labels_generated", 0))
+        again = None if candidates.status.is_final else described_candidates(candidates)
+        return Found(candidates, math.inf if gap is None else gap, labels, again)
 
     def _on_graph(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from hpop.world.content import Content
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+GONE = 1e5  # m: nobody who is so far away matters
 SETTLED = 1e-9  # s: whose prediction ends sooner is as it stays
 
 
@@ -82,14 +83,14 @@ class Surroundings:
         opened = to_open(area, self.known, self.closings)
         return self._changed(now, tuple(c for c in self.closings if c not in opened), self._people_at(now))
 
-    def with_people(self, now: float, people: Iterable[Person]) -> Surroundings:
-        """With other people, as they are and are predicted now; their conversations are not known."""
+    def with_people(self, now: float, people: Iterable[Person], groups: Iterable[Iterable[int]] = ()) -> Surroundings:
+        """With other people, as they are and are predicted now, and their conversations, places in ``people``."""
         given = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
         if given is None or not all(isinstance(person, Person) for person in given):
             raise DriveError(f"people are a list of hpop.world.Person, all who are there now, got {shown(people)}")
         if not given and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
-            given = tuple(_gone(person) for person in self.people)
-        return self._changed(now, self.closings, given, groups=())
+            given, groups = tuple(_gone(person) for person in self.people), self.problem.world.content.groups
+        return self._changed(now, self.closings, given, groups=groups)
 
     def stop(self, now: float, person: Any) -> Surroundings:
         """With one person, by name or number, who stands from now on where the prediction has them."""
@@ -122,7 +123,7 @@ class Surroundings:
         closings: tuple[Closing, ...],
         people: tuple[Person, ...],
         *,
-        groups: Sequence[tuple[int, ...]] | None = None,
+        groups: Iterable[Iterable[int]] | None = None,
         known: dict[str, BaseGeometry] | None = None,
     ) -> Surroundings:
         """Others, since now."""
@@ -159,5 +160,5 @@ def _standing(person: Person) -> Person:
 
 
 def _gone(person: Person) -> Person:
-    """A person who is not there any more, so that criteria of people still have somebody to ask about."""
-    return replace(_standing(person), until=0.0)
+    """A person who is not there any more: so far away that criteria of people, which ask for somebody, cost nothing."""
+    return replace(_standing(person), x=person.x + GONE)
