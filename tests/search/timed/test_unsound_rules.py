@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hpop.search import Graph
+from hpop.search.timed import timed_paths
 from hpop.search.timed.graph import TimedGraph
 from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.instances import TimedQuery, timed_query
@@ -50,17 +51,22 @@ def on_a_line(costs: list[Any], tables: dict[int, Any], **options: Any) -> Timed
     return TimedQuery(graph, 0, (2,))
 
 
+def found(query: TimedQuery) -> list[tuple[int, ...]]:
+    """The front of the search."""
+    return [tuple(row) for row in timed_paths(*query).costs.tolist()]
+
+
 def test_the_arrival_as_one_more_cost_loses_the_only_optimum():
     """To the middle by tick 1 for 0, by tick 2 for 1; from there to the goal for 9 at tick 1 and for 0 from tick 2."""
     query = on_a_line([[0], [1], [0]], {0: [[9, 9, 0]]})
-    assert front_by_enumeration(query) == front_by_labels(query, equal_ticks) == [(1,)]
+    assert found(query) == front_by_enumeration(query) == front_by_labels(query, equal_ticks) == [(1,)]
     assert front_by_labels(query, time_as_a_cost) == [(9,)]
 
 
 def test_to_leave_at_once_loses_the_way_of_who_waits():
     """Beside the passage somebody stands until tick 5: 3 of intrusion at once, none after a hold; a tick costs 1."""
     query = on_a_line([[0, 1], [0, 9], [0, 1]], {0: [[3, 3, 3, 3, 3, 0]]}, hold=2, rate=np.array([[0, 1 << 20]] * 3))
-    assert front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(0, 6), (3, 2)]
+    assert found(query) == front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(0, 6), (3, 2)]
     assert front_by_labels(query, by_waiting, at_once=True) == [(3, 2)]
 
 
@@ -69,7 +75,7 @@ def test_to_compare_across_a_cut_loses_who_comes_after_it():
     cut = np.zeros((3, 6), bool)
     cut[1, 2] = cut[0] = True
     query = on_a_line([[0], [1], [0]], {0: [[9, 9, 9, 9, 0, 0]]}, hold=1, cut=cut, later=4)
-    assert front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(1,)]
+    assert found(query) == front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(1,)]
     assert front_by_labels(query, across_cuts) == [(9,)]
 
 
@@ -77,7 +83,7 @@ def test_to_wait_for_less_than_a_hold_loses_who_comes_just_in_time():
     """A hold lasts 3 ticks at least; who came at tick 1 may not leave at tick 2, the only one at which it is cheap."""
     cut = np.array([[True] * 5, [False] * 5, [False] * 5])
     query = on_a_line([[0], [1], [0]], {0: [[9, 9, 0, 9, 9]]}, hold=3, cut=cut)
-    assert front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(1,)]
+    assert found(query) == front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(1,)]
     assert front_by_labels(query, short_holds) == [(9,)]
 
 
