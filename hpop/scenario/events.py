@@ -1,0 +1,124 @@
+"""Events of a drive in YAML: what happens when, with errors that name the entry, the line and the fix.
+
+::
+
+    choice: knee                            # what is driven: knee, least NAME, or a row; the knee if left out
+    events:
+      - {at: 4, close: east door}           # a named zone of the map; or corners, m, with a name to open them by
+      - {at: 6, close: [[3, 2], [4, 2], [4, 3]], name: wet floor}
+      - {at: 8, stop: Ada}                  # stands from now on
+      - {at: 9, people: [{x: 8, y: 5, velocity: [-0.8, 0]}]}    # all who are there now, as in a scenario
+      - {at: 11, wish: fewer turns}         # or hurry, or shares of costs: {duration: -0.2}
+      - {at: 12, take: least length}        # one of the options: knee, least NAME, or its number
+      - {at: 14, open: wet floor}
+      - {at: 15, options: true}             # they are only looked at
+
+Times are seconds since the robot left, in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, Field
+from shapely.geometry import Polygon
+
+from hpop.drive.script import KINDS, Event
+from hpop.scenario.faults import Faults, entries
+from hpop.scenario.people import people_of
+from hpop.scenario.schema import STRICT, Entry, Point
+from hpop.scenario.yaml_lines import Document, Place
+from hpop.world import Person
+
+
+class EventEntry(BaseModel):
+    """An event: when, and exactly one thing that happens."""
+
+    model_config = STRICT
+    at: float = Field(ge=0)
+    close: str | list[Point] | None = None
+    open: str | None = None
+    people: list[Entry] | None = None
+    stop: str | int | None = None
+    wish: str | dict[str, float] | None = None
+    take: str | int | None = None
+    options: bool | None = None
+    name: str = ""
+
+
+class EventsFile(BaseModel):
+    """The keys of an events file."""
+
+    model_config = STRICT
+    choice: str | int = "knee"
+    events: list[Entry] = Field(min_length=1)
+
+
+class Script(NamedTuple):
+    """What is driven, and what happens on the way.
+
+    choice  a name or number of a front's row
+    events  in order of time
+    """
+
+    choice: str | int
+    events: tuple[Event, ...]
+
+
+def load_events(path: str | Path) -> Script:
+    """Read and check an events file; ScenarioError, or another error of hpop, with all that is wrong, by line."""
+    document = Document(Path(path))
+    faults = Faults(document)
+    file = faults.validated(EventsFile, document.values, ())
+    given = document.values.get("events")
+    made = faults.made(given, ("events",), EventEntry, partial(_event, faults))
+    faults.raise_all()
+    events = [event for event in made if event is not None]
+    for i in range(1, len(events)):
+        if events[i].at < events[i - 1].at:
+            faults.add(
+                ("events", i, "at"),
+                f"{events[i].at:g} s comes before the event above, at {events[i - 1].at:g} s; list them in order of time",
+            )
+    faults.raise_all()
+    return Script(file.choice, tuple(events))
+
+
+def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:
+    given = [kind for kind in KINDS if getattr(entry, kind) is not None]
+    if len(given) != 1:
+        faults.add(place, f"give exactly one of {', '.join(KINDS)}; got {' and '.join(given) or 'none'}")
+        return None
+    (kind,) = given
+    if entry.name and not isinstance(entry.close, list):
+        faults.add((*place, "name"), "a name is for corners that are closed; leave it out")
+        return None
+    return Event(entry.at, kind, _VALUES.get(kind, _plain)(faults, getattr(entry, kind), place), entry.name)
+
+
+def _plain(faults: Faults, value: Any, place: Place) -> Any:
+    return value
+
+
+def _area(faults: Faults, value: Any, place: Place) -> Any:
+    if isinstance(value, str):
+        return value
+    if len(value) < 3:
+        faults.add((*place, "close"), "an area has three or more corners [x, y] in m")
+        return None
+    return Polygon(value)
+
+
+def _people(faults: Faults, value: Any, place: Place) -> tuple[Person, ...]:
+    found = people_of(faults, value, (*place, "people"))
+    return tuple(person for entry in found for person in entry or ())
+
+
+def _nothing(faults: Faults, value: Any, place: Place) -> None:
+    return None
+
+
+_VALUES: dict[str, Callable[[Faults, Any, Place], Any]] = {"close": _area, "people": _people, "options": _nothing}
