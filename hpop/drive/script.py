@@ -10,13 +10,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Change, Execution
 from hpop.drive.options import Option, Options
+from hpop.drive.plan import until
 from hpop.errors import DriveError
-from hpop.motions import States
 from hpop.named_rows import named_rows
 from hpop.options import MOST, real
 from hpop.text import shown
+from hpop.trajectory import Trajectory
 from hpop.world import Person
 
 WORLD = ("close", "open", "people", "stop")
@@ -73,7 +75,10 @@ class Happening:
     taken    the option that is driven from their commit on; None where the robot keeps its plan
     asked    whether somebody took it, or the robot did by itself
     words    what is said of it
-    state    (1,) of the robot, then
+    driven   until then
+    before   the plan before it, from the beginning to the goal
+    closed   what is closed then
+    people   who are there, with their time from then on
     """
 
     event: Event
@@ -82,7 +87,10 @@ class Happening:
     taken: Option | None
     asked: bool
     words: str
-    state: States
+    driven: Trajectory
+    before: Trajectory
+    closed: tuple[Closing, ...]
+    people: tuple[Person, ...]
 
 
 def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
@@ -108,9 +116,11 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
             f"the event at {event.at:g} s comes too late: the robot arrives at {drive.begin + drive.plan.duration:.1f} "
             "s; leave it out, or let it happen before"
         )
+    driven, before = until(moment.plan, moment.planned), drive.announced
     change = None
     if event.kind in WORLD:
         change = drive.world(event.at, name=event.name, **{event.kind: event.value})
+    closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
     taken, words = (_chosen(drive, options, event) if event.kind in ASKED else (None, ""))
     asked = taken is not None
@@ -118,7 +128,9 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
         drive.take(taken)  # type: ignore[arg-type]
     elif event.kind in WORLD:
         taken = drive.adapt(options)
-    return Happening(event, change, options, taken, asked, words, moment.state)
+    there = drive.surroundings
+    people = tuple(person.later(event.at - there.since) for person in there.people)
+    return Happening(event, change, options, taken, asked, words, driven, before, closed, people)
 
 
 def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | None, str]:

@@ -18,7 +18,6 @@ Times are seconds since the robot left, in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,7 +30,6 @@ from hpop.scenario.faults import Faults, entries
 from hpop.scenario.people import people_of
 from hpop.scenario.schema import STRICT, Entry, Point
 from hpop.scenario.yaml_lines import Document, Place
-from hpop.world import Person
 
 
 class EventEntry(BaseModel):
@@ -96,10 +94,19 @@ def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:
     if entry.name and not isinstance(entry.close, list):
         faults.add((*place, "name"), "a name is for corners that are closed; leave it out")
         return None
-    return Event(entry.at, kind, _VALUES.get(kind, _plain)(faults, getattr(entry, kind), place), entry.name)
+    return Event(entry.at, kind, _value(faults, kind, getattr(entry, kind), place), entry.name)
 
 
-def _plain(faults: Faults, value: Any, place: Place) -> Any:
+def _value(faults: Faults, kind: str, value: Any, place: Place) -> Any:
+    """What is told of an event."""
+    match kind:
+        case "close":
+            return _area(faults, value, place)
+        case "people":
+            found = people_of(faults, value, (*place, "people"))
+            return tuple(person for entry in found for person in entry or ())
+        case "options":
+            return None
     return value
 
 
@@ -110,15 +117,3 @@ def _area(faults: Faults, value: Any, place: Place) -> Any:
         faults.add((*place, "close"), "an area has three or more corners [x, y] in m")
         return None
     return Polygon(value)
-
-
-def _people(faults: Faults, value: Any, place: Place) -> tuple[Person, ...]:
-    found = people_of(faults, value, (*place, "people"))
-    return tuple(person for entry in found for person in entry or ())
-
-
-def _nothing(faults: Faults, value: Any, place: Place) -> None:
-    return None
-
-
-_VALUES: dict[str, Callable[[Faults, Any, Place], Any]] = {"close": _area, "people": _people, "options": _nothing}

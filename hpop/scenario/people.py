@@ -21,10 +21,10 @@ BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "way
 People = tuple[Person, ...]
 
 
-def people_of(faults: Faults, given: Any) -> list[People | None]:
-    """Who each entry stands for, in order; None after noting what is wrong with one."""
+def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[People | None]:
+    """Who each entry of a list stands for, in order; None after noting what is wrong with one."""
     found: list[People | None] = []
-    for place, entry in ((("people", i), entry) for i, entry in enumerate(entries(given))):
+    for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
         found.append(None)
         checked = faults.validated(form_of(entry), entry, place) if isinstance(entry, dict) else None
         if checked is not None:

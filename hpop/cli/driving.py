@@ -1,0 +1,174 @@
+"""``hpop drive``: a plan of a saved front is driven, while doors close, people stop and somebody aboard wishes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hpop.cli import results
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.front_file import loaded, problem_of
+from hpop.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from hpop.drive import Execution, Options
+    from hpop.drive.script import Happening
+
+DEADLINE = 0.2
+DPI = 150
+PICTURE, RECORD = "drive.png", "drive.json"
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--events", type=click.Path(path_type=Path), required=True, metavar="YAML", help="What happens when.")
+@click.option("--row", metavar="ROW", help="What is driven: a number, knee, or least NAME; as the events say, or knee.")
+@click.option(
+    "--deadline",
+    type=click.FloatRange(0),
+    default=DEADLINE,
+    metavar="S",
+    show_default=True,
+    help="Seconds of processor time in which options are looked for.",
+)
+@click.option(
+    "--speed", type=click.FloatRange(0, min_open=True), metavar="N", help="So many times as fast as real; at once if left out."
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of what is written. [FOLDER/drive]")
+@imports_option
+@user_errors
+def drive(
+    folder: Path,
+    events: Path,
+    row: str | None,
+    deadline: float,
+    speed: float | None,
+    out: Path | None,
+    imports: tuple[str, ...],
+) -> None:
+    """Simulate a drive along a plan of the front in a FOLDER that `hpop plan` wrote, and what happens on its way.
+
+    After each event the options are printed: the front of the rest of the way. The robot changes its plan by itself
+    where its way is closed, or where another is better by a margin and announced in time. Writes a picture,
+    drive.png, and a record that can be replayed, drive.json.
+    """
+    from hpop.cli import user_code
+    from hpop.drive import follow
+    from hpop.drive.script import performed
+    from hpop.named_rows import named_rows
+    from hpop.scenario.events import load_events
+
+    user_code.register(imports)
+    script = load_events(events)
+    path, front = loaded(folder)
+    problem = problem_of(path, front)
+    (chosen,) = named_rows(front, [script.choice if row is None else row])
+    target = out or path.with_name("drive")
+    results.check_writable(target)
+    driven = follow(problem, front, chosen.point)
+    echo(f"driving {chosen}, {driven.plan.duration:.1f} s")
+    began, happened = time.monotonic(), []
+    try:
+        for happening in performed(driven, script.events, deadline=deadline):
+            if speed is not None:
+                time.sleep(max(0.0, happening.event.at / speed - (time.monotonic() - began)))
+            _print(happening, driven)
+            happened.append(happening)
+    finally:
+        if driven.record:
+            _write(driven, happened, target)
+    _print_end(driven)
+
+
+def _print(happening: Happening, driven: Execution) -> None:
+    """An event, what it does to the plan, the options, and what is driven then."""
+    x, y = (float(getattr(happening.driven.states, name)[-1]) for name in ("x", "y"))
+    echo(f"\n{happening.event.at:.1f} s, at ({x:.2f}, {y:.2f}): {happening.event}")
+    if happening.change is not None:
+        for line in _consequences(happening):
+            echo(f"  {line}")
+    _print_options(happening.options, happening)
+    if happening.words:
+        echo(f"  {happening.words}")
+    if happening.taken is None:
+        echo("  it keeps its plan" if driven.at(happening.event.at) and _goes_on(driven) else "  it stands and waits")
+    else:
+        echo(f"  {'taken' if happening.asked else 'the robot takes by itself'}: number {happening.taken.index}")
+
+
+def _goes_on(driven: Execution) -> bool:
+    return driven.plan.duration >= driven.announced.duration
+
+
+def _consequences(happening: Happening) -> list[str]:
+    change = happening.change
+    assert change is not None
+    if change.safe_until is None:
+        return ["the plan stays open"]
+    stops = "" if change.stops_at is None else f"; it would stand from {change.stops_at:.1f} s on"
+    return [f"the plan is closed ahead: safe until {change.safe_until:.1f} s{stops}{', braking' * change.brakes}"]
+
+
+def _print_options(options: Options, happening: Happening) -> None:
+    """A table of some options: the present plan, what is taken, the knee and the least of each cost."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    if not len(options):
+        echo(f"  no options: {options.certificate}")
+        return
+    gap = "" if options.gap == 0 else f", at most {options.gap:.1%} worse than what is missing"
+    echo(f"  {len(options)} options from {options.commit.time:.1f} s on, {options.status}{gap}:")
+    names = _named(options, happening)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    front = options.front
+    units = [f"{name} ({unit})" if unit != "1" else name for name, unit in zip(front.names, front.units, strict=True)]
+    for column in ("number", *units, "leaves at (s)", "same side", "next turn in (s)", ""):
+        table.add_column(column, justify="left" if column in ("", "same side") else "right")
+    for number, words in sorted(names.items()):
+        option = options[number]
+        sides = {None: "-", True: "yes", False: "no"}[option.same_side]
+        leaves, turn = ("-" if t is None else f"{t:.1f}" for t in (option.leaves_at, option.next_turn))
+        table.add_row(
+            str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, sides, turn, ", ".join(words)
+        )
+    Console().print(table)
+
+
+def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
+    """Which options are shown, and why each."""
+    names: dict[int, list[str]] = {}
+    if options.keep_on is not None:
+        names.setdefault(options.keep_on, []).append("present plan")
+    if happening.taken is not None:
+        names.setdefault(happening.taken.index, []).append("taken")
+    for words, point in options.front.named().items():
+        names.setdefault(point.index, []).append(words)
+    return names
+
+
+def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
+    """The record and the picture of a drive, also of one that a fault ended."""
+    from hpop.view.drive import draw_drive
+    from hpop.view.save import save_figure
+
+    with results.output_errors(f"cannot write to {target}", "choose another --out"):
+        target.mkdir(parents=True, exist_ok=True)
+        driven.save(target / RECORD)
+        if happened:
+            save_figure(draw_drive(driven, happened), target / PICTURE, DPI)
+    echo(f"\nwritten to {target}: {', '.join([RECORD, *[PICTURE] * bool(happened)])}")
+
+
+def _print_end(driven: Execution) -> None:
+    moment = driven.at(max(driven.begin + driven.plan.duration, driven.record[-1]["now"]))
+    costs = ", ".join(
+        f"{name} {value:.5g}" + f" {criterion.unit}" * (criterion.unit != "1")
+        for (name, value), criterion in zip(moment.past.items(), driven.problem.criteria, strict=True)
+    )
+    where = "it arrives" if moment.arrived else "it stands before what is closed"
+    echo(f"{where} after {moment.planned:.1f} s; the drive cost {costs}")
