@@ -1,0 +1,60 @@
+"""A plan is driven, and chosen anew on the way: a passage is closed, a visitor stops, the viewer wishes for fewer turns.
+
+After each of these the options are the exact front of the rest of the way, from where the robot can leave its plan.
+"""
+
+from pathlib import Path
+
+import shapely
+
+import hpop
+from hpop.drive.script import Event, performed
+from hpop.view import draw_encounters
+from hpop.view.drive import draw_drive
+
+
+def main(folder: Path = Path("out/07_drive"), step: float = 0.5) -> hpop.Trajectory:
+    """Plan among visitors, drive, print what could be chosen, draw it."""
+    # World: the museum, and a visitor who walks through its lower room and is predicted to go on for 20 s.
+    museum = hpop.examples.museum()
+    ada = hpop.world.Person(24.0, 6.6, velocity=(-0.5, -0.08), name="Ada", until=20.0)
+    problem = hpop.Problem(
+        world=museum.world.with_content(people=[ada]),
+        model=museum.model,
+        start=museum.start,
+        goal=museum.goal,
+        criteria=["turns", "length", "hall_zones"],
+    )
+
+    # Plan: the exact front, on a clock since somebody moves.
+    front = problem.solve("lattice", step=step)
+    print(f"{len(front)} plans; {front.certificate}")
+
+    # Drive the shortest. Times are told, so the drive takes no longer than its decisions.
+    drive = hpop.follow(problem, front, "least length")
+    events = [
+        Event(3.0, "close", shapely.box(14.0, 9.0, 15.0, 11.0), name="between the statues"),
+        Event(14.0, "stop", "Ada"),
+        Event(16.0, "wish", "fewer turns"),
+    ]
+    happenings = []
+    for happening in performed(drive, events, deadline=1.0):
+        options = happening.options
+        print(f"{happening.event.at:4.1f} s  {happening.event}: {len(options)} options, {options.status}")
+        if happening.taken is not None:
+            who = "the viewer takes" if happening.asked else "the robot takes"
+            costs = ", ".join(f"{name} {value:.4g}" for name, value in happening.taken.costs.items())
+            print(f"        {who} number {happening.taken.index}, for the rest {costs}")
+        happenings.append(happening)
+    print(f"driven in {drive.plan.duration:.1f} s")
+
+    # Look: what there was to choose from, and the drive among the visitors as they were predicted.
+    folder.mkdir(parents=True, exist_ok=True)
+    draw_drive(drive, happenings).savefig(folder / "drive.png", dpi=150)
+    draw_encounters(problem, front.best("length").item, name="the shortest").savefig(folder / "plan.png", dpi=150)
+    drive.save(folder / "drive.json")
+    return drive.plan
+
+
+if __name__ == "__main__":
+    main()
