@@ -56,7 +56,7 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
         axes.set_title(f"{number}  {happening.event.at:.1f} s: {printable(str(happening.event))}", fontsize=NORMAL)
     last = panels[len(shown)]
     _draw_map(last, problem, view, drive.plan, drive.surroundings.closings, ())
-    last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4)
+    last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4, gid="driven")
     last.set_title(f"in the end: driven in {drive.plan.duration:.1f} s", fontsize=NORMAL)
     for axes in panels[len(shown) + 1 :]:
         axes.remove()

@@ -1,0 +1,91 @@
+"""A drive by a script does what its methods do, one event after another, and tells what became of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.drive.script import Event, Happening, performed
+from hpop.errors import DriveError
+from tests.drive.rooms import NORTH, planned, through
+
+
+def north() -> hpop.drive.Execution:
+    problem, front = planned()
+    rows = [i for i, way in enumerate(front.trajectories) if through(way) == "north"]
+    return hpop.follow(problem, front, min(rows, key=lambda i: front.costs[i, 1]))
+
+
+def test_each_event_is_told_to_the_drive_and_its_options_are_those_that_a_drive_told_the_same_has() -> None:
+    scripted, by_hand = north(), north()
+    close, fewer = performed(scripted, [Event(1.0, "close", "north"), Event(3.0, "wish", "fewer turns")], deadline=10.0)
+    change = by_hand.world(1.0, close="north")
+    options = by_hand.options(1.0, 10.0)
+    assert close.change == change
+    np.testing.assert_array_equal(close.options.front.costs, options.front.costs)
+    assert close.taken is not None
+    assert not close.asked
+    assert close.taken.index == options.knee().index  # its way is closed: the robot takes the knee by itself
+    by_hand.take(options.knee())
+    options = by_hand.options(3.0, 10.0)
+    wish = by_hand.wish("fewer turns")
+    assert fewer.words == wish.words
+    assert (fewer.taken is None) == (wish.option is None)
+    if wish.option is not None:
+        by_hand.take(wish.option)
+    np.testing.assert_array_equal(scripted.plan.states.x, by_hand.plan.states.x)
+    assert through(scripted.plan) == "south"
+
+
+def test_what_happened_tells_the_way_until_then_and_the_plan_before() -> None:
+    drive = north()
+    announced = drive.announced
+    (happening,) = performed(drive, [Event(1.5, "close", "north")])
+    assert happening.driven.duration == pytest.approx(1.5)
+    assert happening.before is announced
+    assert [closing.name for closing in happening.closed] == ["north"]
+
+
+def test_somebody_takes_what_is_named() -> None:
+    drive = north()
+    (happening,) = performed(drive, [Event(1.0, "take", "least turns")])
+    assert happening.asked
+    assert happening.taken is not None
+    assert happening.taken.costs["turns"] == happening.options.front.costs[:, 1].min()
+    assert happening.words.startswith("least turns")
+
+
+def test_options_are_looked_at_without_a_change() -> None:
+    drive = north()
+    plan = drive.plan
+    (happening,) = performed(drive, [Event(1.0, "options")])
+    assert happening.taken is None
+    assert drive.plan is plan
+
+
+@pytest.mark.parametrize(
+    ("events", "words"),
+    [
+        ([Event(4.0, "options"), Event(3.0, "options")], "list events in order of time"),
+        ([Event(500.0, "options")], "comes too late: the robot arrives"),
+        ([Event(1.0, "close", "west")], "west"),
+        ([Event(1.0, "stop", "Ada")], "nobody is called 'Ada'"),
+        ([Event(1.0, "wish", "fewer tunrs")], "Did you mean 'turns'"),
+        ([Event(1.0, "close", NORTH, name="door"), Event(2.0, "open", "gate")], "gate"),
+    ],
+)
+def test_what_cannot_be_is_told(events: list[Event], words: str) -> None:
+    with pytest.raises(DriveError, match=words):
+        list[Happening](performed(north(), events))
+
+
+@pytest.mark.parametrize("at", [-1.0, float("nan"), "soon"])
+def test_an_event_is_at_a_time(at: object) -> None:
+    with pytest.raises(DriveError, match="at must be"):
+        Event(at, "options")  # type: ignore[arg-type]
+
+
+def test_an_event_is_of_a_known_kind() -> None:
+    with pytest.raises(DriveError, match="one of close, open, people, stop, wish, take, options"):
+        Event(1.0, "explode")

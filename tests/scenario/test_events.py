@@ -1,0 +1,89 @@
+"""Events files: what stands in them is what happens, and what is wrong is told by line, all at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import shapely
+
+from hpop.errors import HpopError
+from hpop.scenario.events import load_events
+
+GOOD = """\
+choice: least turns
+events:
+  - {at: 1, close: east door}
+  - {at: 2, close: [[3, 2], [4, 2], [4, 3]], name: wet floor}
+  - {at: 2, stop: Ada}
+  - {at: 3, people: [{x: 8, y: 5, velocity: [-0.8, 0]}, {waypoints: [[0, 2, 7], [5, 6, 7]]}]}
+  - {at: 4.5, wish: {duration: -0.2}}
+  - {at: 5, wish: hurry}
+  - {at: 6, take: 3}
+  - {at: 7, open: wet floor}
+  - {at: 8, options: true}
+"""
+
+
+def read(folder: Path, text: str):  # noqa: ANN201
+    (folder / "events.yaml").write_text(text)
+    return load_events(folder / "events.yaml")
+
+
+def test_each_entry_is_the_event_that_it_says(tmp_path: Path) -> None:
+    script = read(tmp_path, GOOD)
+    assert script.choice == "least turns"
+    kinds = ["close", "close", "stop", "people", "wish", "wish", "take", "open", "options"]
+    assert [event.kind for event in script.events] == kinds
+    assert [event.at for event in script.events] == [1, 2, 2, 3, 4.5, 5, 6, 7, 8]
+    door, floor, ada, people, share, hurry, third, opened, looked = script.events
+    assert (door.value, ada.value, hurry.value, third.value, opened.value) == (
+        "east door",
+        "Ada",
+        "hurry",
+        3,
+        "wet floor",
+    )
+    assert floor.value.equals(shapely.Polygon([(3, 2), (4, 2), (4, 3)]))
+    assert floor.name == "wet floor"
+    assert [(p.x, p.y, p.moves) for p in people.value] == [(8, 5, True), (2, 7, True)]
+    assert share.value == {"duration": -0.2}
+    assert looked.value is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("at: 8", "at: 1", "line 11.*comes before the event above"),
+        ("at: 1,", "at: -1,", "line 3.*at"),
+        ("{at: 1, close", "{close", "line 3.*at"),
+        ("close: east door", "closed: east door", "line 3.*closed"),
+        ("stop: Ada", "stop: Ada, wish: hurry", "line 5.*exactly one of.*stop and wish"),
+        ("stop: Ada", "name: Ada", "line 5.*exactly one of"),
+        ("[4, 2], [4, 3]]", "[4, 2]]", "line 4.*three or more corners"),
+        ("velocity: [-0.8, 0]", "velocity: fast", "line 6.*velocity"),
+        ("options: true", "options: true, name: x", "line 11.*a name is for corners"),
+        ("choice: least turns", "chioce: knee", "chioce"),
+        ("events:", "events: []\nothers:", "events"),
+    ],
+)
+def test_what_is_wrong_is_told_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in GOOD
+    with pytest.raises(HpopError, match=f"(?s){words}"):
+        read(tmp_path, GOOD.replace(old, new))
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(HpopError, match="(?s)line 3.*line 5"):
+        read(tmp_path, GOOD.replace("at: 1,", "at: soon,").replace("stop: Ada", "stop: [Ada]"))
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "events: 3", "a: &a [*a]"])
+def test_what_is_no_events_file_is_an_error_of_the_user(tmp_path: Path, text: str) -> None:
+    with pytest.raises(HpopError):
+        read(tmp_path, text)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(HpopError, match="nowhere.yaml"):
+        load_events(tmp_path / "nowhere.yaml")
