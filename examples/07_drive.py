@@ -1,4 +1,4 @@
-"""A plan is driven, and chosen anew on the way: a passage is closed, a visitor stops, the viewer wishes for fewer turns.
+"""A plan is driven, and chosen anew on the way: a passage closes, a visitor stops, the viewer wishes for fewer turns.
 
 After each of these the options are the exact front of the rest of the way, from where the robot can leave its plan.
 """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hpop import testing as testing
     from hpop import view as view
     from hpop.criteria.base import Criterion, criterion
-    from hpop.drive.follow import follow
+    from hpop.drive.start import follow
     from hpop.front import Front
     from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
     from hpop.models.base import model
@@ -48,7 +48,7 @@ _HOMES = {
     "Trajectory": "hpop.trajectory",
     "World": "hpop.world",
     "criterion": "hpop.criteria.base",
-    "follow": "hpop.drive.follow",
+    "follow": "hpop.drive.start",
     "model": "hpop.models.base",
     "read_tracks": "hpop.world",
 }

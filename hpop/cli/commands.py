@@ -22,6 +22,7 @@ from hpop import __version__, examples
 from hpop.cli import listing, results
 from hpop.cli.bridging import ros
 from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
+from hpop.cli.driving import drive
 from hpop.cli.exporting import export
 from hpop.cli.live import LivePage
 from hpop.cli.looking import look, new
@@ -183,6 +184,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
 main.add_command(show)
 main.add_command(pick)
 main.add_command(ride)
+main.add_command(drive)
 main.add_command(export)
 main.add_command(ros)
 main.add_command(look)

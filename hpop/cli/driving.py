@@ -35,9 +35,14 @@ PICTURE, RECORD = "drive.png", "drive.json"
     help="Seconds of processor time in which options are looked for.",
 )
 @click.option(
-    "--speed", type=click.FloatRange(0, min_open=True), metavar="N", help="So many times as fast as real; at once if left out."
+    "--speed",
+    type=click.FloatRange(0, min_open=True),
+    metavar="N",
+    help="So many times as fast as real; at once if left out.",
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of what is written. [FOLDER/drive]")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of what is written. [FOLDER/drive]"
+)
 @imports_option
 @user_errors
 def drive(
@@ -94,13 +99,10 @@ def _print(happening: Happening, driven: Execution) -> None:
     if happening.words:
         echo(f"  {happening.words}")
     if happening.taken is None:
-        echo("  it keeps its plan" if driven.at(happening.event.at) and _goes_on(driven) else "  it stands and waits")
+        open_ahead = driven.plan.duration >= driven.announced.duration
+        echo("  it keeps its plan" if open_ahead else "  nothing can be taken: it waits before what is closed")
     else:
         echo(f"  {'taken' if happening.asked else 'the robot takes by itself'}: number {happening.taken.index}")
-
-
-def _goes_on(driven: Execution) -> bool:
-    return driven.plan.duration >= driven.announced.duration
 
 
 def _consequences(happening: Happening) -> list[str]:
@@ -114,9 +116,9 @@ def _consequences(happening: Happening) -> list[str]:
 
 def _print_options(options: Options, happening: Happening) -> None:
     """A table of some options: the present plan, what is taken, the knee and the least of each cost."""
-    from rich.box import SIMPLE_HEAD
     from rich.console import Console
-    from rich.table import Table
+
+    from hpop.cli.report import header, plain_table, print_wide
 
     if not len(options):
         echo(f"  no options: {options.certificate}")
@@ -124,19 +126,22 @@ def _print_options(options: Options, happening: Happening) -> None:
     gap = "" if options.gap == 0 else f", at most {options.gap:.1%} worse than what is missing"
     echo(f"  {len(options)} options from {options.commit.time:.1f} s on, {options.status}{gap}:")
     names = _named(options, happening)
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    front = options.front
-    units = [f"{name} ({unit})" if unit != "1" else name for name, unit in zip(front.names, front.units, strict=True)]
-    for column in ("number", *units, "leaves at (s)", "same side", "next turn in (s)", ""):
-        table.add_column(column, justify="left" if column in ("", "same side") else "right")
+    table, front = plain_table(), options.front
+    table.add_column("number", justify="right")
+    for name, unit in zip(front.names, front.units, strict=True):
+        table.add_column(header(name, unit), justify="right")
+    table.add_column(header("leaves at", "s"), justify="right")
+    table.add_column(header("next turn", "s from now"), justify="right")
+    table.add_column("same side")
+    table.add_column("")
     for number, words in sorted(names.items()):
         option = options[number]
         sides = {None: "-", True: "yes", False: "no"}[option.same_side]
         leaves, turn = ("-" if t is None else f"{t:.1f}" for t in (option.leaves_at, option.next_turn))
         table.add_row(
-            str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, sides, turn, ", ".join(words)
+            str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, turn, sides, ", ".join(words)
         )
-    Console().print(table)
+    print_wide(Console(), table)
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:

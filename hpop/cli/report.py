@@ -69,12 +69,12 @@ def print_front(
         rows = shown_rows(front, MOST_ROWS)
         console.print()
         say("The front: of these trajectories none is better in one cost and no worse in the others")
-        _print_wide(console, _front_table(front, rows))
+        print_wide(console, _front_table(front, rows))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
         console.print()
         say("The marked trajectories as planned and as executed (real speed ramps)")
-        _print_wide(console, _executed_table(problem, front))
+        print_wide(console, _executed_table(problem, front))
         console.print()
     for run in front.runs if verbose else ():
         numbers = [
@@ -182,7 +182,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
     if len(planners) < 2 or not fronts:
         return
     console = console or Console()
-    table = _table()
+    table = plain_table()
     table.add_column("planner", no_wrap=True)
     for column in ("first to\nfind", "hypervolume\nbefore", "hypervolume\nafter", "front\nafter"):
         table.add_column(column, justify="right", no_wrap=True)
@@ -191,7 +191,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
         cells = (f"{row.points:,}", *volumes, f"{row.found:,}")
         table.add_row(Text(printable(row.planner)), *cells)
     console.print("\nWhat each planner added (hypervolume in the scale of all these fronts)")
-    _print_wide(console, table)
+    print_wide(console, table)
     for name in planners[len(fronts) :]:
         console.print(Text(printable(f"{name} was not run")), highlight=False)
 
@@ -212,7 +212,7 @@ def _counted(key: str, value: float) -> str:
     return f"{words} {value:,.4g}" if isinstance(value, float) and abs(value) < 1000 else f"{words} {value:,.0f}"
 
 
-def _print_wide(console: Console, table: Table) -> None:
+def print_wide(console: Console, table: Table) -> None:
     """Print a table whole: one wider than the terminal is wrapped by it, not cut."""
     width = console.width
     console.width = max(width, console.measure(table, options=console.options.update(max_width=10_000)).maximum)
@@ -220,11 +220,12 @@ def _print_wide(console: Console, table: Table) -> None:
     console.width = width
 
 
-def _table() -> Table:
+def plain_table() -> Table:
+    """An empty table as the command line prints them."""
     return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
-def _header(name: str, unit: str) -> Text:
+def header(name: str, unit: str) -> Text:
     """Name over unit."""
     return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
 
@@ -236,12 +237,12 @@ def _labels(names: Sequence[str]) -> Text:
 
 def _front_table(front: Front, rows: Sequence[int]) -> Table:
     names = marks(front)
-    table = _table()
+    table = plain_table()
     table.add_column("#", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
-        table.add_column(_header(name, unit), justify="right", no_wrap=True)
+        table.add_column(header(name, unit), justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
-        table.add_column(Text("reported\n") + _header(name, unit), justify="right", style="dim", no_wrap=True)
+        table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     costs, reported = front.costs[rows].T, front.reported[rows].T
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
@@ -273,12 +274,12 @@ def shown_rows(front: Front, most: int) -> list[int]:
 
 def _executed_table(problem: Problem, front: Front) -> Table:
     """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
-    table = _table()
+    table = plain_table()
     table.add_column("#", justify="right")
     table.add_column("costs")
     criteria = [*problem.criteria, *criteria_of(front)]
     for criterion in criteria:
-        table.add_column(_header(criterion.name, criterion.unit), justify="right", no_wrap=True)
+        table.add_column(header(criterion.name, criterion.unit), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     for row, labels in sorted(marks(front).items()):
         pair = [front.trajectories[row], front.trajectories[row].execution()]

@@ -8,10 +8,10 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.drive.execution import Change, Execution
-    from hpop.drive.follow import follow
     from hpop.drive.moment import Moment
     from hpop.drive.options import Commit, Option, Options
     from hpop.drive.record import load
+    from hpop.drive.start import follow
     from hpop.drive.wishes import Wish
 
 __all__ = ["Change", "Commit", "Execution", "Moment", "Option", "Options", "Wish", "follow", "load"]
@@ -24,7 +24,7 @@ _HOMES = {
     "Option": "hpop.drive.options",
     "Options": "hpop.drive.options",
     "Wish": "hpop.drive.wishes",
-    "follow": "hpop.drive.follow",
+    "follow": "hpop.drive.start",
     "load": "hpop.drive.record",
 }
 

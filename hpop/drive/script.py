@@ -49,9 +49,9 @@ class Event:
 
     def __str__(self) -> str:
         match self.kind, self.value:
-            case ("close" | "open"), str():
+            case (("close" | "open"), str()):
                 what = repr(self.value)
-            case ("close" | "open"), _:
+            case (("close" | "open"), _):
                 what = repr(self.name) if self.name else "an area"
             case "people", people:
                 what = f"{len(people)} are there now"
@@ -122,7 +122,7 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
         change = drive.world(event.at, name=event.name, **{event.kind: event.value})
     closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
-    taken, words = (_chosen(drive, options, event) if event.kind in ASKED else (None, ""))
+    taken, words = _chosen(drive, options, event) if event.kind in ASKED else (None, "")
     asked = taken is not None
     if asked:
         drive.take(taken)  # type: ignore[arg-type]

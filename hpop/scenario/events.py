@@ -26,7 +26,7 @@ from pydantic import BaseModel, Field
 from shapely.geometry import Polygon
 
 from hpop.drive.script import KINDS, Event
-from hpop.scenario.faults import Faults, entries
+from hpop.scenario.faults import Faults
 from hpop.scenario.people import people_of
 from hpop.scenario.schema import STRICT, Entry, Point
 from hpop.scenario.yaml_lines import Document, Place
@@ -79,7 +79,7 @@ def load_events(path: str | Path) -> Script:
         if events[i].at < events[i - 1].at:
             faults.add(
                 ("events", i, "at"),
-                f"{events[i].at:g} s comes before the event above, at {events[i - 1].at:g} s; list them in order of time",
+                f"{events[i].at:g} s comes before the event above, at {events[i - 1].at:g} s; list them in order",
             )
     faults.raise_all()
     return Script(file.choice, tuple(events))

@@ -25,7 +25,7 @@ events:
 """
 
 
-def read(folder: Path, text: str):  # noqa: ANN201
+def read(folder: Path, text: str):
     (folder / "events.yaml").write_text(text)
     return load_events(folder / "events.yaml")
 
@@ -74,7 +74,7 @@ def test_what_is_wrong_is_told_by_line(tmp_path: Path, old: str, new: str, words
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
-    with pytest.raises(HpopError, match="(?s)line 3.*line 5"):
+    with pytest.raises(HpopError, match=r"(?s)line 3.*line 5"):
         read(tmp_path, GOOD.replace("at: 1,", "at: soon,").replace("stop: Ada", "stop: [Ada]"))
 
 
@@ -85,5 +85,5 @@ def test_what_is_no_events_file_is_an_error_of_the_user(tmp_path: Path, text: st
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(HpopError, match="nowhere.yaml"):
+    with pytest.raises(HpopError, match=r"nowhere\.yaml"):
         load_events(tmp_path / "nowhere.yaml")

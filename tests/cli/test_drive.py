@@ -1,0 +1,88 @@
+"""`hpop drive`: events of a file happen to a plan of a saved front; options are printed, drawn and recorded."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import hpop.drive
+from hpop.cli import main
+from tests.drive.rooms import planned
+
+EVENTS = """\
+choice: least turns
+events:
+  - {at: 1, close: north}
+  - {at: 1, close: south}
+  - {at: 60, open: south}
+  - {at: 62, wish: fewer turns}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("hall")
+    planned()[1].save(place / "front.json")
+    return place
+
+
+def drive(folder: Path, out: Path, text: str = EVENTS, *more: str) -> Result:
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "events.yaml").write_text(text)
+    return CliRunner().invoke(
+        main, ["drive", str(folder), "--events", str(out / "events.yaml"), "--out", str(out), *more]
+    )
+
+
+def test_what_happens_is_printed_drawn_and_can_be_told_again(folder: Path, tmp_path: Path) -> None:
+    done = drive(folder, tmp_path)
+    assert done.exit_code == 0, done.output
+    for words in ("1.0 s, at", "close: 'north'", "no options", "it waits before what is closed", "open: 'south'"):
+        assert words in done.output
+    assert (tmp_path / "drive.png").read_bytes().startswith(b"\x89PNG")
+    again = hpop.drive.load(tmp_path / "drive.json")
+    ended = re.search(r"it arrives after ([\d.]+) s", done.output)
+    assert ended is not None
+    assert float(ended[1]) == pytest.approx(again.plan.duration, abs=0.06)
+    assert float(ended[1]) > 60
+    assert [event["event"] for event in again.record].count("close") == 2
+
+
+def test_options_that_are_printed_are_those_of_the_drive(folder: Path, tmp_path: Path) -> None:
+    done = drive(folder, tmp_path, "events: [{at: 1, options: true}]", "--deadline", "2")
+    problem, front = planned()
+    options = hpop.follow(problem, front, "knee").options(1.0, 2.0)
+    assert f"{len(options)} options from {options.commit.time:.1f} s on, complete" in done.output
+    rows = [line.split() for line in done.output.splitlines() if re.match(r"\s{3,}\d+ ", line)]
+    assert rows
+    for number, *values in rows:
+        np.testing.assert_allclose([float(v) for v in values[:3]], options.front.costs[int(number)], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("events: [{at: 1, close: west}]", "west"),
+        ("events: [{at: 2, options: true}, {at: 1, options: true}]", "line 1.*before the event above"),
+        ("choice: least pain\nevents: [{at: 1, options: true}]", "least pain"),
+        ("events: [{at: 1000, options: true}]", "comes too late"),
+        ("events: [{at: 1, wish: fewer pains}]", "pains"),
+        ("event: []", "event"),
+    ],
+)
+def test_a_mistake_is_one_message(folder: Path, tmp_path: Path, text: str, words: str) -> None:
+    done = drive(folder, tmp_path, text)
+    assert done.exit_code not in (0, 1)
+    assert re.search(f"(?s)error: .*{words}", done.output)
+    assert "Traceback" not in done.output
+
+
+def test_what_happened_before_a_mistake_is_kept(folder: Path, tmp_path: Path) -> None:
+    done = drive(folder, tmp_path, "events: [{at: 1, close: north}, {at: 2, close: west}]")
+    assert done.exit_code != 0
+    assert hpop.drive.load(tmp_path / "drive.json").record[0]["event"] == "close"
+    assert (tmp_path / "drive.png").exists()
