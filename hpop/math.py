@@ -114,7 +114,9 @@ def erf(x: Column) -> Column:
     if is_symbolic(x):
         import casadi
 
-        return type(x)(casadi.erf(x.to_casadi()), shape=x.shape)
+        value = casadi.erf(x.to_casadi())
+        kind = casadi.ArrayInterface.SX if isinstance(value, casadi.SX) else casadi.ArrayInterface.MX
+        return kind(value, shape=x.shape)
     from scipy import special
 
     return special.erf(x)

@@ -173,10 +173,10 @@ class Motions:
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
-    def moment(self, share: float) -> Instants:
-        """The moment (M,) in each motion when a share of its time has passed; under laws of one phase."""
-        (phase,) = self.phases
-        return self._instants(phase, share, None)
+    def moments(self, pieces: int) -> list[Instants]:
+        """Moments (M,) within each motion that cut each of its phases into so many equal times; without its ends."""
+        shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
+        return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
     def _probe(self, rate: Rate) -> _Probe:
         """What a rate reads, learnt from one motion at its start; from all on symbols, whose value is kept."""

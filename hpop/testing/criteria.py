@@ -22,6 +22,7 @@ from hpop.registry import make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
 from hpop.testing.models import drawn_motions
 from hpop.testing.motions import random_motions
+from hpop.testing.predictions import predicted_batches, prediction_checks
 from hpop.testing.worlds import FRAME, in_frame, random_world, reframed
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -30,6 +31,7 @@ from hpop.world import World
 if TYPE_CHECKING:
     from hpop.motions.symbolic import SymbolicMotions
 
+ABOUT_PEOPLE = {"people", "groups"}
 KINDS = ("move", "turn", "drive")
 OF_HEAD = ("move", "turn", "pan", "tilt", "unwind")
 SIZES = (1, 40)  # of batches
@@ -115,6 +117,14 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         functions = cache(lambda: list(_on_symbols(criterion, batches)))
         yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, functions)))
         yield Check("has the gradient of its differences", fault_of(lambda: _gradient(functions)))
+    if not jointed and ABOUT_PEOPLE & set(criterion.requires):
+        yield from prediction_checks(criterion, world, batches)
+        if criterion.smooth:
+            walked = cache(lambda: list(_on_symbols(criterion, predicted_batches(criterion, world, batches))))
+            yield Check(
+                "has the same value on CasADi symbols where people walk", fault_of(lambda: _symbolic(criterion, walked))
+            )
+            yield Check("has the gradient of its differences where people walk", fault_of(lambda: _gradient(walked)))
 
 
 def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray]) -> str:

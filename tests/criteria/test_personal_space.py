@@ -98,6 +98,7 @@ def test_people_who_move_are_met_where_they_are_then_and_face_where_they_go(comb
     assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.proof
 def test_the_nearest_person_alone_makes_a_good_criterion_too():
     check_criterion(PersonalSpace("max"))
 

@@ -87,6 +87,7 @@ def test_where_nothing_is_defined_the_cost_and_its_gradient_are_still_numbers():
         assert np.isfinite(value).all()
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(SocialForce(), rng=seed)

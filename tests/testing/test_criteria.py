@@ -11,6 +11,7 @@ from hpop.criteria import make_criterion
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.testing import check_criterion, conformance, random_motions, random_world
+from hpop.world.proxemics import any_moves, expected, offset
 from tests.own_criteria import NAMES, own_criterion
 
 FRAME = "costs the same wherever the world's frame lies"
@@ -24,6 +25,8 @@ ALONE = "costs a motion the same alone and in a batch"
 HALVES = "costs halves of a move or hold as much as the whole"
 CUT = "costs the same wherever a curve is cut"
 SYMBOLS = "has the same value on CasADi symbols"
+FUTURES = "reckons with each of a person's futures"
+GONE = "costs nothing for people who are gone"
 GRADIENT = "has the gradient of its differences"
 
 
@@ -234,6 +237,33 @@ class MoodyMemory(Memory):
         return m.duration + next(CALLS)
 
 
+@dataclass(frozen=True)
+class Likeliest(Base):
+    """Takes the first future of each person for the only one."""
+
+    requires: ClassVar[tuple[str, ...]] = ("base", "people")
+
+    def cost(self, m):
+        people = [one for person in m.world.content.people for _, one in person.hypotheses[:1]]
+        return m.integrate(lambda s: self.near(people, s.base.x, s.base.y, s.t if any_moves(people) else None))
+
+    def near(self, people, x, y, t):
+        return expected(people, lambda person, x, y, t: 1 / (0.1 + np.hypot(*offset(person, x, y, t))), x, y, t)
+
+
+@dataclass(frozen=True)
+class Haunted(Likeliest):
+    """Reckons with those who have left."""
+
+    def cost(self, m):
+        people = m.world.content.people
+        return m.integrate(lambda s: self.near(people, s.base.x, s.base.y, s.t if any_moves(people) else None))
+
+    def near(self, people, x, y, t):
+        each = [share for person in people for share in person.hypotheses]
+        return sum(weight / (0.1 + np.hypot(*offset(person, x, y, t))) for weight, person in each)
+
+
 WRONG = [
     (Negative(), FINITE, "0 or more|>= 0"),
     (NotANumber(), FINITE, "nan"),
@@ -260,6 +290,8 @@ WRONG = [
     (NumbersOnly(), SYMBOLS, "Error"),
     (OtherOnSymbols(), SYMBOLS, "on symbols"),
     (Kinked(), GRADIENT, "d cost/d state"),
+    (Likeliest(), FUTURES, "where a person may do two things"),
+    (Haunted(), GONE, "with somebody who is gone"),
 ]
 
 
@@ -271,7 +303,7 @@ def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
     assert first == f"criterion 'wrong' fails {len(faults)} check{'s' * (len(faults) > 1)}:"
     failed = {fault.partition(": ")[0] for fault in faults}
     assert claim in failed
-    if isinstance(criterion, (Relative, Flat, TurningMotions, Square, OtherOnSymbols, Kinked)):
+    if isinstance(criterion, (Relative, Flat, TurningMotions, Square, OtherOnSymbols, Kinked, Likeliest, Haunted)):
         assert failed <= {claim, HALVES, CUT, GRADIENT}  # one mistake fails one check where it can
 
 
@@ -293,6 +325,7 @@ ALIKE = (
 #: Checked in another world by their own tests.
 ELSEWHERE = (
     *("against_flow", "cutting_between", "social_force", "speeding", "time_to_collision", "visibility_to_people"),
+    *("expected_contacts", "hall_zones"),
 )
 PROVED = [pytest.param(name, marks=pytest.mark.proof) if name in ALIKE + ELSEWHERE else name for name in NAMES]
 

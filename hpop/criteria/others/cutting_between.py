@@ -13,6 +13,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import check_one_future
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
+from hpop.world.checked import named_as
 from hpop.world.content import Person
 from hpop.world.proxemics import any_moves, position
 
@@ -54,23 +55,15 @@ class CuttingBetween:
                 "'cutting_between' needs to know when each motion begins, because people who talk walk; on a graph "
                 "without time, give them no velocity"
             )
-        shares = np.linspace(0.0, 1.0, self._pieces(m, talking) + 1)
-        places = [m.base.start, *(m.moment(share).base for share in shares[1:-1]), m.base.end]
-        times = [m.t0 + share * m.duration if walks else None for share in shares]
+        within = m.moments(_pieces(m, talking))
+        places = [m.base.start, *(s.base for s in within), m.base.end]
+        times = [m.t0, *(s.t for s in within), m.t0 + m.duration] if walks else [None] * len(places)
         crossings = 0.0 * m.base.start.x
         for one, other in pairs:
             ways = [_seen_from(one, other, at.x, at.y, t) for at, t in zip(places, times, strict=True)]
             pieces = zip(pairwise(ways), pairwise(times), strict=True)
             crossings = crossings + sum(_crossed(*way, *when, (one, other)) for way, when in pieces)
         return crossings
-
-    def _pieces(self, m: Motions, people: list[Person]) -> int:
-        """Straight pieces that stand for each motion and the ways of people meanwhile."""
-        chords = CHORDS if isinstance(m.law, Curve) else 1
-        if not len(m) or not any(person.track for person in people):
-            return chords
-        farthest = float(np.max(m.duration)) * max(person.speed for person in people)
-        return int(np.clip(np.ceil(farthest / STEP), chords, MOST_CHORDS))
 
 
 def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
@@ -81,6 +74,15 @@ def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | Non
     square = dx * dx + dy * dy
     scale = 1.0 / np.where(square > 0, square, np.inf)  # two at one place have nothing between them
     return ((x - ax) * dx + (y - ay) * dy) * scale, ((y - ay) * dx - (x - ax) * dy) * scale
+
+
+def _pieces(m: Motions, people: list[Person]) -> int:
+    """Straight pieces that stand for each phase of the motions and the ways of people meanwhile."""
+    chords = CHORDS if isinstance(m.law, Curve) else 1
+    if not any(person.track for person in people):
+        return chords
+    farthest = float(np.max(m.duration)) * max(person.speed for person in people)
+    return int(np.clip(np.ceil(farthest / STEP), chords, MOST_CHORDS))
 
 
 def _crossed(
@@ -106,6 +108,6 @@ def _check_sure(people: list[Person]) -> None:
         if person.spread or person.growth:
             raise CriterionError(
                 f"'cutting_between' counts crossings, of which there is no mean that follows from where people may be "
-                f"at each moment; give person {person.name or 'without a name'} no spread and no growth, or take "
+                f"at each moment; give {named_as('person', person.name)} no spread and no growth, or take "
                 "'o_space'"
             )

@@ -9,6 +9,7 @@ from hpop.arrays import Column
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
 from hpop.options import MOST, real
+from hpop.world.checked import named_as
 from hpop.world.content import Person
 from hpop.world.proxemics import any_moves
 
@@ -49,7 +50,7 @@ def check_one_future(name: str, people: Iterable[Person]) -> None:
     for person in people:
         if person.futures:
             raise CriterionError(
-                f"{name!r} needs one future of each who talks; person {person.name or 'without a name'} has "
+                f"{name!r} needs one future of each who talks; {named_as('person', person.name)} has "
                 f"{len(person.futures)}, and whom the others would follow is not said. Give one prediction to those "
                 "who are in a group, or leave the group out"
             )
