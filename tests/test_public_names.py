@@ -143,6 +143,7 @@ hpop.world.content.Zone
 hpop.world.field.Field
 hpop.world.geojson_content.read
 hpop.world.pose_at
+hpop.world.proxemics
 hpop.world.readers.read_world
 hpop.world.visibility
 """
