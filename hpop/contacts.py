@@ -37,15 +37,23 @@ def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajecto
     within a margin may leave.
     """
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
-        found = [
-            (moment, person.name or f"person {number}")
-            for number, person in enumerate(people)
-            if person.moves and (moment := _first(parts, person, trajectory, least)) is not None
-        ]
-        if found:
-            moment, who = min(found)
+        found = first_contact(parts, people, trajectory, least)
+        if found is not None:
+            moment, who = found
             return f"{what} {who} at {moment:.2f} s"
     return ""
+
+
+def first_contact(
+    parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float
+) -> tuple[float, str] | None:
+    """When, s, a robot of some parts is first nearer than a margin, m, to somebody who moves, and to whom."""
+    found = [
+        (moment, person.name or f"person {number}")
+        for number, person in enumerate(people)
+        if person.moves and (moment := _first(parts, person, trajectory, margin)) is not None
+    ]
+    return min(found, default=None)
 
 
 def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin: float) -> float | None:

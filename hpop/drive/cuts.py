@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from hpop.arrays import BoolArray
+from hpop.contacts import STEP, first_contact
 from hpop.drive.closings import Closing
 from hpop.drive.plan import Plan, between
+from hpop.models.base import PlanarModel
 from hpop.motions import Collision
-from hpop.trajectory import Trajectory
-from hpop.world import World
+from hpop.trajectory import Trajectory, batches
+from hpop.world import Person, World
 
 HALVINGS = 20  # of a motion in which a robot would touch what is closed
 
@@ -28,14 +30,23 @@ class Cut(NamedTuple):
     stops: float | None
 
 
-def cut_of(plan: Plan, t: float, closings: Iterable[Closing]) -> Cut:
-    """What some closings leave of a plan from a time on, at which the robot touches none of them.
+def cut_of(
+    plan: Plan, t: float, closings: Iterable[Closing], people: Sequence[Person] = (), margin: float = 0.0
+) -> Cut:
+    """What is left of a plan from a time on, at which the robot touches none of some closings.
+
+    Nor may it come nearer than ``margin``, m, to ``people`` who move, as they are predicted from then on. Who stands is
+    not safe from people who walk: then another way is to be taken in time.
 
     The robot stands at the last place before where it may leave its plan, so that it goes on driving while others are
     looked for. Where it cannot stop there any more it brakes, and where it would touch what is closed while it brakes
     it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
+    if any(person.settled > 0.0 for person in people):
+        rest = between(plan.announced, t, plan.announced.duration)
+        met = first_contact(cast(PlanarModel, rest.model).parts, people, rest, margin)
+        touches += [] if met is None else [t + max(0.0, met[0] - STEP)]
     if not touches:
         return Cut(None, None)
     safe = min(touches)
@@ -46,6 +57,15 @@ def cut_of(plan: Plan, t: float, closings: Iterable[Closing]) -> Cut:
     if able.size:
         return Cut(safe, float(able[-1]))
     return Cut(safe, brakes if brakes <= safe else _at_once(plan.announced, t, safe))
+
+
+def closed_ways(ways: Sequence[Trajectory], closings: Iterable[Closing]) -> BoolArray:
+    """Which of some ways (n,) lead through any of some closings."""
+    closed = np.zeros(len(ways), dtype=np.bool_)
+    for closing in closings:
+        for owner, motions in batches(ways, closing.alone):
+            closed[owner[~closing.collision(motions.model).motions_free(motions)]] = True
+    return closed
 
 
 def _at_once(way: Trajectory, t: float, safe: float) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from shapely.geometry import mapping
 
 from hpop.drive import storage
 from hpop.drive.closings import Closing, polygon_of
-from hpop.drive.cuts import Cut, cut_of
+from hpop.drive.cuts import Cut, closed_ways, cut_of
 from hpop.drive.departures import next_turn, same_side
 from hpop.drive.moment import Moment, Stretch, past
 from hpop.drive.network import Found, Network
@@ -108,6 +109,8 @@ class Execution:
         self._last = -np.inf  # s, when it was last told anything
         self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0)]
         self._latest: Options | None = None
+        if not self.surroundings.moving:
+            self._network.ways(self.surroundings)  # ahead of the first question
 
     def __repr__(self) -> str:
         plan = self._plan
@@ -203,8 +206,8 @@ class Execution:
         rest = between(announced, begins, announced.duration)
         kept = rest if self._plan.stops is None else None
         found = self._network.found(surroundings, commit, kept, deadline, answer)
-        gone = past(self._plan, begins, self._stretches, self._lag, self.problem.criteria)
         problem = surroundings.at(commit.state, commit.time)
+        gone = partial(past, self._plan, begins, self._stretches, self._lag, self.problem.criteria)
         front, point, place = front_of_rest(problem, found.candidates, kept, gone)
         closings = () if kept is None else surroundings.closed
         compared = Compared(
@@ -243,7 +246,7 @@ class Execution:
             raise DriveError(
                 f"these options began at {commit.time:.2f} s, and it is {now:.2f} s: ask for options again"
             )
-        if _is_closed(chosen.item, self.surroundings.closed):
+        if closed_ways([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; ask for options again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
         self._note("take", now, place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
@@ -376,9 +379,11 @@ class Execution:
         times = plan.announced.times
         begins = float(times[min(int(np.searchsorted(times, t - SAME)), times.size - 1)])
         self._stretches.append(Stretch(after, begins))
+        if not after.moving:
+            self._network.ways(after)
         cut = self._cut(now)
-        latest = range(0) if self._latest is None else range(len(self._latest))
-        invalid = tuple(i for i in latest if _is_closed(self._latest[i].item, new))  # type: ignore[index]
+        ways = [] if self._latest is None else self._latest.ways
+        invalid = tuple(np.flatnonzero(closed_ways(ways, new)).tolist())
         whole = Plan(self._plan.announced)
         stops = None if cut.stops is None else self._lag + cut.stops
         brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
@@ -395,16 +400,21 @@ class Execution:
 
     def _cut(self, now: float) -> Cut:
         """Look what is closed of the plan from now on, and let the robot stand before it."""
-        t = self._planned(now)
-        closed = self.surroundings.closed
-        cut = cut_of(self._plan, t, closed)
+        t, surroundings = self._planned(now), self.surroundings
+        people = surroundings.at(self._plan.announced.at(t), now).world.content.people
+        among: dict[str, Any] = {
+            "closings": surroundings.closed,
+            "people": people,
+            "margin": getattr(self.planner, "margin", 0.0),
+        }
+        cut = cut_of(self._plan, t, **among)
         if cut.stops == t and t not in self._plan.announced.times:
             # A motion ends here; of a turn each part takes its own time.
             way = self._plan.announced
             before = until(way, t)
             self._plan = Plan(joined(before, between(way, t, way.duration)))
             self._lag, t = now - before.duration, before.duration
-            cut = cut_of(self._plan, t, closed)
+            cut = cut_of(self._plan, t, **among)
         self._plan = self._plan.closed_at(cut.stops)
         return cut
 
@@ -445,11 +455,6 @@ class Execution:
 
 def _deadline(deadline: float) -> float:
     return float(real("deadline", deadline, 0, MOST, "a time in s", error=DriveError))
-
-
-def _is_closed(way: Trajectory, closings: Sequence[Closing]) -> bool:
-    """Whether a way leads through any of the closings."""
-    return cut_of(Plan(way), 0.0, closings).safe is not None
 
 
 def _written(

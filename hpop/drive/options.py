@@ -81,6 +81,11 @@ class Options(Sequence[Option]):
         """What is claimed of the front."""
         return self.front.certificate
 
+    @property
+    def ways(self) -> tuple[Trajectory, ...]:
+        """The ways that may be driven, in the order of the options."""
+        return self.front.trajectories if self.kept is None else (*self.front.trajectories, self.kept.item)
+
     def __len__(self) -> int:
         return len(self.front) + (self.kept is not None)
 
@@ -145,8 +150,8 @@ class Options(Sequence[Option]):
         if isinstance(chosen, int) and not isinstance(chosen, bool) and -len(self) <= chosen < len(self):
             return chosen % len(self)
         if isinstance(chosen, Point):
-            for i in range(len(self)):
-                if (self.front.items[i] if i < len(self.front) else self.kept.item) is chosen.item:  # type: ignore[union-attr]
+            for i, way in enumerate(self.ways):
+                if way is chosen.item:
                     return i
         raise DriveError(f"take one of the last options, or its number, 0 to {len(self) - 1}; got {shown(chosen)}")
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop import solving
-from hpop.criteria.base import trajectory_costs
+from hpop.arrays import FloatArray, IntArray
+from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.drive.moment import Past
 from hpop.front import Front, Point
 from hpop.frontier.dominance import quantised
@@ -23,7 +25,7 @@ WHOLE = "worst moments and means are those of the whole drive"
 
 
 def front_of_rest(
-    problem: Problem, candidates: Candidates, kept: Trajectory | None, past: Past
+    problem: Problem, candidates: Candidates, kept: Trajectory | None, past: Callable[[], Past]
 ) -> tuple[Front, Point | None, int | None]:
     """The front of what may be driven from now on; the present plan where others are better; its place, if any.
 
@@ -32,57 +34,112 @@ def front_of_rest(
 
     problem  from where and when the rest begins
     kept     the present plan from there, where it is open
-    past     what the drive has cost until then
+    past     what the drive has cost until then, asked where it matters
     """
     front = solving.front(problem, candidates)
-    names = [*front.names, *front.reported_names]
-    criteria = [claimable(problem)[name] for name in names]
-    table = np.hstack([front.costs, front.reported])
-    ways, origins = list(front.trajectories), list(front.provenance)
-    if kept is not None:
-        own = trajectory_costs(criteria, [kept], problem.world)
-        table = np.concatenate([table, own])
-        ways.append(kept)
-        origins.append({"planner": "drive", "kept": True})
-    for j, criterion in enumerate(criteria):
-        if criterion.aggregate == "max":
-            table[:, j] = np.maximum(table[:, j], past.totals[criterion.name])
-        elif criterion.aggregate == "time-mean":
-            lasts = np.array([way.duration for way in ways])
-            whole = past.duration + lasts
-            integral = past.totals[criterion.name] + table[:, j] * lasts
-            table[:, j] = np.divide(integral, whole, out=np.zeros(whole.size), where=whole > 0.0)
-    is_whole = any(criterion.aggregate in ("max", "time-mean") for criterion in criteria)
-    k = len(front.names)
-    whole_front = Front.of(
-        table[:, :k],
-        ways,
-        names=front.names,
-        units=front.units,
-        quanta=front.quanta,
-        groups=front.groups,
-        reported=table[:, k:],
-        reported_names=front.reported_names,
-        reported_units=front.reported_units,
-        status=front.status,
-        certificate=front.certificate + f"; {WHOLE}" * is_whole,
-        provenance=origins,
-        problem=front.problem,
-        runs=front.runs,
-    )
+    criteria = [claimable(problem)[name] for name in (*front.names, *front.reported_names)]
+    whole = any(criterion.aggregate in ("max", "time-mean") for criterion in criteria)
+    rows = _Rows.of(front)
+    own = _Rows.none(front) if kept is None else _Rows.alone(kept, trajectory_costs(criteria, [kept], problem.world))
+    if whole:
+        gone = past()
+        rows, own = (some.whole(criteria, gone) for some in (rows, own))
+        front = rows.front(front)
+        front = replace(front, certificate=f"{front.certificate}; {WHOLE}")
     if kept is None:
-        return whole_front, None, None
-    same = (whole_front.integers == quantised(table[-1:, :k], front.quanta)).all(axis=1)
-    if same.any():  # of ways that cost the same the present plan is no change
-        place = int(np.flatnonzero(same)[0])
-        items = tuple(kept if i == place else way for i, way in enumerate(whole_front.items))
-        return replace(whole_front, items=items), None, place
-    values: Any = table[-1].tolist()
-    point = Point(
-        index=len(whole_front),
-        costs=dict(zip(front.names, values[:k], strict=True)),
-        reported=dict(zip(front.reported_names, values[k:], strict=True)),
-        item=kept,
-        provenance=origins[-1],
-    )
-    return whole_front, point, len(whole_front)
+        return front, None, None
+    place = _place(front, own)
+    if place is None and not _is_dominated(front, own):
+        front = _Rows.of(front).and_those_of(own).front(front)
+        place = _place(front, own)
+    if place is None:
+        return front, own.point(front), len(front)
+    items = tuple(kept if i == place else way for i, way in enumerate(front.items))
+    return replace(front, items=items), None, place  # of ways that cost the same the present plan is no change
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Ways with their costs and reported values (n, k + r), and where they come from."""
+
+    ways: tuple[Trajectory, ...]
+    values: FloatArray
+    origins: tuple[dict[str, Any], ...]
+
+    @classmethod
+    def of(cls, front: Front) -> _Rows:
+        """Those of a front."""
+        return cls(front.trajectories, np.hstack([front.costs, front.reported]), front.provenance)
+
+    @classmethod
+    def alone(cls, kept: Trajectory, values: FloatArray) -> _Rows:
+        """The present plan."""
+        return cls((kept,), values, ({"planner": "drive", "kept": True},))
+
+    @classmethod
+    def none(cls, front: Front) -> _Rows:
+        """No way."""
+        return cls((), np.zeros((0, len(front.names) + len(front.reported_names))), ())
+
+    def and_those_of(self, others: _Rows) -> _Rows:
+        """These and others."""
+        values = np.concatenate([self.values, others.values])
+        return _Rows(self.ways + others.ways, values, self.origins + others.origins)
+
+    def whole(self, criteria: Sequence[Criterion], past: Past) -> _Rows:
+        """The same, worst moments and means those of the whole drive."""
+        values = self.values.copy()
+        for j, criterion in enumerate(criteria):
+            if criterion.aggregate == "max":
+                values[:, j] = np.maximum(values[:, j], past.totals[criterion.name])
+            elif criterion.aggregate == "time-mean":
+                lasts = np.array([way.duration for way in self.ways])
+                all_ = past.duration + lasts
+                integral = past.totals[criterion.name] + values[:, j] * lasts
+                values[:, j] = np.divide(integral, all_, out=np.zeros(all_.size), where=all_ > 0.0)
+        return replace(self, values=values)
+
+    def front(self, like: Front) -> Front:
+        """The front of these ways, in all else like another."""
+        k = len(like.names)
+        return Front.of(
+            self.values[:, :k],
+            self.ways,
+            names=like.names,
+            units=like.units,
+            quanta=like.quanta,
+            groups=like.groups,
+            reported=self.values[:, k:],
+            reported_names=like.reported_names,
+            reported_units=like.reported_units,
+            status=like.status,
+            certificate=like.certificate,
+            provenance=self.origins,
+            problem=like.problem,
+            runs=like.runs,
+        )
+
+    def point(self, front: Front) -> Point:
+        """The one way as a point that a front does not have."""
+        values, k = self.values[0].tolist(), len(front.names)
+        return Point(
+            index=len(front),
+            costs=dict(zip(front.names, values[:k], strict=True)),
+            reported=dict(zip(front.reported_names, values[k:], strict=True)),
+            item=self.ways[0],
+            provenance=self.origins[0],
+        )
+
+
+def _counts(front: Front, own: _Rows) -> IntArray:
+    return quantised(own.values[:, : len(front.names)], front.quanta)
+
+
+def _place(front: Front, own: _Rows) -> int | None:
+    """The point of a front that costs the same."""
+    same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
+    return int(same[0]) if same.size else None
+
+
+def _is_dominated(front: Front, own: _Rows) -> bool:
+    return bool((front.integers <= _counts(front, own)).all(axis=1).any())

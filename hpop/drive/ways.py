@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import shapely
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
@@ -175,9 +174,12 @@ class Ways:
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
         """Which criteria read what is closed: their costs of the arcs nearest to a closing differ in the two worlds."""
         states, _ = self._places
-        nearest = np.argsort(shapely.distance(closing.area, shapely.points(states.x, states.y)), kind="stable")
+        x_min, y_min, x_max, y_max = closing.area.bounds
+        dx, dy = np.maximum(x_min - states.x, states.x - x_max), np.maximum(y_min - states.y, states.y - y_max)
+        apart = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
+        nearest = np.argpartition(apart, ASKED - 1)[:ASKED] if apart.size > ASKED else np.arange(apart.size)
         arcs = self.inner.arcs
-        ends = [np.arange(arcs.start[node], arcs.start[node + 1]) for node in nearest[:ASKED].tolist()]
+        ends = [np.arange(arcs.start[node], arcs.start[node + 1]) for node in nearest.tolist()]
         places = np.concatenate([np.zeros(0, np.int64), *ends])[:ASKED]
         tails = np.searchsorted(arcs.start, places, side="right") - 1
         found = set[int]()
