@@ -18,6 +18,14 @@ hpop.criteria.base.Criterion
 hpop.criteria.comfort.svc
 hpop.criteria.convex.ConvexCost
 hpop.criteria.others.metrics.zone_fractions
+hpop.drive.Change
+hpop.drive.Commit
+hpop.drive.Execution
+hpop.drive.Moment
+hpop.drive.Option
+hpop.drive.Options
+hpop.drive.Wish
+hpop.drive.load
 hpop.errors.CriterionError
 hpop.errors.HpopError
 hpop.errors.MapError
