@@ -161,7 +161,7 @@ class Search(ABC):
                 extra, grow = self._room(code)
                 clock.report("search", self.counters, memory)
                 status = clock.exceeded(0, memory + extra, record=False)
-                if status is Status.MEMORY_LIMIT:
+                if status is not None:
                     break
                 with whole():
                     grow()

@@ -8,9 +8,10 @@ from typing import Any
 from hpop.search.machinery.slices import Clock
 from hpop.status import Budget, ProgressCallback, Status
 
-STEPS = 25e6  # a second, before it is known
-SLICE, LEAST = 500_000, 2_000  # steps of a slice: 5 to 20 ms, and what is not worth a call
-END, LABEL = 1e-3, 12e-9  # s that an answer takes, and for each label: its gap is proven, its paths are told
+STEPS = 6e6  # a second, at the least: what a step takes depends on the memory that it waits for
+SLICE, LEAST = 120_000, 2_000  # steps of a slice: 2 to 20 ms, and what is not worth a call
+END, LABEL = 1.5e-3, 16e-9  # s that an answer takes, and for each label: its gap is proven, its paths are told
+ROOM = 1.2e-9  # s for each byte of an array that grows: it is copied, and the rest of it is filled
 
 
 class Deadline(Clock):
@@ -29,7 +30,7 @@ class Deadline(Clock):
         self.started = thread_time()
         self.share = 1.0
         self.labels = self.memory = 0
-        self._sliced, self._steps, self._pace, self._answer = 0.0, 0, STEPS, END
+        self._answer, self._taken = END, 0  # s that the answer will take, bytes that are taken
 
     @property
     def is_limited(self) -> bool:
@@ -46,13 +47,10 @@ class Deadline(Clock):
 
     @property
     def work(self) -> int:
-        """Half of what there is time for at the pace of the last slice: less and less towards the end."""
-        now = thread_time()
-        if self._steps:
-            self._pace = self._steps / max(now - self._sliced, 1e-9)
-        steps = (self.left - self._answer) * min(STEPS, self._pace) / 2
-        self._sliced, self._steps = now, int(min(SLICE, max(LEAST, steps)))
-        return self._steps
+        """What there is time for, however slow steps are: less and less towards the end."""
+        if self.deadline is None:
+            return super().work
+        return int(min(SLICE, max(LEAST, (self.left - self._answer) * STEPS)))
 
     def silent(self, labels: int, memory: int) -> Deadline:
         """As of any clock; of the same deadline."""
@@ -79,5 +77,9 @@ class Deadline(Clock):
             return Status.LABEL_LIMIT
         if limit.time_limit is not None and self.seconds() >= self.share * limit.time_limit:
             return Status.TIME_LIMIT
-        self._answer = END + LABEL * labels
-        return Status.TIME_LIMIT if self.left <= self._answer else None
+        needed = self._answer = END + LABEL * labels if record else self._answer
+        if record:
+            self._taken = memory
+        else:
+            needed += ROOM * (memory - self._taken)
+        return Status.TIME_LIMIT if self.left <= needed else None
