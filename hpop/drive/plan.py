@@ -17,7 +17,7 @@ from hpop.trajectory import Trajectory
 SAME = 1e-9  # s, m or rad: two moments, or two states, are the same
 FARTHEST = 1.0  # m: a robot that is said to be farther from its plan has left it
 STEP = 0.02  # s between the moments of a plan at which a robot is looked for
-AHEAD, BEHIND = 10.0, 2.0  # s of a plan in which a robot is looked for, from where it should be
+AROUND = 10.0  # s of a plan in which a robot is looked for, before and after where it should be
 
 
 def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
@@ -157,13 +157,15 @@ class Plan:
         Raises DriveError for a robot that has left its plan.
         """
         space = self.announced.model.space
-        begin, end = max(0.0, t - BEHIND), min(self.end, t + AHEAD)
+        begin, end = max(0.0, t - AROUND), min(self.end, t + AROUND)
         at, apart = begin, np.inf
         low, high, count = begin, end, int((end - begin) / STEP) + 2
         for _ in range(2):
             moments = np.linspace(low, high, count)
             off = space.apart(state.take(np.zeros(count, np.int64)), self.announced.at(moments))
-            nearest = int(np.argmin(off))
+            nearest = int(
+                np.argmin(off + SAME * np.abs(moments - t))
+            )  # of a robot that stands, as late as it should be
             at, apart = float(moments[nearest]), float(off[nearest])
             low, high, count = float(moments[max(nearest - 1, 0)]), float(moments[min(nearest + 1, count - 1)]), 101
         if apart > FARTHEST:

@@ -12,14 +12,14 @@ from hpop.world import Person, World
 from hpop.world.content import Zone
 
 STEP = 0.5
-NORTH, SOUTH = shapely.box(5.2, 4.6, 5.9, 6.0), shapely.box(5.2, 0.0, 5.9, 1.4)  # m: the doors of the wall between
-MIDDLE = [shapely.box(5.4, 1.4, 5.7, 4.6)]
+NORTH, SOUTH = shapely.box(5.2, 4.0, 5.9, 6.0), shapely.box(5.2, 0.0, 5.9, 1.4)  # m: the doors of the wall between
+MIDDLE = [shapely.box(5.4, 1.4, 5.7, 4.0)]
 EXTENT = shapely.box(0, 0, 11, 6)
-START, GOAL = (1.0, 3.0, 0.0), (10.0, 3.0, None)
+START, GOAL = (1.0, 2.0, 0.0), (10.0, 2.0, None)
 
 
 def two_doors(*zones: Zone, people: tuple[Person, ...] = ()) -> World:
-    """A hall of 11 x 6 m, a wall across it with an opening at either end."""
+    """A hall of 11 x 6 m, a wall across it with a wide opening in the north and a narrow one, nearer, in the south."""
     return World.from_polygons(MIDDLE, extent=EXTENT).with_content(people=people, zones=zones)
 
 

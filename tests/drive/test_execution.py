@@ -69,7 +69,7 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
         ({"close": "east"}, "no door or zone of the map is called 'east'"),
         ({"open": "north"}, "'north' is not closed"),
         ({"open": SOUTH}, "no closing has the area"),
-        ({"close": [(0.5, 2.5), (1.5, 2.5), (1.5, 3.5), (0.5, 3.5)]}, "covers the robot"),
+        ({"close": [(0.5, 1.5), (1.5, 1.5), (1.5, 2.5), (0.5, 2.5)]}, "covers the robot"),
         ({"close": [(0, 0), (1, float("nan")), (1, 1)]}, "what is closed"),
         ({"stop": "somebody"}, "nobody is called 'somebody'"),
         ({"close": "north", "open": "south"}, "one thing that changes"),

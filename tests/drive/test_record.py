@@ -19,7 +19,7 @@ def driven(seed: int) -> hpop.drive.Execution:
     rng = np.random.default_rng(seed)
     problem, front = planned()
     drive = hpop.follow(problem, front, int(rng.integers(len(front))), begin=2.0)
-    drive.at(3.0, (1.1, 3.02, 0.1))
+    drive.at(3.0, (1.1, 2.02, 0.1))
     drive.options(3.0, 0.0)
     drive.world(3.2, close=SOUTH, name="the south door")
     options = drive.options(3.4, [0.0, 1e-3, 1.0][seed % 3])

@@ -1,0 +1,249 @@
+"""Claims of options: what is listed, what each would change, wishes, and what the robot changes by itself."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.drive.plan import between
+from hpop.errors import DriveError, HpopError
+from hpop.status import Status
+from hpop.world import Person
+from tests.drive.rooms import NORTH, SOUTH, STEP, asked, planned, through, two_doors
+
+
+@cache
+def among_people() -> tuple[hpop.Problem, hpop.Front]:
+    problem = asked(two_doors(people=(Person(3.5, 4.5, name="visitor"),)), "hall_zones", "turns", "length")
+    return problem, problem.solve("lattice", step=STEP)
+
+
+def drive_of(name: str = "knee") -> hpop.drive.Execution:
+    return hpop.follow(*planned(), name)
+
+
+def test_a_deadline_of_nothing_is_answered_with_what_is_known() -> None:
+    drive = drive_of()
+    at_once, exact = drive.options(1.0, 0.0), drive.options(1.0, 1.0)
+    assert at_once.status is Status.TIME_LIMIT
+    assert at_once.keep_on is not None
+    assert exact.status is Status.COMPLETE
+    # The gap holds: each point of the exact front is covered within the factor 1 + gap.
+    worse = (at_once.front.costs[None] <= (1.0 + at_once.gap) * exact.front.costs[:, None] + 1e-9).all(axis=2)
+    assert worse.any(axis=1).all()
+
+
+def test_options_cost_what_their_ways_cost_and_end_at_the_goal() -> None:
+    drive = drive_of()
+    problem, _ = planned()
+    options = drive.options(2.0)
+    for option in options:
+        costs = problem.at(tuple(float(c[0]) for c in vars(options.commit.state).values()), 2.0).evaluate(option.item)
+        assert costs["length"] == pytest.approx(option.costs["length"])
+        assert costs["turns"] == option.costs["turns"]
+        assert (option.item.states.x[-1], option.item.states.y[-1]) == pytest.approx((10.0, 2.0))
+
+
+def test_each_option_leaves_the_announced_way_when_a_robot_on_it_would_be_elsewhere() -> None:
+    drive = drive_of()
+    announced = drive.plan
+    options = drive.options(1.0)
+    for option in options:
+        begin = options.commit.time
+        times = np.arange(0.0, min(option.item.duration, announced.duration - begin), 0.01)
+        here, there = option.item.at(times), announced.at(begin + times)
+        apart = np.hypot(here.x - there.x, here.y - there.y) + np.abs(np.sin(0.5 * (here.yaw - there.yaw)))
+        elsewhere = np.flatnonzero(apart > 1e-3)
+        if option.keeps_on:
+            assert option.leaves_at is None
+            assert not elsewhere.size
+        elif elsewhere.size:
+            assert option.leaves_at is not None
+            # A turn begins with half of what stopping loses, 0.5 s, in which one stands or goes straight on.
+            assert -0.02 <= begin + times[elsewhere[0]] - option.leaves_at <= 0.6
+
+
+def test_an_option_is_on_the_same_side_where_it_takes_the_same_door() -> None:
+    drive = drive_of()
+    options = drive.options(0.5)
+    doors = {through(option.item) for option in options}
+    assert doors == {"north", "south"}
+    for option in options:
+        assert option.same_side == (through(option.item) == through(drive.plan))
+
+
+def test_the_next_turn_is_that_of_the_way_that_would_be_driven() -> None:
+    drive = drive_of()
+    now = 0.3
+    options = drive.options(now)
+    for option in options:
+        way = hpop.drive.plan.joined(between(drive.plan, 0.0, options.commit.time), option.item)
+        turns = [t for t, kind in zip(way.times, way.kinds, strict=False) if kind == "turn" and t > now]
+        assert option.next_turn == (pytest.approx(turns[0] - now) if turns else None)
+
+
+def test_what_was_worst_stays_worst_so_no_way_is_left_for_the_sake_of_a_moment_that_is_past() -> None:
+    problem = asked(two_doors(), "clearance", "length")
+    front = problem.solve("lattice", step=STEP)
+    drive = hpop.follow(problem, front, "least length")
+    before = drive.options(0.5)
+    assert len(before) > 1
+    past_door = drive.plan.times[np.flatnonzero(drive.plan.states.x > 6.6)[0]] + 0.1
+    after = drive.options(float(past_door))
+    worst = drive.at(float(past_door)).past["clearance"]
+    assert worst == pytest.approx(problem.evaluate(drive.plan)["clearance"])
+    # The door is behind: whatever is chosen, the worst clearance is that of the door, so the shortest way is the front.
+    assert [option.costs["clearance"] for option in after] == [pytest.approx(worst)]
+    assert after.keep_on == 0
+
+
+def test_a_mean_is_that_of_the_whole_drive() -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee")
+    for now in (1.0, 6.0):
+        options = drive.options(now)
+        kept = options[options.keep_on or 0]
+        assert kept.reported["obstruction"] == pytest.approx(problem.evaluate(drive.plan)["obstruction"])
+
+
+@pytest.mark.parametrize("wish", ["fewer turns", "less exposure", "less length"])
+def test_a_wish_for_less_is_fulfilled_at_the_least_loss(wish: str) -> None:
+    drive = drive_of()
+    options = drive.options(1.0)
+    name = wish.split()[1]
+    plan = options[options.keep_on or 0].costs
+    rows = [option for option in options if option.costs[name] < plan[name] and not option.dominated]
+    answer = drive.wish(wish)
+    if not rows:
+        assert answer.option is None
+        assert "no option" in answer.words
+        return
+    spans = {n: max(o.costs[n] for o in options) - min(o.costs[n] for o in options) for n in plan}
+
+    def loss(option: hpop.drive.Option) -> float:
+        return sum(max(0.0, option.costs[n] - plan[n]) / spans[n] for n in plan if spans[n])
+
+    assert answer.option is not None
+    assert loss(answer.option) == pytest.approx(min(map(loss, rows)), abs=1e-6)
+
+
+def test_a_wish_with_a_share_keeps_it_and_hurry_is_quicker() -> None:
+    problem = asked(two_doors(), "duration", "exposure", "turns")
+    front = problem.solve("lattice", step=STEP)
+    slow = int(np.argmax(front.costs[:, 0]))
+    drive = hpop.follow(problem, front, slow)
+    options = drive.options(0.5)
+    plan = options[options.keep_on or 0].costs
+    answer = drive.wish(duration=-0.1)
+    assert answer.option is not None
+    assert answer.option.costs["duration"] <= 0.9 * plan["duration"] + 1e-6
+    quick = drive.wish("hurry", exposure=100.0, turns=100.0)
+    assert quick.option is not None
+    assert quick.option.costs["duration"] == min(option.costs["duration"] for option in options)
+    assert drive.wish(duration=-0.99).option is None
+
+
+@pytest.mark.parametrize(
+    ("words", "shares", "said"),
+    [
+        ("fewer turnns", {}, "no cost 'turnns' to wish for. Did you mean 'turns'"),
+        ("hurry", {}, "no cost 'duration' to wish for"),
+        (None, {"rotation": -0.1}, "no cost 'rotation'"),
+        (None, {"turns": float("nan")}, "the wish for turns"),
+        ("please", {}, "a wish is 'hurry'"),
+        (None, {}, "a wish is words"),
+    ],
+)
+def test_a_wish_for_what_is_not_there_is_an_error(words: str | None, shares: dict[str, float], said: str) -> None:
+    drive = drive_of()
+    with pytest.raises(DriveError, match="ask options"):
+        drive.wish("fewer turns")
+    drive.options(1.0)
+    with pytest.raises(HpopError, match=said):
+        drive.wish(words, **shares)
+
+
+def test_a_robot_is_where_it_is_seen_and_not_where_its_plan_has_it() -> None:
+    drive = drive_of()
+    move = drive.plan.kinds.index("move", 8)
+    t = float(drive.plan.times[move]) + 0.2
+    seen = tuple(float(column[0]) for column in vars(drive.plan.at(t)).values())
+    moment = drive.at(t + 2.5, seen)
+    assert moment.planned == pytest.approx(t, abs=2e-3)
+    assert drive.at(t + 3.0).planned == pytest.approx(t + 0.5, abs=2e-3)
+    assert drive.commit(t + 2.5, 0.5).time > t + 3.0
+    with pytest.raises(DriveError, match="m from its plan"):
+        drive.at(t + 3.0, (0.5, 5.5, 0.0))
+
+
+def test_options_that_are_past_or_closed_cannot_be_taken() -> None:
+    drive = drive_of()
+    options = drive.options(1.0, 0.1)
+    with pytest.raises(DriveError, match="ask for options again"):
+        drive.take(0, options.commit.time + 0.5)
+    options = drive.options(options.commit.time + 0.6, 0.1)
+    doomed = next(option for option in options if through(option.item) == "south")
+    change = drive.world(close=SOUTH)
+    assert doomed.index in change.invalid
+    with pytest.raises(DriveError, match="has been closed"):
+        drive.take(doomed)
+    with pytest.raises(DriveError, match="one of the last options"):
+        drive.take(drive_of().options(1.0)[0])
+
+
+def test_a_robot_changes_its_plan_by_itself_for_a_tenth_and_with_notice_alone() -> None:
+    problem, front = planned()
+    rows = np.argsort(-front.costs[:, front.names.index("length")])
+    patient = hpop.follow(problem, front, int(rows[0]), patience=1.0)
+    assert patient.adapt(patient.options(0.5)) is None
+    changed = 0
+    for row in rows.tolist():
+        eager = hpop.follow(problem, front, row)
+        options = eager.options(0.5)
+        plan = options[options.keep_on or 0].costs
+        taken = eager.adapt(options)
+        if taken is not None:
+            changed += 1
+            assert np.mean([taken.costs[n] / plan[n] for n in plan]) <= 0.9
+            turns = [t for t, kind in zip(taken.item.times, taken.item.kinds, strict=False) if kind == "turn"]
+            later = [
+                options.commit.time + t for t in turns if options.commit.time + t >= (taken.leaves_at or 0.0) - 1e-6
+            ]
+            assert not later or later[0] - options.now >= 2.0
+    assert 0 < changed < len(front)
+    closed = hpop.follow(problem, front, "knee")
+    closed.world(0.5, close=NORTH)
+    closed.world(0.5, close=SOUTH)
+    assert closed.adapt(closed.options(0.5)) is None  # nothing is open
+
+
+def test_a_visitor_who_steps_into_the_way_is_passed_and_costs_what_a_new_plan_says() -> None:
+    problem, front = among_people()
+    drive = hpop.follow(problem, front, "least length")
+    change = drive.world(1.0, people=[Person(5.6, 5.3, name="visitor"), Person(9.0, 1.0)])
+    options = drive.options(1.0)
+    assert change.invalid == ()
+    assert {through(option.item) for option in options} == {"south"}
+    drive.take(options.knee())
+    drive.world(3.0, people=[])
+    assert drive.options(3.0).best("hall_zones").costs["hall_zones"] == 0.0
+    assert drive.at(3.0).past["hall_zones"] > 0.0  # those who left were there
+
+
+def test_somebody_who_walks_into_the_way_cuts_it_and_the_robot_waits_or_gives_way() -> None:
+    problem = asked(two_doors(), "turns", "length")
+    front = problem.solve("lattice", step=STEP)
+    drive = hpop.follow(problem, front, "least length")
+    x, y = (float(column[0]) for column in (drive.plan.at(5.0).x, drive.plan.at(5.0).y))
+    change = drive.world(0.5, people=[Person(x, y - 0.1 * 4.5, velocity=(0.0, 0.1), name="visitor")])
+    assert change.safe_until is not None
+    options = drive.options(0.5, 0.5)
+    if len(options):
+        drive.take(options.knee())
+        assert drive._plan.stops is None
+    drive.world(1.0, stop="visitor")
+    assert not drive.surroundings.moving
+    assert drive.options(1.0).status is Status.COMPLETE
