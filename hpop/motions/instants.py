@@ -58,7 +58,10 @@ class Instants:
         """Time of each moment, s, from the start of the trajectory."""
         self.read.add("t")
         if self._t is None:
-            raise UnsupportedCriterion("it asks for the time, which edges of a graph without time do not have")
+            raise UnsupportedCriterion(
+                "it asks for the time, which the motions of a planner without time do not have; where people move, "
+                "plan by 'lattice' or 'roadmap', which have a clock"
+            )
         return self._t
 
     @cached_property
