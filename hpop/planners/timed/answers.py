@@ -42,7 +42,7 @@ def answers(
     spending = space.spending
     if not isinstance(space, StateGraph | JoinedEnds):
         raise QueryError(f"{space.words} has no clock")
-    timed = timed_graph(space, objectives.optimised, start, asked.options)
+    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta)
     build_seconds = time.perf_counter() - began
     query = TimedQuery(problem, objectives, timed, asked.options, start, goals, build_seconds, asked.max_turns)
     if asked.in_stages:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, make_criterion, motion_costs
+from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, motion_costs, place_of
 from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
 from hpop.motions import Motions, States
 from hpop.planners.graphs.joined_ends import JoinedEnds
@@ -21,7 +21,7 @@ from hpop.planners.objectives import WHOLE
 from hpop.planners.timed.clock import SLACK, Clock, TimeOptions
 from hpop.planners.timed.company import Company
 from hpop.planners.timed.legs import TimedArcs, motions_of
-from hpop.planners.timed.notice import Notices
+from hpop.planners.timed.notice import Asked, Notices
 from hpop.planners.timed.presence import Presence
 from hpop.planners.timed.safety import Safety
 from hpop.planners.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
@@ -38,6 +38,9 @@ class Timed:
     """A graph of states on a clock.
 
     graph       what a search takes
+    quanta      (k,)  what one count of each cost is, in the criteria's units
+    lasting     the column of the duration, which is counted in ticks; None if it is no cost
+    start       node of the start
     arcs        the same arcs as motions
     clock
     company     who moves
@@ -47,6 +50,9 @@ class Timed:
     """
 
     graph: TimedGraph
+    quanta: FloatArray
+    lasting: int | None
+    start: int
     arcs: TimedArcs
     clock: Clock
     company: Company
@@ -66,15 +72,23 @@ class Timed:
 
 
 def timed_graph(
-    space: StateGraph | JoinedEnds, criteria: Sequence[Criterion], start: int, options: TimeOptions
+    space: StateGraph | JoinedEnds,
+    criteria: Sequence[Criterion],
+    start: int,
+    options: TimeOptions,
+    quanta: Collection[str] = (),
 ) -> Timed:
     """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
 
     Raises QueryError where the robot would start in contact with somebody who moves, OptionError for a clock that
     would count more ticks than a search does.
+
+    Parameters
+    ----------
+    quanta : names of criteria whose costs are compared in steps that the problem sets
     """
     began = time.perf_counter()
-    return _Assembly(space, tuple(criteria), start, options).made(began)
+    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta)).made(began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +99,7 @@ class _Assembly:
     criteria: tuple[Criterion, ...]
     start: int
     options: TimeOptions
+    quanta: frozenset[str]
 
     @cached_property
     def clock(self) -> Clock:
@@ -121,6 +136,29 @@ class _Assembly:
         """Columns of the others."""
         return [j for j in range(len(self.criteria)) if j not in self.timed]
 
+    @cached_property
+    def asked(self) -> list[Asked]:
+        """Those of `timed`, asked about everybody who moves."""
+        return [Asked(self.criteria[j], self.company, self.arcs.inner.model, self._is_set(j)) for j in self.timed]
+
+    def _is_set(self, j: int) -> bool:
+        """Whether somebody says in which steps a cost is compared."""
+        return self.criteria[j].name in self.quanta or self.criteria[j].quantum != DEFAULT_QUANTUM
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """In which (k,) the search compares costs."""
+        steps = np.array([criterion.quantum for criterion in self.criteria])
+        steps[self.timed] = [one.quantum for one in self.asked]
+        if self.lasting is not None:
+            steps[self.lasting] = self.clock.tick
+        return steps
+
+    @cached_property
+    def lasting(self) -> int | None:
+        """The column of the duration."""
+        return place_of("duration", self.criteria)
+
     def some(self, columns: Sequence[int]) -> list[Criterion]:
         return [self.criteria[j] for j in columns]
 
@@ -139,7 +177,7 @@ class _Assembly:
 
     @cached_property
     def notices(self) -> Notices:
-        return Notices.by(self.some(self.timed), self.company, self.arcs.inner.model)
+        return Notices.by(self.asked, self.company)
 
     @cached_property
     def presence(self) -> Presence:
@@ -203,7 +241,7 @@ class _Assembly:
         wanted = np.zeros(rows.size, dtype=bool)
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
-        tables = Tables(arcs.inner, presence, self.some(self.timed), self.space.spending)
+        tables = Tables(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
         made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
@@ -216,7 +254,9 @@ class _Assembly:
         node = np.unique(place, return_index=True)[1]
         for column, j in enumerate(self.static):
             costs[:, j] = self.plain.costs[:, column]
-            rate[:, j] = self.rates[node, column] / self.criteria[j].quantum
+            rate[:, j] = self.rates[node, column] / self.steps[j]
+        if self.lasting is not None:  # a plan arrives when its clock says, but for what it is off
+            costs[:, self.lasting], rate[:, self.lasting] = arcs.ticks, 1.0
         for column, j in enumerate(self.timed):
             costs[rows, j] = made.static[:, column]
             rate[:, j] = stood.rates[:, column]
@@ -239,7 +279,9 @@ class _Assembly:
         overlooked = np.zeros(len(self.criteria))
         overlooked[self.timed] = self.notices.overlooked
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
-        return Timed(graph, arcs, self.clock, self.company, overlooked, pairs, seconds)
+        return Timed(
+            graph, self.steps, self.lasting, self.start, arcs, self.clock, self.company, overlooked, pairs, seconds
+        )
 
 
 def _frozen(array: Any) -> Any:

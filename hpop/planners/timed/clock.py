@@ -2,7 +2,8 @@
 
 A motion lasts a whole number of ticks there, and a little more or less in truth. Moves along one line are counted from
 one zero, so that along a straight run, however long, plan and clock are never more than a tick apart; a turn is off by
-half a tick at most. By how much a whole plan is off is reckoned for each (:mod:`.timing`), and a hold brings it back.
+less than a tick, and turns on average by nothing. By how much a whole plan is off is reckoned for each (:mod:`.plans`),
+and a hold brings it back.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from hpop.options import MOST, real
 TICK = 1 / 20  # s, where people move and nobody says otherwise
 SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: a finer one only takes memory, in a coarser one people walk too far
 HOLD = 1.0  # s: a robot that stops for less loses as much by stopping and starting
+GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples are evenly spread over a unit, whatever their number
+SAME = 1e-9  # of a tick
 OFFSET = 1 / math.pi  # of a tick: where it lies, no multiple of a step is a border between ticks
 SLACK = 0.2  # s: so far a plan may be off the clock, and people are kept clear of all the same
 
@@ -39,6 +42,14 @@ class Clock:
     def of(self, seconds: FloatArray) -> IntArray:
         """Durations (N,) in ticks, the nearest, at least one."""
         return np.asarray(np.maximum(1, np.rint(seconds / self.tick)), dtype=np.int64)
+
+    def in_place(self, seconds: FloatArray, place: IntArray) -> IntArray:
+        """Durations (N,), in ticks, of motions at places: now more, now less, but right on average over places.
+
+        The nearest would be off in the same direction whenever a robot turns by the same angle.
+        """
+        share = place * GOLDEN % 1.0
+        return np.asarray(np.maximum(1, np.floor(seconds / self.tick + share + SAME)), dtype=np.int64)
 
     def along(self, start: States, end: States, seconds: FloatArray) -> IntArray:
         """Durations (M,), in ticks, of straight moves, such that those of a line add up to that of the line."""

@@ -73,16 +73,20 @@ class TimedArcs:
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
 
+        inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
+
         def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, bool]]:
             found = []
             for number, rows, motions in motions_of(inner, np.arange(part.start, part.stop)):
                 seconds = np.broadcast_to(motions.duration, rows.size)
                 at = own[rows]
-                count = clock.along(motions.start, motions.end, seconds) if number == MOVE else clock.of(seconds)
+                if number == MOVE:
+                    count = clock.along(motions.start, motions.end, seconds)
+                else:
+                    count = clock.in_place(seconds, inner.places(inner_tails[rows]))
                 found.append((at, rows, np.asarray(seconds), count, number != MOVE))
             return found
 
-        inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
         for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
             for at, rows, seconds, count, in_place in batch:
                 tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place

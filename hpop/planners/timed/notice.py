@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from hpop.world.people import Person
 
 SHARE = 1e-4  # of the largest difference that somebody makes: what is less is not noticed
 WORST = 1e-3  # the same where the worst moment counts
+STEP = 0.01  # of that difference, a second or at the worst moment: as finely are costs compared, if nobody says
 DIRECTIONS = 16  # in which it is looked, from where a person walks to
 HEADINGS = 16  # of the moves
 RINGS = 16  # distances, from NEAREST to the size of the map
@@ -83,65 +85,110 @@ class Noticed:
 class Notices:
     """Who is noticed, and how far, by some criteria: all that may be of each person who moves.
 
-    of         for each of those who move, by what may be of it
-    overlooked (k,)  what is not noticed: a second, in a criterion's unit; a moment where the worst counts
+    of          for each of those who move, by what may be of it
+    overlooked  (k,)  what is not noticed: a second, in a criterion's unit; a moment where the worst counts
     """
 
     of: tuple[tuple[Noticed, ...], ...]
     overlooked: FloatArray
 
     @classmethod
-    def by(cls, criteria: Sequence[Criterion], company: Company, model: Model) -> Notices:
-        """Ask criteria that read the time."""
-        found, overlooked = [], np.zeros(len(criteria))
+    def by(cls, asked: Sequence[Asked], company: Company) -> Notices:
+        """Of criteria that were asked about everybody."""
+        found = []
         for number, person in enumerate(company.people):
             each = []
-            for _, likely in person.hypotheses:
-                reaches = [_asked(criterion, company, number, likely, model) for criterion in criteria]
+            for rank, (_, likely) in enumerate(person.hypotheses):
                 times = _moments(likely)
-                reach = np.max([one.reach for one in reaches], axis=0, initial=0.0)
-                left = max((one.left for one in reaches), default=0.0)
-                overlooked = np.maximum(overlooked, [one.overlooked for one in reaches])
-                each.append(Noticed(likely, times, np.broadcast_to(reach, (times.size, DIRECTIONS)), left))
+                reaches = [one.reach(number, rank) for one in asked]
+                reach = np.max([np.zeros((MOMENTS, DIRECTIONS)), *reaches], axis=0)
+                left = float(reach[-1].max()) if likely.afterwards == "stays" else 0.0
+                each.append(Noticed(likely, times, reach, left))
             found.append(tuple(each))
-        return cls(tuple(found), overlooked)
+        return cls(tuple(found), np.array([one.threshold for one in asked]))
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
-    reach: FloatArray
-    left: float
-    overlooked: float
+class Asked:
+    """What a criterion that reads the time costs about each of those who move, alone.
 
+    criterion, company, model
+    is_set  whether the problem, or the criterion, says in which steps its costs are compared
+    """
 
-def _moments(person: Person) -> FloatArray:
-    begin = max(0.0, person.track.begin) if person.track is not None else 0.0
-    return np.linspace(min(begin, person.settled), max(0.0, person.settled - PAUSE), MOMENTS)
+    criterion: Criterion
+    company: Company
+    model: Model
+    is_set: bool
 
+    @cached_property
+    def farthest(self) -> float:
+        """Size of the map, m."""
+        x_min, y_min, x_max, y_max = self.company.world.bounds
+        return max(math.hypot(x_max - x_min, y_max - y_min), 2 * NEAREST)
 
-def _asked(criterion: Criterion, company: Company, number: int, person: Person, model: Model) -> _Asked:
-    """How far one criterion notices somebody; everywhere if it cannot be asked about one person alone."""
-    times = _moments(person)
-    alone = company.alone(number, replace(person, afterwards="gone"))
-    x_min, y_min, x_max, y_max = alone.bounds
-    farthest = math.hypot(x_max - x_min, y_max - y_min)
-    rings = np.geomspace(NEAREST, max(farthest, 2 * NEAREST), RINGS)
-    worst = criterion.aggregate == "max"
-    try:
-        each = _differences(criterion, alone, model, person, times, np.tile(rings, (times.size, DIRECTIONS, 1)))
-        threshold = max((WORST if worst else SHARE) * float(each.max()), criterion.quantum)
-        noticed = each > threshold
+    @property
+    def _rings(self) -> FloatArray:
+        return np.geomspace(NEAREST, self.farthest, RINGS)
+
+    @cached_property
+    def differences(self) -> list[list[FloatArray | None]]:
+        """By how much (T, D, R) costs differ in rings, by person and by what may be of it; None: cannot be asked."""
+        around = np.broadcast_to(self._rings, (MOMENTS, DIRECTIONS, RINGS))
+        found = list[list[FloatArray | None]]()
+        for number, person in enumerate(self.company.people):
+            each = list[FloatArray | None]()
+            for _, likely in person.hypotheses:
+                try:
+                    each.append(self._differences(number, likely, around))
+                except (CriterionError, UnsupportedCriterion):
+                    each.append(None)
+            found.append(each)
+        return found
+
+    @cached_property
+    def peak(self) -> float:
+        """The largest difference that somebody makes: a second, or at the worst moment."""
+        return max((float(d.max()) for some in self.differences for d in some if d is not None), default=0.0)
+
+    @cached_property
+    def quantum(self) -> float:
+        """In which steps a search on a clock compares the costs: no finer than a clock knows them, if nobody says."""
+        if self.is_set or not self.peak > 0.0:
+            return self.criterion.quantum
+        power = 10.0 ** math.floor(math.log10(STEP * self.peak))
+        digit = max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= STEP * self.peak * (1 + 1e-9))
+        return max(self.criterion.quantum, digit * power)
+
+    @property
+    def threshold(self) -> float:
+        """What is less is not noticed: it is less than what rounding does."""
+        share = WORST if self.criterion.aggregate == "max" else SHARE
+        return max(share * self.peak, self.quantum)
+
+    def reach(self, number: int, rank: int) -> FloatArray:
+        """How far (T, D), m, somebody is noticed, as it may be; 0 where nowhere, infinite if it cannot be asked."""
+        person = self.company.people[number].hypotheses[rank][1]
+        each, rings = self.differences[number][rank], self._rings
+        if each is None:
+            return np.full((MOMENTS, DIRECTIONS), np.inf)
+        noticed = each > self.threshold
         beyond = RINGS - np.argmax(noticed[:, :, ::-1], axis=2)  # the ring after the last
         low, high = rings[beyond - 1], np.append(rings, np.inf)[beyond]
         for _ in range(HALVINGS if np.isfinite(high).all() else 0):
             middle = np.sqrt(low * high)
-            inside = _differences(criterion, alone, model, person, times, middle[:, :, None])[:, :, 0] > threshold
+            inside = self._differences(number, person, middle[:, :, None])[:, :, 0] > self.threshold
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    except (CriterionError, UnsupportedCriterion):
-        return _Asked(np.full((times.size, DIRECTIONS), np.inf), np.inf, 0.0)
-    reach = np.where(noticed.any(axis=2), high, 0.0)
-    left = float(reach[-1].max()) if person.afterwards == "stays" else 0.0
-    return _Asked(reach, left, threshold)
+        return np.where(noticed.any(axis=2), high, 0.0)
+
+    def _differences(self, number: int, person: Person, rings: FloatArray) -> FloatArray:
+        alone = self.company.alone(number, replace(person, afterwards="gone"))
+        return _differences(self.criterion, alone, self.model, person, _moments(person), rings)
+
+
+def _moments(person: Person) -> FloatArray:
+    begin = max(0.0, person.track.begin) if person.track is not None else 0.0
+    return np.linspace(min(begin, person.settled), max(0.0, person.settled - PROBE - PAUSE), MOMENTS)
 
 
 def _differences(

@@ -24,7 +24,9 @@ from hpop.search.timed.paths import HOLD as HELD
 from hpop.search.timed.paths import Steps
 from hpop.trajectory import Trajectory
 
-ROUNDED = 2  # counts of each step: its cost is rounded, and so are those at the ticks about it
+ARC, STOOD = 1, 2  # counts: an arc's cost is rounded, and what it is compared with; standing is a difference of such
+
+SAME = 1e-6  # of a tick
 
 
 class Driven(NamedTuple):
@@ -116,20 +118,21 @@ class Plans:
             counts[moved] = number[arcs[moved]]
         return np.asarray(counts, dtype=np.int64)
 
-    def tolerance(self, costs: IntArray, quanta: FloatArray) -> FloatArray:
+    def tolerance(self, costs: IntArray) -> FloatArray:
         """By how much (n, k) re-evaluated costs may differ from costs (n, k) on the clock, in the criteria's units.
 
-        Each step is rounded. Besides, what it costs at the time at which it really happens lies between the least and
-        the largest that it costs at the ticks about that; and what nobody notices may add up.
+        Each step that costs anything is rounded. Besides, what it costs when it really happens lies between the least
+        and the largest that it costs at the ticks from when it is planned to then; what is not noticed may add up.
         """
         off = np.zeros(costs.shape)
         for i, (steps, driven) in enumerate(zip(self.steps, self.driven, strict=True)):
-            low, high = _Between(self.timed, steps, driven).bounds()
+            low, high, rounds = _Between(self.timed, steps, driven).bounds()
             off[i] = np.maximum(high - costs[i], costs[i] - low)
             duration = driven.times[-1]
             overlooked = np.where(self._worst, 1.0, duration) * self.timed.overlooked
-            rounds = np.where(self._worst, 1, max(1, steps.arcs.size)) * ROUNDED
-            off[i] = (np.maximum(off[i], 0.0) + rounds) * quanta + overlooked
+            off[i] = (np.maximum(off[i], 0.0) + rounds) * self.timed.quanta + overlooked
+            if self.timed.lasting is not None:
+                off[i, self.timed.lasting] += abs(driven.off[-1])
         return off
 
     @property
@@ -145,12 +148,12 @@ class _Between:
     steps: Steps
     driven: Driven
 
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Of the whole (k,), the least and the largest."""
+    def bounds(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the whole (k,), the least and the largest, and how many costs in them are rounded."""
         graph = self.timed.graph.graph
         k = graph.criteria
         if not self.steps.arcs.size:
-            return np.zeros(k), np.zeros(k)
+            return np.zeros(k), np.zeros(k), np.zeros(k)
         low, high = (np.zeros((self.steps.arcs.size, k)) for _ in range(2))
         moved = self.steps.arcs != HELD
         low[moved] = high[moved] = graph.costs[self.steps.arcs[moved]]
@@ -160,7 +163,12 @@ class _Between:
             for i in np.flatnonzero(~moved).tolist():
                 low[i, j], high[i, j] = self._of_standing(i, j)
         worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
-        return np.where(worst, low.max(axis=0), low.sum(axis=0)), np.where(worst, high.max(axis=0), high.sum(axis=0))
+        stands = ~moved | self.timed.graph.stays[self.steps.arcs]
+        by_time = np.isin(np.arange(k), list(self.timed.graph.standing))
+        counts = np.where(~moved[:, None] | (stands[:, None] & by_time), STOOD, ARC) * (high > 0)
+        rounds = np.where(worst, counts.max(axis=0), counts.sum(axis=0))
+        least, most = (np.where(worst, each.max(axis=0), each.sum(axis=0)) for each in (low, high))
+        return least, most, rounds
 
     def _static(self, j: int) -> BoolArray:
         """Which steps (s,) are arcs that cost the same at any time."""
@@ -186,10 +194,10 @@ class _Between:
         return float(table.min()), float(table.max())
 
     def _ticks(self, i: int) -> tuple[int, int]:
-        """The first and the last tick about the begin of a step, by the clock and in truth."""
+        """The first and the last tick of those from when a step is planned to begin to when it really does."""
         real = self.driven.times[i] / self.timed.clock.tick
         planned = int(self.steps.departures[i])
-        return max(0, min(planned, int(np.floor(real))) - 1), max(planned, int(np.ceil(real))) + 1
+        return min(planned, int(np.floor(real + SAME))), max(planned, int(np.ceil(real - SAME)))
 
     def _of_standing(self, i: int, j: int) -> tuple[float, float]:
         """What standing for a step costs in one column, at least and at most."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.contacts import contact
 from hpop.criteria.base import place_of
 from hpop.errors import OptionError
@@ -61,9 +61,11 @@ class TimedQuery:
         return ", ".join(criterion.name for criterion in self.objectives.optimised)
 
     @property
-    def quanta(self) -> FloatArray:
-        """What one count of each cost is, (k,), in the criteria's units."""
-        return np.array([criterion.quantum for criterion in self.objectives.optimised])
+    def _rounded(self) -> str:
+        """How costs are rounded, in words."""
+        own = zip(self.objectives.optimised, self.timed.quanta.tolist(), strict=True)
+        steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
+        return "edge costs rounded to their quanta" + f", on the clock those of {', '.join(steps)}" * bool(steps)
 
     def exact(
         self,
@@ -81,7 +83,9 @@ class TimedQuery:
         As :meth:`hpop.planners.graphs.query.GraphQuery.exact`. ``stage``: before the last, so that the budget's time is
         a share and not a limit that anybody has set.
         """
-        counts = tolerance_counts(self.objectives, tolerance or {})
+        fine = tolerance_counts(self.objectives, tolerance or {})
+        quanta = np.array([criterion.quantum for criterion in self.objectives.optimised])
+        counts = np.floor(fine * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         paths = timed_paths(
             self.timed.graph,
             self.start,
@@ -104,11 +108,11 @@ class TimedQuery:
             claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(paths.gap, tolerance or {})}"
         elif factor:
             claim = (
-                f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "
+                f"every optimal cost vector on {where} is covered within {factor}, {self._rounded}; "
                 "points need not be optimal themselves"
             )
         else:
-            claim = f"exact on {where}, edge costs rounded to their quanta"
+            claim = f"exact on {where}, {self._rounded}"
         return self.candidates(name, paths, claim, {"stage": "first points"} if stage else {})
 
     @property
@@ -169,8 +173,8 @@ class TimedQuery:
         return Candidates(
             objectives=self.objectives.optimised,
             trajectories=Deferred(kept.size, plans.trajectories) if kept.size else (),
-            planned=costs * self.quanta,
-            tolerance=plans.tolerance(costs, self.quanta),
+            planned=costs * self.timed.quanta,
+            tolerance=plans.tolerance(costs),
             status=paths.status,
             certificate=f"{name}: {claim}{self.objectives.certificate}",
             provenance=tuple(

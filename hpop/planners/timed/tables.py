@@ -19,7 +19,6 @@ from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.hold import CLOCK
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.objectives import WHOLE, quantised
 from hpop.planners.spending import Spending
 from hpop.planners.timed.legs import Leg, costs_of
 from hpop.planners.timed.presence import Presence
@@ -67,12 +66,14 @@ class Tables:
 
     space, presence
     criteria  those that read the time
+    quanta    (k,)  what one count of each is
     spending
     """
 
     space: StateGraph
     presence: Presence
     criteria: Sequence[Criterion]
+    quanta: FloatArray
     spending: Spending
 
     def arcs(
@@ -102,8 +103,8 @@ class Tables:
             costs = [np.repeat(static[rows, j, None], horizon + 1, axis=1) for j in range(number)]
             for pairs, world in self._batches(masks[row, tick]):
                 paid = costs_of(legs, self.criteria, self.space, world, rows[row[pairs]], self._seconds(tick[pairs]))
-                for j, criterion in enumerate(self.criteria):
-                    costs[j][row[pairs], tick[pairs]] = quantised(paid[:, j], criterion)
+                for j, counts in enumerate(self._counts(paid)):
+                    costs[j][row[pairs], tick[pairs]] = counts
             return rows, [_small(column) for column in costs], row.size
 
         self.spending.check(DOING, held)
@@ -144,17 +145,18 @@ class Tables:
             return int(place.size)
 
         pairs = sum(self.spending.each(made, self._slices(size), DOING))
-        return Standing([self._totals(j, column) for j, column in enumerate(paid)], rates / self._quanta, pairs)
+        return Standing([self._totals(j, column) for j, column in enumerate(paid)], rates / self.quanta, pairs)
 
-    @property
-    def _quanta(self) -> FloatArray:
-        return np.array([criterion.quantum for criterion in self.criteria])
+    def _counts(self, costs: FloatArray) -> list[IntArray]:
+        """Costs (N, k) in quanta, the nearest, for sums of many that are rounded up would be too large."""
+        counts: FloatArray = np.rint(costs / self.quanta)
+        return [counts[:, j].astype(np.int64) for j in range(self.quanta.size)]
 
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
         """What standing costs, (P, H + 1), as a search takes it."""
-        counts = paid / self.criteria[j].quantum
+        counts = paid / self.quanta[j]
         if self.criteria[j].aggregate == "max":
-            return np.ceil(counts - WHOLE).astype(np.int64)
+            return np.asarray(np.rint(counts), dtype=np.int64)
         totals = np.zeros(counts.shape, np.int64)
         totals[:, 1:] = np.rint(np.cumsum(counts[:, :-1], axis=1))
         return totals
@@ -177,7 +179,7 @@ class Tables:
             rows = np.arange(part.start, part.stop)
             over = np.full(rows.size, self.presence.over)
             paid = costs_of(legs, self.criteria, self.space, self.presence.at_last, rows, over)
-            return part, [quantised(paid[:, j], criterion) for j, criterion in enumerate(self.criteria)]
+            return part, self._counts(paid)
 
         for part, counts in self.spending.each(costs, _slices(size, BATCH), DOING):
             for j, column in enumerate(counts):

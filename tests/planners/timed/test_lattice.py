@@ -58,7 +58,14 @@ def test_who_stays_in_the_door_when_the_prediction_ends_is_always_in_the_way():
 
 
 @pytest.mark.parametrize(
-    "criterion", ["hall_zones", "personal_space", "social_force", "time_to_collision", "visibility_to_people"]
+    "criterion",
+    [
+        "hall_zones",
+        *(
+            pytest.param(one, marks=pytest.mark.proof)
+            for one in ("personal_space", "social_force", "time_to_collision", "visibility_to_people")
+        ),
+    ],
 )
 def test_plans_cost_what_they_were_planned_to(criterion):
     problem = through_the_doors(WALKER, criteria=(criterion, "length", "turns"))
