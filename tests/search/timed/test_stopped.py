@@ -1,0 +1,77 @@
+"""Claims: a search on a clock that is stopped anywhere has real walks; what is missing is within its gap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.search.timed import TimedPaths, timed_paths
+from hpop.search.timed import search as timed_search
+from hpop.status import Budget, Progress, Status
+from tests.search.timed.enumeration import front_by_enumeration
+from tests.search.timed.expanded import front_by_expansion
+from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query
+from tests.search.timed.semantics import Vector, check_timed_walks
+from tests.search.timed.test_precision import uncovered
+
+
+def is_honest(query: TimedQuery, paths: TimedPaths, exact: list[Vector]) -> None:
+    """All that it says of itself is so."""
+    check_timed_walks(query.graph, paths, query.source, query.targets)
+    if paths.status.is_final:
+        assert [tuple(row) for row in paths.costs.tolist()] == exact
+        assert paths.gap == 0
+    elif np.isfinite(paths.gap):
+        assert uncovered(exact, paths.costs.tolist(), paths.gap, [0] * query.graph.graph.criteria) == []
+
+
+@pytest.mark.seeds(1, of=100)
+def test_after_any_number_of_labels(seed):
+    for one in range(10 * seed, 10 * (seed + 1)):
+        query = timed_query(one)
+        exact = front_by_enumeration(query)
+        for labels in (1, 2, 4, 8, 16, 64):
+            is_honest(query, timed_paths(*query, budget=Budget(max_labels=labels)), exact)
+
+
+@pytest.mark.seeds(1, of=40)
+def test_after_any_number_of_labels_on_a_lattice(seed):
+    query = timed_lattice(seed, 5 + seed % 4, duration=True)
+    exact, labels, stopped = front_by_expansion(query), 1, 0
+    while (paths := timed_paths(*query, budget=Budget(max_labels=labels))).status is Status.LABEL_LIMIT:
+        is_honest(query, paths, exact)
+        assert paths.stats.labels_generated >= labels
+        labels, stopped = 4 * labels, stopped + 1
+    is_honest(query, paths, exact)
+    assert paths.status.is_final
+    assert stopped > 3
+
+
+@pytest.mark.seeds(1, of=20)
+def test_after_ctrl_c_at_any_report(monkeypatch, seed):
+    monkeypatch.setattr(timed_search, "WORK", 500)
+    query = timed_lattice(seed, 6, duration=True)
+    exact, left, reports = front_by_expansion(query), 0, 0
+
+    def stop(progress: Progress) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+
+    paths = timed_paths(*query, budget=Budget(max_labels=1))
+    while not paths.status.is_final:
+        reports += 1
+        left = reports
+        paths = timed_paths(*query, progress=stop)
+        is_honest(query, paths, exact)
+        assert paths.status is Status.INTERRUPTED or paths.status.is_final
+    assert reports > 3
+
+
+@pytest.mark.parametrize("budget", [Budget(max_memory=1), Budget(time_limit=1e-9)], ids=["memory", "time"])
+def test_with_nothing_to_spend_it_says_so(budget):
+    query = timed_lattice(0, 5)
+    paths = timed_paths(*query, budget=budget)
+    assert paths.status is (Status.MEMORY_LIMIT if budget.max_memory else Status.TIME_LIMIT)
+    is_honest(query, paths, front_by_expansion(query))
