@@ -105,7 +105,9 @@ class JointBounds:
             lanes = slice(begin, begin + AT_ONCE)
             calm = Graph.from_csr(self.graph.graph.indptr, self.graph.graph.heads, priced[:, lanes].astype(np.int64))
             calm = calm.without(closed) if closed.any() else calm
-            h, _, _ = lower_bounds(calm, self.source, self.targets, clock)
+            h, _, status = lower_bounds(calm, self.source, self.targets, clock)
+            if status is not None:  # the search that follows says so
+                return
             rows[:n, lanes] = np.minimum(h, FAR).T
         graph = (self.tables, self.ahead, weights, rows, self.offset, self.rest.calm, priced)
         room = np.empty((2, LANES), np.int32), np.empty((3, LANES), np.int64)
