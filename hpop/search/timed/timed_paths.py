@@ -117,7 +117,11 @@ class _TimedRun:
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else math.inf
         if self.search is not None:
+            from hpop.search.timed.gathered import gather_holds
+
             costs, paths = self.search.found()
+            for row, (arcs, leaves) in zip(costs, paths, strict=True):
+                clock.call(gather_holds, self.search.tables, self.source, arcs, leaves, row)
             counts = self.search.counts()
             if not status.is_final:
                 gap = max(self.precision.eps, proven_gap(costs, self.search.estimates()))
