@@ -67,7 +67,7 @@ def intrusions(world, x, y, t):
     "who",
     ["who walk on", "who run", "who turn every second", "who turn 25 times a second", "who leave or stop"],
 )
-@pytest.mark.cases(12)
+@pytest.mark.cases(8)
 def test_people_who_turn_come_and_go_are_met_where_they_are(who, kind, speed):
     rng = np.random.default_rng(8)
     world = ROOM.with_content(people=people(who, rng))

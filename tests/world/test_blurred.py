@@ -1,5 +1,6 @@
 """Means of functions of an uncertain distance: closed forms, the distribution of a distance, and symbols."""
 
+from functools import cache
 from math import prod
 
 import casadi
@@ -21,15 +22,21 @@ def bell(r):
     return np.exp(-0.5 * (r / WIDTH) ** 2)
 
 
+@cache
+def tables():
+    """The mean of the Gaussian, and of the distance times it times a cosine."""
+    ahead = Blurred(lambda r: r * bell(r), 7 * WIDTH, detail=WIDTH, harmonic=1)
+    return Blurred(bell, 7 * WIDTH, detail=WIDTH), ahead
+
+
 @pytest.mark.parametrize("deviation", [1e-4, 0.03, 0.2, 0.7, 2.0, 30.0])
 def test_a_gaussian_blurred_is_one_whose_variances_are_sums(deviation):
     share = WIDTH**2 / (WIDTH**2 + deviation**2)
     wide = np.sqrt(WIDTH**2 + deviation**2)
     expected = share * np.exp(-0.5 * (DISTANCES / wide) ** 2)
-    blurred = Blurred(bell, 7 * WIDTH, detail=WIDTH)
+    blurred, ahead = tables()
     assert np.abs(blurred(DISTANCES, np.full(DISTANCES.size, deviation)) - expected).max() < 3e-5
     # x exp(-|p|²/2s²) is the distance times the Gaussian times a cosine; its mean is that of a product of Gaussians
-    ahead = Blurred(lambda r: r * bell(r), 7 * WIDTH, detail=WIDTH, harmonic=1)
     assert np.abs(ahead(DISTANCES, np.full(DISTANCES.size, deviation)) - DISTANCES * share * expected).max() < 3e-5
 
 
@@ -52,7 +59,7 @@ def test_a_border_against_the_distribution_of_the_distance(deviation):
 
 
 def test_symbols_give_the_numbers_and_their_slopes():
-    blurred = Blurred(bell, 7 * WIDTH, detail=WIDTH)
+    blurred, _ = tables()
     deviations = 0.1 + 0.2 * DISTANCES
     symbols = casadi.MX.sym("d", 2 * DISTANCES.size)
     columns = [lift(part, DISTANCES.size) for part in casadi.vertsplit(symbols, DISTANCES.size)]
