@@ -20,7 +20,7 @@ def cost_of_walk(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, 
     """Add up in total (k,) the costs of arcs left for at some ticks, holds between them; False where that cannot be."""
     for j in range(len(total)):
         total[j] = 0
-    v, ready = source, np.int64(0)
+    v, ready = np.int64(source), np.int64(0)
     for i in range(len(arcs)):
         p, t, a = tables.place[v], leaves[i], arcs[i]
         waits = t - ready
