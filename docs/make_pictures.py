@@ -101,6 +101,13 @@ RECIPES = [
         {"out/06_arm/left/side.png": "An arm with the camera in its hand before a shelf"},
     ),
     example("07_mobile_arm", {"map": "A base drives an arm to a shelf", "side": "The way of the camera in its hand"}),
+    example(
+        "07_drive",
+        {
+            "plan": "A plan over time among people who move: it waits, and lets a visitor pass",
+            "drive": "A drive: what could be chosen after each event",
+        },
+    ),
     Recipe(
         "paper_figure",
         "python examples/paper_figure/paper_figure.py",

@@ -215,6 +215,17 @@ def assert_looked_at(problem: hpop.Problem, front: hpop.Front) -> None:
         assert abs(pose.roll[0]) <= math.radians(1.0) + 1e-9
 
 
+def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
+    plan = example("07_drive.py").main(tmp_path, step=1.0)
+    printed = capsys.readouterr().out
+    assert "stop: Ada" in printed
+    assert (plan.states.x[-1], plan.states.y[-1]) == pytest.approx((28.0, 10.0))
+    through = (plan.states.x > 13.9) & (plan.states.x < 15.1)
+    assert not ((plan.states.y[through] > 9.0) & (plan.states.y[through] < 11.0)).any()  # where it is closed
+    assert hpop.drive.load(tmp_path / "drive.json").plan.duration == pytest.approx(plan.duration)
+    assert {path.name for path in tmp_path.iterdir()} == {"drive.json", "drive.png", "plan.png"}
+
+
 def test_an_arm_looks_at_a_can_and_all_that_it_does_is_verified(tmp_path, monkeypatch):
     drawn = []
 
