@@ -1,0 +1,164 @@
+"""Benchmark among real people: plans through a two-way corridor, judged by what the people then did.
+
+``HPOP_DATA=folder python benchmarks/corridor.py --out out/bench/corridor.json``
+
+At some moments of a recording (bi_corr_400_b_03 of Forschungszentrum Juelich, in PedPy's demonstration data; people
+cross a corridor of 10 m x 4 m both ways) a robot begins at the left end and shall leave at the right. Who is there then
+is predicted by a constant velocity, that of the last half second, up to a horizon; nobody else is known of. The exact
+front of that is evaluated against what all people did, who had no robot among them. Beside it stand the front of a
+planner who knows what they will do, which nobody can beat, and the shortest way, which heeds nobody.
+
+How far constant velocity is off is measured at other moments. Intrusion is `personal_space`, s; gaps are between the
+surfaces of bodies, m, negative where they overlap. Seconds are the processor's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import time
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from scipy.stats import spearmanr
+
+import hpop
+from hpop.criteria.others.metrics import social_metrics
+from hpop.world import Person, Track, World
+
+FILE = "pedpy_corridors/bi_corr_400_b_03.txt"
+CORRIDOR = shapely.box(-5.6, -0.1, 4.6, 4.1)  # m, where heads are seen
+MOMENTS = (7.0, 9.0, 126.0, 127.0, 128.0, 129.0)  # s of the recording: not the crowded middle, where there is no way
+CALIBRATION = np.arange(20.0, 120.0, 5.0)  # s, at which the error of the prediction is measured
+AHEAD = (1.0, 2.0, 4.0)  # s
+WINDOW = 0.5  # s, over which a velocity is taken: about a step
+HORIZON = 8.0  # s
+BODY = 0.2  # m, radius of a person
+ROBOT = hpop.DifferentialDrive(radius=0.25, camera_height=1.2)
+CRITERIA = ("personal_space", "turns", "length")
+ENDS = (-5.0, 4.0)  # m, where the robot begins, and where its goals are
+LANES = (0.5, 1.25, 2.0, 2.75, 3.5)  # m across
+OPTIONS: Mapping[str, Any] = {"step": 0.5, "arrive_by": 30.0}
+
+Tracks = Mapping[Hashable, Track]
+
+
+def velocity(track: Track, now: float) -> tuple[float, float]:
+    """Mean velocity, m/s, of the last moments."""
+    (x0, y0), (x1, y1) = track.at(now - WINDOW), track.at(now)
+    return float(x1 - x0) / WINDOW, float(y1 - y0) / WINDOW
+
+
+def present(tracks: Tracks, now: float) -> Iterator[tuple[Hashable, Track]]:
+    """Who has been seen long enough to be predicted, and is there still."""
+    return ((one, track) for one, track in tracks.items() if track.begin <= now - WINDOW and track.end > now)
+
+
+def predicted(tracks: Tracks, now: float) -> list[Person]:
+    """The people of a moment, each with the velocity of that moment."""
+    people = []
+    for one, track in present(tracks, now):
+        x, y = (float(place) for place in track.at(now))
+        people.append(Person(x, y, velocity=velocity(track, now), radius=BODY, name=str(one)))
+    return people
+
+
+def recorded(tracks: Tracks, now: float) -> list[Person]:
+    """What all people did from a moment on, who came later included."""
+    later = ((one, track.later(now)) for one, track in tracks.items() if track.end > now)
+    return [Person.along(track, radius=BODY, name=str(one)) for one, track in later]
+
+
+def errors(tracks: Tracks) -> dict[str, float]:
+    """Root mean square error, m along each axis, of constant velocity so many seconds ahead."""
+    found = dict[str, float]()
+    for ahead in AHEAD:
+        squares = []
+        for now in CALIBRATION:
+            for _, track in present(tracks, now):
+                if track.end >= now + ahead:
+                    at, then = np.array(track.at(now)), np.array(track.at(now + ahead))
+                    squares.append((then - at - ahead * np.array(velocity(track, now))) ** 2)
+        found[f"{ahead:g} s"] = math.sqrt(float(np.mean(squares)))
+    return found
+
+
+def asked(people: list[Person]) -> hpop.Problem:
+    """The question of a moment: from the lane with most room at the left end to any lane at the right."""
+    room = [min((math.hypot(ENDS[0] - p.x, y - p.y) for p in people), default=math.inf) for y in LANES]
+    start = (ENDS[0], LANES[int(np.argmax(room))], 0.0)
+    world = World.from_polygons([], extent=CORRIDOR).with_content(people=people)
+    return hpop.Problem(world, ROBOT, start, [(ENDS[1], y, None) for y in LANES], CRITERIA, horizon=HORIZON)
+
+
+def solved(problem: hpop.Problem) -> tuple[hpop.Front, float]:
+    """The exact front, and the processor's seconds."""
+    begun = time.process_time()
+    front = problem.solve("lattice", **OPTIONS)
+    return front, time.process_time() - begun
+
+
+def judged(trajectory: hpop.Trajectory, truth: hpop.Problem) -> dict[str, float]:
+    """What a plan is worth among the people as they were."""
+    metrics = social_metrics(trajectory.execution(), truth.world, robot_radius=ROBOT.radius)
+    return {"intrusion": truth.evaluate(trajectory)["personal_space"], "least_gap": metrics.min_human_distance}
+
+
+def moment(tracks: Tracks, now: float) -> dict[str, Any]:
+    """The plans of one moment, and what they are worth."""
+    problem = asked(predicted(tracks, now))
+    world = problem.world.with_content(people=recorded(tracks, now))
+    truth = replace(problem, world=world)
+    front, seconds = solved(problem)
+    known, known_seconds = solved(truth)
+    nobody = replace(problem, world=problem.world.with_content(), criteria=problem.criteria[1:])
+    shortest, _ = solved(nobody)
+    expected = front.costs[:, front.names.index("personal_space")]
+    real = np.array([truth.evaluate(trajectory)["personal_space"] for trajectory in front.trajectories])
+    plans = {
+        "least intrusion": front.best("personal_space").trajectory,
+        "knee": front.knee().trajectory,
+        "shortest, heeding nobody": shortest.best("length").trajectory,
+        "least intrusion, foreseeing all": known.best("personal_space").trajectory,
+    }
+    return {
+        "now": now,
+        "people": len(problem.world.content.people),
+        "later": len(world.content.people) - len(problem.world.content.people),
+        "front": len(front),
+        "status": front.status,
+        "seconds": seconds,
+        "front_foreseeing": len(known),
+        "seconds_foreseeing": known_seconds,
+        "predicted_of_least": float(expected.min()),
+        "rank_correlation": float(spearmanr(expected, real).statistic) if len(front) > 2 else None,
+        "plans": {name: judged(trajectory, truth) for name, trajectory in plans.items()},
+    }
+
+
+def main() -> None:
+    """Plan at each moment and judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/bench/corridor.json"), help="JSON file")
+    arguments = parser.parse_args()
+    path = Path(os.environ.get("HPOP_DATA", Path(__file__).parents[2] / "shared" / "data")) / FILE
+    if not path.exists():
+        raise SystemExit(f"expected the recording {path}; set HPOP_DATA to the folder that has {FILE}")
+    tracks = hpop.read_tracks(path)
+    found: dict[str, Any] = {"people": len(tracks), "error_of_constant_velocity_m": errors(tracks), "moments": []}
+    print(json.dumps(found))
+    for now in MOMENTS:
+        found["moments"].append(moment(tracks, now))
+        print(json.dumps(found["moments"][-1]))
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    arguments.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
