@@ -34,7 +34,7 @@ from hpop.world import Person, Track, World
 
 FILE = "pedpy_corridors/bi_corr_400_b_03.txt"
 CORRIDOR = shapely.box(-5.6, -0.1, 4.6, 4.1)  # m, where heads are seen
-MOMENTS = (7.0, 9.0, 126.0, 127.0, 128.0, 129.0)  # s of the recording: not the crowded middle, where there is no way
+MOMENTS = (7.0, 9.0, 11.0, 123.0, 125.0, 127.0)  # s of the recording: not the crowded middle, where there is no way
 CALIBRATION = np.arange(20.0, 120.0, 5.0)  # s, at which the error of the prediction is measured
 AHEAD = (1.0, 2.0, 4.0)  # s
 WINDOW = 0.5  # s, over which a velocity is taken: about a step
@@ -43,8 +43,12 @@ BODY = 0.2  # m, radius of a person
 ROBOT = hpop.DifferentialDrive(radius=0.25, camera_height=1.2)
 CRITERIA = ("personal_space", "turns", "length")
 ENDS = (-5.0, 4.0)  # m, where the robot begins, and where its goals are
-LANES = (0.5, 1.25, 2.0, 2.75, 3.5)  # m across
-OPTIONS: Mapping[str, Any] = {"step": 0.5, "arrive_by": 30.0}
+LANES = np.arange(0.5, 3.6, 0.25)  # m across, where it may begin
+MIDDLE = 2.0  # m across
+ROOM = 0.6  # m from the robot's axis to anybody, now and up to the horizon, where it may begin
+GOALS = (0.5, 1.25, 2.0, 2.75, 3.5)  # m across
+LATEST = 20.0  # s, when it has arrived
+OPTIONS: Mapping[str, Any] = {"step": 0.5, "arrive_by": LATEST}
 
 Tracks = Mapping[Hashable, Track]
 
@@ -70,9 +74,10 @@ def predicted(tracks: Tracks, now: float) -> list[Person]:
 
 
 def recorded(tracks: Tracks, now: float) -> list[Person]:
-    """What all people did from a moment on, who came later included."""
+    """What all people did from a moment on, who came later included, as long as the robot may be there."""
     later = ((one, track.later(now)) for one, track in tracks.items() if track.end > now)
-    return [Person.along(track, radius=BODY, name=str(one)) for one, track in later]
+    there = ((one, track) for one, track in later if track.begin < LATEST)
+    return [Person.along(track, radius=BODY, name=str(one), until=LATEST) for one, track in there]
 
 
 def errors(tracks: Tracks) -> dict[str, float]:
@@ -90,11 +95,13 @@ def errors(tracks: Tracks) -> dict[str, float]:
 
 
 def asked(people: list[Person]) -> hpop.Problem:
-    """The question of a moment: from the lane with most room at the left end to any lane at the right."""
-    room = [min((math.hypot(ENDS[0] - p.x, y - p.y) for p in people), default=math.inf) for y in LANES]
-    start = (ENDS[0], LANES[int(np.argmax(room))], 0.0)
+    """The question of a moment: from the middle of the left end, or next to it where it is free, to anywhere right."""
+    t = np.arange(0.0, HORIZON, 0.05)
+    ways = np.array([person.at(t) for person in people])  # (people, 2, times)
+    free = [lane for lane in LANES if np.hypot(ways[:, 0] - ENDS[0], ways[:, 1] - lane).min() > ROOM]
+    start = (ENDS[0], float(min(free, key=lambda lane: abs(lane - MIDDLE))), 0.0)
     world = World.from_polygons([], extent=CORRIDOR).with_content(people=people)
-    return hpop.Problem(world, ROBOT, start, [(ENDS[1], y, None) for y in LANES], CRITERIA, horizon=HORIZON)
+    return hpop.Problem(world, ROBOT, start, [(ENDS[1], y, None) for y in GOALS], CRITERIA, horizon=HORIZON)
 
 
 def solved(problem: hpop.Problem) -> tuple[hpop.Front, float]:
