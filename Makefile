@@ -44,6 +44,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/drive.py --out out/bench/drive.json
 	$(BIN)/python benchmarks/ride.py --out out/bench/ride.json
 	$(BIN)/python benchmarks/page.py --out out/bench/page.json
+	$(BIN)/python benchmarks/corridor.py --out out/bench/corridor.json
 	$(BIN)/python benchmarks/arm.py --out out/bench/arm.json
 	$(BIN)/python benchmarks/arm_plans.py --out out/bench/arm_plans.json
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+
+from hpop.world import Track
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 ROW = {"instance": "m7", "step": 0.25, "eps": 0.0, "edges": 40, "front": 3}
@@ -119,3 +122,18 @@ def test_an_instance_folder_gives_one_row_and_its_front(module, tmp_path):
     assert list(row) == ["build_s", "search_s", "front", "labels_generated", "labels_expanded", "peak_mb"]
     assert row["front"] == 2
     assert (tmp_path / "front_hpop.txt").read_text() == "2 1 8\n9 0 3\n"
+
+
+def test_who_walks_on_as_before_is_predicted_without_an_error(module):
+    corridor = module("corridor")
+    t = np.arange(0.0, 10.1, 0.5)
+    walkers = {i: Track(t + 15.0 * i, -5.0 + t, 1.0 + 0.1 * i + 0.05 * t, recorded=True) for i in range(8)}
+    found = corridor.errors(walkers)
+    assert list(found.values()) == pytest.approx([0.0] * 3, abs=1e-9)
+    (person,) = corridor.predicted(walkers, 33.0)
+    assert (person.name, person.velocity) == ("2", pytest.approx((1.0, 0.05)))
+    assert [person.name for person in corridor.recorded(walkers, 33.0)] == ["2", "3"]  # the next comes 12 s later
+    turned = Track([0.0, 5.0, 10.0], [0.0, 5.0, 0.0], [0.0, 0.0, 0.0], recorded=True)
+    assert corridor.errors({1: turned.later(-16.0)})["2 s"] == pytest.approx(
+        math.sqrt(2.0**2 / 2)
+    )  # it turns back at 21 s

@@ -72,6 +72,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "arm").symlink_to(ROOT / "examples/arm")
     for name in ("arm6.urdf", "arm6.srdf"):
         (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)
+    (tmp_path / "visitors.csv").write_text("1,1500,4,9\n1,1600,6,9\n")  # id, frame, x, y
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

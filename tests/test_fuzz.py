@@ -84,7 +84,7 @@ def test_mutations_change_a_tree_and_leave_the_original(mutations: ModuleType, t
     assert len(set(bent)) > 150
 
 
-@pytest.mark.parametrize("name", ["geojson", "movingai", "scenario", "python", "ros"])
+@pytest.mark.parametrize("name", ["geojson", "movingai", "tracks", "scenario", "python", "ros"])
 def test_some_inputs_are_accepted_and_some_refused(
     targets: ModuleType, harness: ModuleType, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+import shapely
 import trimesh
 import yaml
 from click.testing import CliRunner
@@ -32,7 +33,8 @@ from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.status import Budget, Status
 from hpop.verify import verify
-from hpop.world import Box, Cylinder, Hull, Solid, pose_at
+from hpop.world import Box, Cylinder, Hull, Person, Solid, pose_at
+from hpop.world.predictions import bounded
 from tests import plans
 
 SOFTEST = 0.5  # share of inputs whose bytes are bent; the others' structure is
@@ -171,6 +173,30 @@ def movingai(rng: Rng, folder: Path) -> str:
     path = folder / "grid.map"
     path.write_bytes(bent_bytes(f"type octile\nheight 12\nwidth 16\nmap\n{rows}\n".encode(), rng))
     return verdict(lambda: _looked_at(hpop.World.from_movingai(path)))
+
+
+TRACKS = (
+    "# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+    + "".join(f"{i % 3} {i} {10 * i} 150.5 176\n" for i in range(30)),
+    "id,t,x [mm],y [mm]\n" + "".join(f"{'Ada' if i % 2 else 7},{0.1 * i:.1f},{40 * i},1500\n" for i in range(30)),
+    "".join(f"{6.0 * i:.7e} {1.0 + i % 3} {0.5 * i} 0.0 3.5 1.2 0.0 0.1\n" for i in range(30)),
+)
+
+
+def tracks(rng: Rng, folder: Path) -> str:
+    path = folder / "people.txt"
+    path.write_bytes(bent_bytes(TRACKS[rng.integers(len(TRACKS))].encode(), rng))
+    options = {("frame_rate", "unit", "format", "ids")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
+
+    def walk() -> None:
+        people = [Person.along(track) for track in hpop.read_tracks(path, **options).values()]
+        world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 20, 5)).with_content(people=people)
+        cut, _ = bounded(world, horizon=3.0)
+        for person in cut:
+            json.dumps(person.later(1.0).way().tolist(), allow_nan=False)
+        json.dumps(world.describe(), allow_nan=False)
+
+    return verdict(walk)
 
 
 def moveit_scene(rng: Rng, folder: Path) -> str:
@@ -571,7 +597,23 @@ def warm(folder: Path) -> None:
 
 
 EVERY: list[Attempt] = [
-    *(geojson, ros_map, movingai, moveit_scene, image, dxf, pdf, ros_bag, arm, scenario, plan, front, show, checkpoint),
+    *(
+        geojson,
+        ros_map,
+        movingai,
+        tracks,
+        moveit_scene,
+        image,
+        dxf,
+        pdf,
+        ros_bag,
+        arm,
+        scenario,
+        plan,
+        front,
+        show,
+        checkpoint,
+    ),
     *(pick, python, problem, graph, ros, arguments),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}

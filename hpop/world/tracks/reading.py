@@ -8,6 +8,7 @@ from typing import Literal, cast, get_args
 
 from hpop.errors import MapError
 from hpop.options import one_of
+from hpop.text import shown
 from hpop.world.files import read_bytes, read_text
 from hpop.world.tracks.obsmat import is_obsmat
 from hpop.world.tracks.petrack import is_petrack
@@ -42,6 +43,10 @@ def read_tracks(
     that are repeated or go back, one point only, numbers that are none, and speeds that tell of a wrong unit.
     """
     asked = Asked(path, frame_rate, unit)
+    if ids is not None and not (
+        isinstance(ids, list | tuple) and all(isinstance(one, str | int | float) for one in ids)
+    ):
+        raise MapError(f"ids are a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
     if format is not None:
         one_of("the format of a track file", format, get_args(TrackFormat), error=MapError)
     text = read_text(read_bytes(path, "the track file", limit=MAX_BYTES), path, "the track file")  # type: ignore[arg-type]  # checked there

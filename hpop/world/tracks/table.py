@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import MapError
-from hpop.options import LEAST, real
+from hpop.options import LEAST, one_of, real
 from hpop.text import counted, shown
 from hpop.world.files import named
 from hpop.world.tracks.track import Track
@@ -40,8 +40,8 @@ class Asked:
     def __post_init__(self) -> None:
         if self.frame_rate is not None:
             real("frame_rate", self.frame_rate, LEAST, FASTEST_CAMERA, "pictures a second", error=MapError)
-        if self.unit is not None and self.unit not in UNITS:
-            raise MapError(f"the unit of a track must be one of {', '.join(UNITS)}; got {shown(self.unit)}.")
+        if self.unit is not None:
+            one_of("the unit of a track", self.unit, UNITS, error=MapError)
 
     def error(self, fault: str) -> MapError:
         """What is wrong with the file."""
