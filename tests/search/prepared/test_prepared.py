@@ -41,19 +41,20 @@ def any_graph(seed: int, lattice: Callable[..., Graph]) -> Graph:
 
 
 def an_event(graph: Graph, closed: BoolArray, rng: np.random.Generator, number: int) -> tuple[IntArray, IntArray]:
-    """Arcs to close and to open: single ones, those of a node and its neighbours, or what was closed before."""
-    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
-    kind = number % 4
-    if kind == 0:
-        chosen = rng.choice(graph.arcs, 4)
-    elif kind == 1:  # a place: all arcs of four nodes in a row, turns as well
-        first = 4 * rng.integers(graph.nodes // 4)
-        chosen = np.flatnonzero((tails // 4 == first // 4) | (graph.heads // 4 == first // 4))
-    else:
-        chosen = rng.choice(graph.arcs, graph.arcs // 8)
-    shut = np.flatnonzero(closed)
-    opened = rng.choice(shut, rng.integers(len(shut) + 1), replace=False) if kind == 3 and len(shut) else shut[:0]
-    return chosen if kind != 3 else chosen[:0], opened
+    """Arcs to close and to open: single ones, all of a place, all turns of places, or what was closed before."""
+    tails, shut = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr)), np.flatnonzero(closed)
+    place, nothing = rng.integers(graph.nodes // 4, size=graph.nodes // 16), shut[:0]
+    match number % 5:
+        case 0:
+            return np.flatnonzero((tails // 4 == place[0]) | (graph.heads // 4 == place[0])), nothing
+        case 1:
+            return np.flatnonzero((tails // 4 == graph.heads // 4) & np.isin(tails // 4, place)), nothing
+        case 2:
+            return nothing, shut[rng.random(shut.size) < 0.5]
+        case 3:
+            return rng.choice(graph.arcs, 4), nothing
+        case _:
+            return nothing, shut
 
 
 def costs_along(graph: Graph, paths: ParetoPaths, closed: BoolArray, source: int, targets: set[int]) -> list[list[int]]:
