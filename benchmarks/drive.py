@@ -90,7 +90,7 @@ class Drive:
     def measured(self, events: int) -> dict[str, Any]:
         """Seconds of so many events, and what was claimed; see the module."""
         rng = np.random.default_rng(0)
-        rows = list[tuple[float, ParetoPaths]]()
+        rows, untouched = list[tuple[float, ParetoPaths]](), list[float]()
         closing, opening = list[float](), list[float]()
         different = broken = 0
         long: list[float] = []
@@ -102,6 +102,8 @@ class Drive:
             began = time.thread_time()
             found = self.prepared.paths(node, deadline=self.deadline, known=known)
             rows.append((time.thread_time() - began, found))
+            if not shut.size:
+                untouched.append(found.gap)
             if found.status.is_final or len(long) < LONG:
                 exact = pareto_paths(self.graph.without(self.prepared.closed), node, self.goals)
                 different += found.status.is_final and not same(found, exact)
@@ -121,6 +123,7 @@ class Drive:
             "open_ms": spread(opening),
             "deadline_s": self.deadline,
             **answers(rows, self.deadline),
+            "gap_where_nothing_is_closed": max(untouched),
             "different": different,
             "claims_broken": broken,
             "true_gaps": sorted(long),

@@ -82,14 +82,16 @@ class PreparedRun:
         """Search within a precision, with joint bounds and all that is found and known to begin with."""
         prepared, outlook = self.prepared, self.prepared.outlook
         graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
-        now, before = prepared.bounds[:, self.source], outlook.h[:, self.source]
-        clock.share = BRIEF if (now > STALE * before).any() else SECOND
+        h = outlook.h.copy()
+        turns = prepared.bounds[self.order[1]]  # joint bounds do not build on this one
+        np.copyto(h[self.order[1]], turns, where=turns < UNREACHABLE)
+        clock.share = BRIEF if (prepared.bounds[:, self.source] > STALE * h[:, self.source]).any() else SECOND
         if hull is None or clock.left < AHEAD * graph.nodes:
             return
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
         question = Question(graph, self.source, prepared.targets, Precision(GAP))
         try:
-            search = question.search("staircase", self.order, outlook.h, groups, clock, jointly=True)
+            search = question.search("staircase", self.order, h, groups, clock, jointly=True)
             assert isinstance(search, Staircase)
             prepared.closings.mask(search)
             along, ways = search.front_along(hull, clock)
