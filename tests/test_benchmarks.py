@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from hpop.world import Track
+from tests.search.timed.enumeration import front_by_enumeration
+from tests.search.timed.instances import timed_query
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 ROW = {"instance": "m7", "step": 0.25, "eps": 0.0, "edges": 40, "front": 3}
@@ -137,3 +139,15 @@ def test_who_walks_on_as_before_is_predicted_without_an_error(module):
     assert corridor.errors({1: turned.later(-16.0)})["2 s"] == pytest.approx(
         math.sqrt(2.0**2 / 2)
     )  # it turns back at 21 s
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seeds", [0, 3])
+def test_plain_label_setting_on_a_clock_finds_all(module, seeds):
+    plain, asked = module("plain_timed"), 0
+    for query in map(timed_query, range(300)):
+        if set(query.graph.graph.aggregates) == {"sum"}:
+            found = plain.plain_front(query.graph, query.source, list(query.targets), seeds=seeds, most=20_000)
+            assert [tuple(row) for row in found.costs.tolist()] == front_by_enumeration(query)
+            asked += 1
+    assert asked > 50
