@@ -112,6 +112,7 @@ hpop.ros.trajectory_of
 hpop.ros.typed
 hpop.scenario.load_scenario
 hpop.search.Graph
+hpop.search.Prepared
 hpop.search.pareto_paths
 hpop.status.Progress
 hpop.status.Status
