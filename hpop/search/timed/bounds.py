@@ -12,7 +12,7 @@ from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import FAR, LANES, Ahead, Joint, follow, price_arcs, sweep
+from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, follow, price_arcs, sweep
 from hpop.search.timed.kernel import Rest
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
@@ -44,6 +44,8 @@ class JointBounds:
         self.size = n + int(between.sum())
         latest = np.flatnonzero(between)
         self.order = latest[np.argsort(-rest.calm[latest], kind="stable")]
+        self.place_in = np.full(n, -1)
+        self.place_in[self.order] = np.arange(len(self.order))
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
@@ -53,8 +55,8 @@ class JointBounds:
     @property
     def memory(self) -> int:
         """Bytes that a table takes, and what is needed while it is made."""
-        held = len(self.order) * (self.tables.hold + 1) * 8
-        return LANES * (self.size * 4 + self.graph.graph.arcs * 20 + held)
+        slabs = 4 * _power(min(self._longest(), self.graph.horizon)) + 8 * _power(self.tables.hold)
+        return LANES * (self.size * 4 + self.graph.graph.arcs * 20 + len(self.order) * slabs)
 
     def make(self, clock: Clock) -> None:
         """Make the tables, as far as there are sums, and memory and time for them."""
@@ -97,8 +99,11 @@ class JointBounds:
         """One more table, and the ways that are best for its weights."""
         n, m = self.graph.graph.nodes, self.graph.graph.arcs
         clock.report("bounds")
-        priced = np.empty((m, LANES), np.int32)
-        clock.call(price_arcs, self.tables, weights, priced)
+        priced, fixed = np.empty((m, LANES), np.int32), np.empty((m, LANES), np.int32)
+        columns = np.ascontiguousarray(weights.T)
+        columns *= np.where(columns % 1 == 0, 1.0, DOWN)  # products of whole numbers are exact
+        most = HALF / len(columns) / np.maximum(columns.max(axis=1), 1 / FAR)
+        clock.call(price_arcs, self.tables, columns, priced, fixed)
         rows = np.empty((self.size, LANES), np.int32)
         closed = (priced == FAR).all(axis=1)
         for begin in range(0, LANES, AT_ONCE):
@@ -109,16 +114,28 @@ class JointBounds:
             if status is not None:  # the search that follows says so
                 return
             rows[:n, lanes] = np.minimum(h, FAR).T
-        graph = (self.tables, self.ahead, weights, rows, self.offset, self.rest.calm, priced)
-        room = np.empty((2, LANES), np.int32), np.empty((3, LANES), np.int64)
-        held = np.empty((len(self.order), self.tables.hold + 1, LANES), np.int64)
-        clock.call(sweep, *graph, self.order, *room, held, np.empty(len(self.order), np.int64))
+        w, longest = len(self.order), min(self._longest(), self.graph.horizon)
+        work = Sweep(
+            columns, most, fixed, rows, self.offset, self.rest.calm, self.order, self.place_in,
+            np.empty((_power(longest), w, LANES), np.int32), np.empty((_power(self.tables.hold), w, LANES), np.int64),
+            (columns % 1 > 0).sum(axis=0),
+            np.empty(LANES, np.int32), np.empty(LANES, np.int32), *(np.empty(LANES, np.int64) for _ in range(3)),
+        )  # fmt: skip
+        clock.call(sweep, self.tables, self.ahead, work, np.empty(w, np.int64))
         self.weights.append(weights)
         self.rows.append(rows)
-        most = n + self.graph.horizon
         for lane in range(LANES):
-            arcs, leaves = np.empty(most, np.int64), np.empty(most, np.int64)
+            arcs, leaves = (np.empty(n + self.graph.horizon, np.int64) for _ in range(2))
             total = np.zeros(self.graph.graph.criteria, np.int64)
-            count = clock.call(follow, *graph, lane, self.source, *room, arcs, leaves, total)
+            count = clock.call(follow, self.tables, self.ahead, work, lane, self.source, arcs, leaves, total)
             if count > 0:
                 self.seeds.append(Seed(total, arcs[:count].copy(), leaves[:count].copy()))
+
+    def _longest(self) -> int:
+        """Ticks of the longest arc that leaves a node whose rows are swept."""
+        return int(self.graph.durations.max(initial=1))
+
+
+def _power(ticks: int) -> int:
+    """A power of two that is larger."""
+    return 1 << ticks.bit_length()

@@ -11,31 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
-from hpop.search.timed.tables import Tables, arc_cost, free_since, is_open, omega_at, worst_rate
-
-
-@lean
-def cost_of_walk(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> bool:
-    """Add up in total (k,) the costs of arcs left for at some ticks, holds between them; False where that cannot be."""
-    for j in range(len(total)):
-        total[j] = 0
-    v, ready = np.int64(source), np.int64(0)
-    for i in range(len(arcs)):
-        p, t, a = tables.place[v], leaves[i], arcs[i]
-        waits = t - ready
-        if waits < 0 or 0 < waits < tables.hold or (waits > 0 and free_since(tables, p, t) > ready):
-            return False
-        if not is_open(tables, a, p, t):
-            return False
-        for j in range(len(total)):
-            cost = arc_cost(tables, a, p, j, t)
-            if tables.is_max[j]:
-                total[j] = max(total[j], cost, worst_rate(tables, p, j, ready, t))
-            else:
-                total[j] += cost + (omega_at(tables, p, j, t) - omega_at(tables, p, j, ready) if waits > 0 else 0)
-        v, ready = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
-    return True
+from hpop.compiled import kernel
+from hpop.search.timed.tables import Tables
+from hpop.search.timed.walks import cost_of_walk
 
 
 @kernel
@@ -58,7 +36,7 @@ def gather_holds(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, 
                 for later in (waits[j], -waits[i]):  # all at the first place, or all at the second
                     for between in range(len(arcs)):
                         tried[between] = leaves[between] + (later if i <= between < j else 0)
-                    if cost_of_walk(tables, source, arcs, tried, total) and (total == costs).all():
+                    if cost_of_walk(tables, source, arcs, tried, total) >= 0 and (total == costs).all():
                         leaves[:] = tried
                         again = True
                         break

@@ -26,6 +26,7 @@ from hpop.search.timed.tables import PLAIN, Tables, arc_cost, free_since, is_ope
 LANES = 8  # 32 bytes: one vector register
 UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
 FAR = 2**30
+HALF = FAR / 2 - 1  # of an arc: what of it is always the same, and the rest
 DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and sums of floats
 
 IntLanes = NDArray[np.int32]
@@ -72,99 +73,138 @@ def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
 
 
 @lean
-def price_arcs(tables: Tables, weights: FloatArray, out: IntLanes) -> None:
-    """Weigh what arcs cost for good, from H on, into `out` (m, LANES); FAR where they are then closed."""
+def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
+    """Weigh what arcs cost for good, from H on, into `priced` (m, LANES), FAR where they are then closed.
+
+    weights  (k, LANES)
+    fixed    (m, LANES)  what of their costs is the same at all ticks
+    """
     last = tables.since.shape[1] - 1
     for u in range(len(tables.place)):
         p = np.int64(tables.place[u])
         for a in range(tables.start[u], tables.start[u + 1]):
-            if is_open(tables, a, p, last):
-                weigh_arc(tables, weights, a, p, last, out[a])
-            else:
+            r = tables.row[a]
+            for lane in range(LANES):
+                total = always = 0.0
+                for j in range(len(weights)):
+                    weight = weights[j, lane]
+                    if weight == 0.0:
+                        continue
+                    total += weight * arc_cost(tables, a, p, j, last)
+                    if r < 0 or tables.table_of[j] < 0:
+                        always += weight * tables.costs[a, j]
+                priced[a, lane] = np.int32(min(FAR - 1.0, total))
+                fixed[a, lane] = np.int32(min(HALF, always))
+            if not is_open(tables, a, p, last):
                 for lane in range(LANES):
-                    out[a, lane] = FAR
+                    priced[a, lane] = FAR
 
 
 @lean
-def weigh_arc(tables: Tables, weights: FloatArray, a: int, p: int, t: int, out: IntLanes) -> None:
-    """Weigh what an arc costs at a tick into `out` (LANES,)."""
+def weigh_arc(
+    tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, p: int, t: int, out: IntLanes
+) -> None:
+    """Weigh what an arc costs at a tick into `out` (LANES,), less of it where that passes HALF.
+
+    weights  (k, LANES); most (k,) of a cost that all lanes can weigh
+    """
     for lane in range(LANES):
-        total = 0.0
-        for j in range(weights.shape[1]):
-            if weights[lane, j] > 0.0:
-                total += weights[lane, j] * arc_cost(tables, a, p, j, t)
-        out[lane] = np.int32(min(FAR - 1.0, total * DOWN))
+        out[lane] = fixed[a, lane]
+    r = tables.row[a]
+    if r == PLAIN:
+        return
+    t = min(t, tables.since.shape[1] - 1)
+    for j in range(len(weights)):
+        if tables.is_max[j]:
+            continue
+        if r >= 0:
+            c = tables.table_of[j]
+            if c < 0:
+                continue
+            more = min(np.float64(tables.timed[c, r, t]), most[j])
+        else:
+            if tables.omega_of[j] < 0:
+                continue
+            spent = omega_at(tables, p, j, t + np.int64(tables.durations[a])) - omega_at(tables, p, j, t)
+            more = min(np.float64(spent), most[j])
+        if more > 0.0:
+            for lane in range(LANES):
+                out[lane] += np.int32(weights[j, lane] * more)
 
 
 @lean
 def weigh_standing(tables: Tables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
-    """Weigh what standing at a place has cost until tick t into `out` (LANES,)."""
+    """Weigh what standing at a place has cost until tick t into `out` (LANES,); weights (k, LANES)."""
     for lane in range(LANES):
-        total = 0.0
-        for j in range(weights.shape[1]):
-            if weights[lane, j] > 0.0:
-                total += weights[lane, j] * omega_at(tables, p, j, t)
-        out[lane] = np.int64(total)
+        out[lane] = 0
+    for j in range(len(weights)):
+        if not tables.is_max[j]:
+            spent = np.float64(omega_at(tables, p, j, t))
+            if spent > 0.0:
+                for lane in range(LANES):
+                    out[lane] += np.int64(weights[j, lane] * spent)
+
+
+class Sweep(NamedTuple):
+    """What a sweep for LANES weights works on.
+
+    weights   (k, LANES); most (k,) of a cost that all lanes can weigh
+    fixed     (m, LANES)  what of the arcs' costs is the same at all ticks
+    rows      (r, LANES)  the table, its calm rows filled
+    order     (w,)        nodes that have other rows, the latest L first; place_in (n,) there, -1 if none
+    recent    (power of two, w, LANES)  rows of the last ticks, a tick at a time: all of them in the processor's cache
+    held      (power of two, w, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
+    rounded   (LANES,)    weights that are no whole numbers: what they weigh is rounded
+    cost, dep, now, then, later  (LANES,)  room
+    """
+
+    weights: FloatArray
+    most: FloatArray
+    fixed: IntLanes
+    rows: IntLanes
+    offset: IntArray
+    calm: NDArray[np.int32]
+    order: IntArray
+    place_in: IntArray
+    recent: NDArray[np.int32]
+    held: IntArray
+    rounded: IntArray
+    cost: IntLanes
+    dep: IntLanes
+    now: IntArray
+    then: IntArray
+    later: IntArray
 
 
 @lean
-def depart(
-    tables: Tables,
-    ahead: Ahead,
-    weights: FloatArray,
-    rows: IntLanes,
-    offset: IntArray,
-    calm: NDArray[np.int32],
-    priced: IntLanes,
-    v: int,
-    t: int,
-    cost: IntLanes,
-    out: IntLanes,
-) -> None:
-    """The least weighted rests (LANES,) of whoever leaves a node at tick t; priced (m, LANES) of arcs for good."""
+def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: bool) -> None:
+    """Write the least weighted rests of whoever leaves a node at tick t into `dep`; swept, if all rows are filled."""
+    cost, dep = work.cost, work.dep
     for lane in range(LANES):
-        out[lane] = FAR
+        dep[lane] = FAR
     p = np.int64(tables.place[v])
     for a in range(tables.start[v], tables.start[v + 1]):
         u = np.int64(tables.heads[a])
         end = t + np.int64(tables.durations[a])
         if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, t):
             continue
-        row = row_of(offset, calm, u, end)
-        if tables.row[a] == PLAIN:
+        weigh_arc(tables, work.weights, work.most, work.fixed, a, p, t, cost)
+        if swept or end > work.calm[u]:
+            row = row_of(work.offset, work.calm, u, end)
             for lane in range(LANES):
-                out[lane] = min(out[lane], np.int32(rows[row, lane] + priced[a, lane]))
-            continue
-        weigh_arc(tables, weights, a, p, t, cost)
-        for lane in range(LANES):
-            out[lane] = min(out[lane], np.int32(rows[row, lane] + cost[lane]))
+                dep[lane] = min(dep[lane], np.int32(work.rows[row, lane] + cost[lane]))
+        else:
+            slab, at = end & (len(work.recent) - 1), work.place_in[u]
+            for lane in range(LANES):
+                dep[lane] = min(dep[lane], np.int32(work.recent[slab, at, lane] + cost[lane]))
 
 
 @lean
-def sweep(
-    tables: Tables,
-    ahead: Ahead,
-    weights: FloatArray,
-    rows: IntLanes,
-    offset: IntArray,
-    calm: NDArray[np.int32],
-    priced: IntLanes,
-    order: IntArray,
-    scratch: IntLanes,
-    standing: IntArray,
-    held: IntArray,
-    active: IntArray,
-) -> None:
-    """Fill the rows of the states in between, from those of calm nodes.
-
-    order     (w,)  nodes that have any, the latest L first
-    scratch   (2, LANES), standing (3, LANES) and active (w,) are room
-    held      (w, hold + 1, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
-    """
-    cost, dep = scratch[0], scratch[1]
-    now, then, later = standing[0], standing[1], standing[2]
-    hold = np.int64(tables.hold)
-    ring = hold + 1
+def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray) -> None:
+    """Fill the rows of the states in between; active (w,) is room."""
+    dep, now, then, later = work.dep, work.now, work.then, work.later
+    hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows
+    ring = len(work.held) - 1
     count, coming = 0, 0
     t = np.int64(calm[order[0]]) if len(order) > 0 else np.int64(-1)
     while t >= 0:
@@ -176,30 +216,37 @@ def sweep(
         while i < count:
             at = active[i]
             v = order[at]
-            row = offset[v] + t
-            depart(tables, ahead, weights, rows, offset, calm, priced, v, t, cost, dep)
+            depart(tables, ahead, work, v, t, False)
             if hold > 0:
                 p = np.int64(tables.place[v])
                 last = np.int64(calm[v])
-                weigh_standing(tables, weights, p, t, now)
-                weigh_standing(tables, weights, p, t + 1, then)
+                weigh_standing(tables, work.weights, p, t, now)
                 stands = free_since(tables, p, t + 1) <= t
+                if stands and t == last:
+                    weigh_standing(tables, work.weights, p, t + 1, then)
                 for lane in range(LANES):  # of leaving at t or later
-                    after = rows[v, lane] + then[lane] if t == last else held[at, (t + 1) % ring, lane]
                     later[lane] = dep[lane] + now[lane]
                     if stands:
+                        after = rows[v, lane] + then[lane] if t == last else work.held[(t + 1) & ring, at, lane]
                         later[lane] = min(later[lane], after)
                 if free_since(tables, p, t + hold) <= t:
-                    weigh_standing(tables, weights, p, t + hold, then)
+                    if t + hold > last:
+                        weigh_standing(tables, work.weights, p, t + hold, then)
                     for lane in range(LANES):
-                        after = rows[v, lane] + then[lane] if t + hold > last else held[at, (t + hold) % ring, lane]
-                        after -= now[lane] + 1  # two sums were rounded
+                        after = rows[v, lane] + then[lane]
+                        if t + hold <= last:
+                            after = work.held[(t + hold) & ring, at, lane]
+                        after -= now[lane] + work.rounded[lane]
                         if after < FAR - 1:
                             dep[lane] = np.int32(min(np.int64(dep[lane]), max(np.int64(0), after)))
                 for lane in range(LANES):
-                    held[at, t % ring, lane] = later[lane]
+                    work.held[t & ring, at, lane] = later[lane]
+            row = work.offset[v] + t
+            slab = t & (len(work.recent) - 1)
             for lane in range(LANES):
-                rows[row, lane] = 0 if ahead.is_target[v] else min(dep[lane], np.int32(FAR))
+                least = np.int32(0) if ahead.is_target[v] else min(dep[lane], np.int32(FAR))
+                rows[row, lane] = least
+                work.recent[slab, at, lane] = least
             if t == ahead.earliest[v]:
                 count -= 1
                 active[i] = active[count]
@@ -212,15 +259,9 @@ def sweep(
 def follow(
     tables: Tables,
     ahead: Ahead,
-    weights: FloatArray,
-    rows: IntLanes,
-    offset: IntArray,
-    calm: NDArray[np.int32],
-    priced: IntLanes,
+    work: Sweep,
     lane: int,
     source: int,
-    scratch: IntLanes,
-    standing: IntArray,
     arcs: IntArray,
     leaves: IntArray,
     total: IntArray,
@@ -229,8 +270,7 @@ def follow(
 
     Returns the number of arcs, -1 if it leads nowhere in time.
     """
-    cost, dep = scratch[0], scratch[1]
-    now = standing[0]
+    cost, dep, now = work.cost, work.dep, work.now
     hold = np.int64(tables.hold)
     v, t, count = np.int64(source), np.int64(0), 0
     while not ahead.is_target[v]:
@@ -238,29 +278,30 @@ def follow(
             return -1
         p = np.int64(tables.place[v])
         begin = t
-        depart(tables, ahead, weights, rows, offset, calm, priced, v, t, cost, dep)
+        depart(tables, ahead, work, v, t, True)
         best = np.int64(dep[lane])
-        if hold > 0 and t <= calm[v]:  # else a hold has no use
-            weigh_standing(tables, weights, p, t, now)
+        last = np.int64(work.calm[v])
+        if hold > 0 and t <= last:  # else a hold has no use
+            weigh_standing(tables, work.weights, p, t, now)
             base = now[lane]
             s = t + hold
-            while free_since(tables, p, s) <= t and (s <= calm[v] + 1 or s == t + hold):
-                depart(tables, ahead, weights, rows, offset, calm, priced, v, s, cost, dep)
-                weigh_standing(tables, weights, p, s, now)
+            while free_since(tables, p, s) <= t and (s <= last + 1 or s == t + hold):
+                depart(tables, ahead, work, v, s, True)
+                weigh_standing(tables, work.weights, p, s, now)
                 if dep[lane] + now[lane] - base < best:
                     best = dep[lane] + now[lane] - base
                     begin = s
                 s += 1
         chosen = -1
         nearest = np.int64(0)
-        depart(tables, ahead, weights, rows, offset, calm, priced, v, begin, cost, dep)
+        depart(tables, ahead, work, v, begin, True)
         for a in range(tables.start[v], tables.start[v + 1]):
             u = np.int64(tables.heads[a])
             end = begin + np.int64(tables.durations[a])
             if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, begin):
                 continue
-            weigh_arc(tables, weights, a, p, begin, cost)
-            rest = np.int64(rows[row_of(offset, calm, u, end), lane]) + cost[lane]
+            weigh_arc(tables, work.weights, work.most, work.fixed, a, p, begin, cost)
+            rest = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane]) + cost[lane]
             if rest <= dep[lane] and rest < FAR and (chosen < 0 or end + ahead.ticks[u] < nearest):
                 chosen, nearest = a, end + ahead.ticks[u]
         if chosen < 0:

@@ -35,6 +35,7 @@ from hpop.search.timed.kernel import (
     FREE,
     LEAVE,
     NEXT,
+    NOW,
     SOLVED,
     STAGE,
     STATE,
@@ -53,6 +54,8 @@ from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, w
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.status import Status
 
+Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
+
 
 class TimedSearch:
     """The search from one node; targets are nodes."""
@@ -68,7 +71,9 @@ class TimedSearch:
         at_most: Sequence[int],
         joint: Joint,
         seeds: Sequence[Seed],
+        before: tuple[int, int] = (0, 0),
     ) -> None:
+        """Begin with solutions known; `before` are labels generated and expanded to find them."""
         self.joint = joint
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
         n, k = graph.graph.nodes, graph.graph.criteria
@@ -100,6 +105,7 @@ class TimedSearch:
         for seed in seeds:
             self._plant(seed)
         self.tops[0], self.below[0], self.state[USED], self.counters[N_OPEN] = 0, -1, 1, 1
+        self.counters[[N_GENERATED, N_EXPANDED]] = before
 
     def _plant(self, seed: Seed) -> None:
         """Enter a solution known before the search, if it is one, and nothing covers it yet."""
@@ -138,13 +144,15 @@ class TimedSearch:
         arguments = (self.tables, self.rest, goal, bounds, queue, known, sets, self.source, self.scratch)
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
-    def run(self, clock: Clock) -> Status:
-        """Search to the end, or to a limit."""
+    def run(self, clock: Clock, keep: Callable[[], None], enough: int | None = None) -> Status | None:
+        """Search to the end, or to a limit, or until `enough` labels were generated, then None; keep between slices."""
         status = clock.exceeded(0, self.memory())
         while status is None:
-            limit = clock.budget.max_labels
-            work = WORK if limit is None else min(WORK, max(1, limit - int(self.counters[N_GENERATED])))
-            code = self.advance(clock, work)
+            generated = int(self.counters[N_GENERATED])
+            if enough is not None and generated >= enough:
+                return None
+            limits = [limit - generated for limit in (clock.budget.max_labels, enough) if limit is not None]
+            code = self.advance(clock, max(1, min([WORK, *limits])))
             if code == DONE:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
             clock.report("search", self.counters, self.memory())
@@ -154,6 +162,7 @@ class TimedSearch:
                 if status is Status.MEMORY_LIMIT:
                     break
                 grow()
+            keep()
             status = clock.exceeded(int(self.counters[N_GENERATED]), self.memory())
         return status
 
@@ -178,6 +187,7 @@ class TimedSearch:
             self.reach,
             self.tables.row,
         ]
+        more += [self.joint.rows, self.corners, self.lanes]
         return [*own, *more, self.tables.since, self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
 
     def memory(self) -> int:
@@ -204,6 +214,16 @@ class TimedSearch:
         names = {"labels_generated": N_GENERATED, "labels_expanded": N_EXPANDED, "labels_open": N_OPEN}
         return {name: int(self.counters[column]) for name, column in names.items()}
 
+    @property
+    def spent(self) -> tuple[int, int]:
+        """Labels generated and expanded."""
+        return int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
+
+    def known(self) -> list[Seed]:
+        """The solutions so far, for another search to begin with."""
+        costs, paths = self.found()
+        return [Seed(row.copy(), *path) for row, path in zip(costs, paths, strict=True)]
+
     def found(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
         """Costs (s, k) of the solutions so far, in lexicographic order; of each path its arcs and their departures."""
         count = int(self.counters[N_FRONT])
@@ -228,38 +248,43 @@ class TimedSearch:
     def estimates(self) -> IntArray:
         """Least costs (m, k) of what may become of labels that are under way, or have not left, or may yet."""
         labels = [self._under_way(), self._fresh(), self._waiting()]
-        values = np.concatenate([v for v, _ in labels])
-        g = np.concatenate([costs for _, costs in labels])
+        values, ticks, g = (np.concatenate(parts) for parts in zip(*labels, strict=True))
         arcs = (values & 0xFFFFFFFF) - 1
-        nodes = np.where(
-            arcs >= 0, self.graph.graph.heads[np.maximum(arcs, 0)] if len(self.graph.graph.heads) else 0, self.source
-        )
-        h = self.rest.least[:, nodes].T
-        return np.where(self.tables.is_max, np.maximum(g, h), g + h)
+        nodes = np.full(len(arcs), self.source)
+        nodes[arcs >= 0] = self.graph.graph.heads[arcs[arcs >= 0]]
+        h = self.rest.least[:, nodes]
+        joint = self.joint
+        rows = np.where(ticks > joint.calm[nodes], nodes, joint.offset[nodes] + ticks)
+        for j in np.flatnonzero(joint.alone >= 0):
+            h[j] = np.maximum(h[j], joint.rows[0, rows, joint.alone[j]].astype(np.int64) << joint.shift[j])
+        return np.where(self.tables.is_max, np.maximum(g, h.T), g + h.T)
 
-    def _under_way(self) -> tuple[IntArray, IntArray]:
-        rows = []
-        for row in self.tops.tolist():
+    def _under_way(self) -> Labels:
+        now, ring = int(self.state[NOW]), len(self.tops)
+        rows: list[int] = []
+        ticks: list[int] = []
+        for tick in range(now, now + ring):
+            row = int(self.tops[tick % ring])
             while row >= 0:
                 rows.append(row)
+                ticks.append(tick)
                 row = int(self.below[row])
-        return self.values[rows], self.costs[rows]
+        return self.values[rows], np.array(ticks, np.int64), self.costs[rows]
 
-    def _fresh(self) -> tuple[IntArray, IntArray]:
+    def _fresh(self) -> Labels:
         first, done = int(self.state[FIRST]), int(self.counters[N_CLOSED])
         begin = int(self.state[NEXT]) if self.state[STAGE] == LEAVE else 0
-        end = done - first if self.state[STAGE] <= LEAVE else begin
-        rows = np.arange(begin, end)
+        rows = np.arange(begin, done - first if self.state[STAGE] <= LEAVE else begin)
         rows = rows[self.kept[rows] > 0]
-        return self.closed[first + rows], self.fresh[rows]
+        return self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
-    def _waiting(self) -> tuple[IntArray, IntArray]:
+    def _waiting(self) -> Labels:
         """Those who may leave after a hold, by what they cost when they arrived."""
         nodes = self.nodes[: int(self.state[WAITING])]
         count = int(self.heads[nodes, SIZE].sum())
         owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
         waiting(self.tables, Sets(self.heads, self.vectors, self.rows), nodes, owners, costs)
-        return self.closed[owners], costs
+        return self.closed[owners], self.ticks[owners].astype(np.int64), costs
 
 
 def _rows(count: int, k: int) -> IntArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,9 +21,13 @@ from hpop.text import shown
 if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec
     from hpop.search.machinery.slices import Clock
+    from hpop.search.timed.bounds import Seed
+    from hpop.search.timed.kept import KeptSolutions
     from hpop.search.timed.search import TimedSearch
 
 METHOD = "timed"
+SOON = 100_000  # labels: a search that does not end with them begins again with solutions that coarser ones have found
+COARSE = (0.3, 0.1, 0.05, 0.02)  # how near their solutions are to all others
 
 
 def timed_paths(
@@ -46,8 +50,17 @@ def timed_paths(
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: exact in integers, on the graph's ticks. `eps`, `tolerance` and `at_most`, limits of `budget` and Ctrl-C
-    are those of :func:`.pareto_paths`.
+    Guarantees: exact in integers, on the graph's ticks. With `eps` or `tolerance` (counts, one a cost) every
+    non-dominated vector p is covered by a returned one, r <= (1 + eps) p + tolerance. If a limit of `budget` or Ctrl-C
+    stops it, what is returned are the solutions known by then, and `gap` says how much better others may be. With
+    `at_most` (one bound a cost, None for none) all this holds for the paths within it.
+
+    Cost: grows with the labels that no bound tells to be covered (:mod:`.timed.joint`), so with the solutions known; a
+    search that takes long is therefore begun again, coarsely at first, then more and more precisely.
+
+    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the solutions known are kept. The same question with the
+    same file begins with them, after a limit, Ctrl-C or kill -9: it finds the same vectors, and soon comes to where it
+    was. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
 
     >>> from hpop.search import Graph
     >>> static = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 0], [1, 0], [9, 0]])
@@ -62,30 +75,43 @@ def timed_paths(
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
+    from hpop.search.timed.kept import KeptSolutions
 
+    precision, bounds = _precision(static, eps, tolerance), _bounds(static, at_most)
+    asked = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
+    kept = KeptSolutions(graph, checkpoint, *asked)
     clock = Clock(budget, progress)
-    run = _TimedRun(graph, start, targets, _precision(static, eps, tolerance), _bounds(static, at_most))
+    run = _TimedRun(graph, start, targets, precision, bounds, kept)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
+        run.keep()
     return run.result(clock, status)
 
 
 class _TimedRun:
-    """One query: bounds, then the search."""
+    """One query: bounds, then one search, or several that are more and more precise."""
 
     def __init__(
-        self, graph: TimedGraph, source: int, targets: IntArray, precision: Precision, at_most: tuple[int, ...]
+        self,
+        graph: TimedGraph,
+        source: int,
+        targets: IntArray,
+        precision: Precision,
+        at_most: tuple[int, ...],
+        kept: KeptSolutions,
     ) -> None:
-        self.graph, self.source, self.targets = graph, source, targets
+        self.graph, self.source, self.targets, self.kept = graph, source, targets, kept
         self.precision, self.at_most = precision, at_most
         self.search: TimedSearch | None = None
+        self.seeds: list[Seed] = []
         self.after_bounds = 0.0
+        self.proven = math.inf  # gap of the last search that ended
         self.at_goal = source in targets
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; what it found is in `search`."""
+        """Run the query; what it found is in `search`, or `seeds`."""
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
@@ -96,7 +122,6 @@ class _TimedRun:
 
         tables = Tables.of(self.graph)
         rest, status = rest_of_way(self.graph, tables, self.source, self.targets, clock)
-        self.after_bounds = clock.seconds()
         if rest is None:
             assert status is not None
             return status
@@ -104,9 +129,42 @@ class _TimedRun:
             return Status.NO_PATH
         bounds = JointBounds(self.graph, tables, rest, self.source, self.targets)
         bounds.make(clock)
-        query = (self.source, self.targets, self.precision, self.at_most)
-        self.search = TimedSearch(self.graph, tables, rest, *query, bounds.joint(), bounds.seeds)
-        return self.search.run(clock)
+        self.seeds = bounds.seeds + self.kept.seeds(tables, self.source, self.targets, clock)
+        self.after_bounds = clock.seconds()
+        joint = bounds.joint()
+        status = None
+        for precision, enough in self._stages():
+            before = (0, 0) if self.search is None else self.search.spent
+            if self.search is not None:
+                self.seeds = self.search.known()
+            query = (self.source, self.targets, precision, self.at_most, joint, self.seeds, before)
+            self.search = TimedSearch(self.graph, tables, rest, *query)
+            status = self.search.run(clock, lambda: self.kept.keep(self._solutions), enough)
+            if status is not None and not status.is_final:
+                self.keep()
+                return status
+            if status is not None:
+                self.proven = precision.eps
+            if status is not None and precision is self.precision:
+                break
+        assert status is not None
+        return status
+
+    def keep(self) -> None:
+        """Keep what is known."""
+        self.kept.save(self._solutions)
+
+    def _stages(self) -> Iterator[tuple[Precision, int | None]]:
+        """How precise each search is, and after how many labels it is given up for one that is less so."""
+        yield self.precision, SOON
+        for eps in COARSE:
+            if eps > self.precision.eps:
+                yield Precision(eps, self.precision.tolerance), None
+        yield self.precision, None
+
+    def _solutions(self) -> list[Seed]:
+        """All that is known."""
+        return self.seeds if self.search is None else self.search.known()
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:
         """What was found."""
@@ -115,7 +173,7 @@ class _TimedRun:
         paths = [(np.zeros(0, np.int64), np.zeros(0, np.int64))] * len(costs)
         counts: dict[str, Any] = {}
         end = clock.seconds()
-        gap = self.precision.eps if status.is_final else math.inf
+        gap = self.precision.eps if status.is_final else self.proven
         if self.search is not None:
             from hpop.search.timed.gathered import gather_holds
 
@@ -124,7 +182,7 @@ class _TimedRun:
                 clock.call(gather_holds, self.search.tables, self.source, arcs, leaves, row)
             counts = self.search.counts()
             if not status.is_final:
-                gap = max(self.precision.eps, proven_gap(costs, self.search.estimates()))
+                gap = min(gap, max(self.search.eps, proven_gap(costs, self.search.estimates())))
         costs.setflags(write=False)
         stats = SearchStats(
             METHOD,

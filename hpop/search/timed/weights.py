@@ -22,7 +22,7 @@ def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, Int
         shift[j] = max(0, int(np.ceil(np.log2(max(1.0, typical[j] / UNIT)))))
         weights[lane, j] = 2.0 ** -shift[j]
     mixed = mixtures(len(summed), LANES - len(summed))
-    weights[len(summed) :, summed] = mixed * UNIT / np.maximum(1.0, typical[summed])
+    weights[len(summed) :, summed] = _whole(mixed * UNIT / np.maximum(1.0, typical[summed]))
     return weights, shift
 
 
@@ -31,8 +31,13 @@ def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> 
     weights = np.zeros((LANES, len(ranges)))
     one = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
     most = (one * np.maximum(1.0, typical[summed])).sum(axis=1)
-    weights[:, summed] = one * UNIT / most[:, None]
+    weights[:, summed] = _whole(one * UNIT / most[:, None])
     return weights
+
+
+def _whole(weights: FloatArray) -> FloatArray:
+    """Weights rounded to whole numbers where they are at least 1: sums of what they weigh are then exact."""
+    return np.asarray(np.where(weights >= 1, np.rint(weights), weights))
 
 
 def mixtures(k: int, count: int) -> FloatArray:
