@@ -8,9 +8,8 @@ from pathlib import Path
 import shapely
 
 import hpop
-from hpop.drive.script import Event, performed
-from hpop.view import draw_encounters
-from hpop.view.drive import draw_drive
+from hpop.drive import Event, performed
+from hpop.view import draw_drive, draw_encounters
 
 
 def main(folder: Path = Path("out/07_drive"), step: float = 0.5) -> hpop.Trajectory:

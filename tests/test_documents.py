@@ -23,6 +23,7 @@ from hpop.cli import main
 from hpop.cli.pictures import PicturesBeside
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
+from hpop.scenario.events import load_events
 from hpop.world.content import Landmark
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -94,6 +95,10 @@ def test_python_in_a_document_runs_where_a_problem_is_given(
 @pytest.mark.parametrize("text", blocks("yaml"))
 def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: str, here: Path) -> None:
     shown = yaml.safe_load(text)
+    if "events" in shown:
+        (here / "events.yaml").write_text(text)
+        assert load_events(here / "events.yaml").events
+        return
     ours = (
         {"model": "differential_drive"} | TOUR | {"world": {"geojson": {"path": str(ROOT / "examples/museum.geojson")}}}
     )

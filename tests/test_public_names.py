@@ -20,12 +20,15 @@ hpop.criteria.convex.ConvexCost
 hpop.criteria.others.metrics.zone_fractions
 hpop.drive.Change
 hpop.drive.Commit
+hpop.drive.Event
 hpop.drive.Execution
+hpop.drive.Happening
 hpop.drive.Moment
 hpop.drive.Option
 hpop.drive.Options
 hpop.drive.Wish
 hpop.drive.load
+hpop.drive.performed
 hpop.errors.CriterionError
 hpop.errors.HpopError
 hpop.errors.MapError
@@ -123,6 +126,8 @@ hpop.testing.check_model
 hpop.testing.check_planner
 hpop.trajectory.Trajectory
 hpop.verify
+hpop.view.draw_drive
+hpop.view.draw_encounters
 hpop.view.draw_front
 hpop.view.draw_map
 hpop.view.draw_side

@@ -15,6 +15,7 @@ from hpop import matplotlib_folder
 matplotlib_folder.provide()
 
 from hpop.view import notebook
+from hpop.view.drive import draw_drive
 from hpop.view.encounters import draw_encounters
 from hpop.view.explorer.save import save_explorer
 from hpop.view.explorer.widget import widget
@@ -32,6 +33,7 @@ from hpop.view.where import draw_where
 notebook.provide()
 
 __all__ = [
+    "draw_drive",
     "draw_encounters",
     "draw_front",
     "draw_map",
