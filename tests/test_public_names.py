@@ -144,10 +144,13 @@ hpop.view.save_video
 hpop.view.widget
 hpop.world.Box
 hpop.world.Cylinder
+hpop.world.Future
 hpop.world.Ground
 hpop.world.Hull
+hpop.world.Person
 hpop.world.Solid
 hpop.world.Sphere
+hpop.world.Track
 hpop.world.World
 hpop.world.bearings
 hpop.world.content.Content
@@ -157,8 +160,10 @@ hpop.world.content.Zone
 hpop.world.field.Field
 hpop.world.geojson_content.read
 hpop.world.pose_at
+hpop.world.predictions
 hpop.world.proxemics
 hpop.world.readers.read_world
+hpop.world.read_tracks
 hpop.world.visibility
 """
 PUBLIC = [*NAMES.split(), *(f"hpop.{name}" for name in hpop.__all__)]
