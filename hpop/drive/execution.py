@@ -6,6 +6,7 @@ it is told the same, and can be repeated from its record.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +29,6 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.wishes import Wish, wished
 from hpop.errors import DriveError
 from hpop.front import Point
-from hpop.frontier.strict_json import plain
 from hpop.motions import States
 from hpop.motions.space import StateSpec
 from hpop.options import MOST, real, whole
@@ -450,7 +450,7 @@ class Execution:
 
     def _note(self, event: str, now: float, **what: Any) -> None:
         """Write into the record."""
-        self.record.append({"event": event, "now": now, **plain(what)})
+        self.record.append(json.loads(json.dumps({"event": event, "now": now, **what}, allow_nan=False)))
 
 
 def _deadline(deadline: float) -> float:

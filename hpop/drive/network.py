@@ -124,6 +124,7 @@ class Network:
             others = self._ways.world.content.people != now.people
             self._ways = self._ways.changed(now.problem.world, now.closed, people=others)
         self._known = self._ways.known(self._arcs)
+        _ = self._ways.prepared  # ahead of the next question
         return self._ways
 
     def _inner(self, now: Surroundings) -> StateGraph:

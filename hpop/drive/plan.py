@@ -123,12 +123,12 @@ class Plan:
 
     @cached_property
     def arrivals(self) -> IntArray:
-        """States (a,) of `driven`, by number, where a straight move or a hold arrives, the last one among them.
+        """States (a,) of `driven`, by number, where a straight move or a hold arrives, and the first and the last.
 
         The robot may leave there for another way: it goes straight on, or stops to turn, as planned motions do.
         """
         kinds = self.driven.kinds
-        after = [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
+        after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
         after += [i + 1 for i, kind in enumerate(kinds) if kind == HOLD.kind]
         return np.unique([*after, len(kinds)])
 

@@ -34,6 +34,17 @@ def test_another_way_may_be_taken_where_a_straight_move_arrives_later_than_the_d
         assert drive.plan.kinds[commit.place - 1] == "move"
 
 
+def test_before_it_leaves_a_robot_may_take_another_way_from_the_start() -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee", begin=5.0)
+    options = drive.options(3.0, 0.5)
+    assert options.commit.time == 5.0
+    assert len(options) == len(front)
+    drive.take(options.best("turns"))
+    assert drive.plan.durations.tolist() == front.best("turns").trajectory.durations.tolist()
+    assert drive.at(4.9).planned == 0.0
+
+
 def test_a_door_that_closes_turns_the_robot_to_the_other_one_without_a_jump() -> None:
     drive = driving("north")
     change = drive.world(1.0, close="north")
