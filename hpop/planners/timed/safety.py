@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,6 @@ from scipy.stats import ncx2
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.models.collision.parts import Part
-from hpop.options import LEAST
 from hpop.planners.spending import Spending
 from hpop.planners.timed.clock import SLACK, Clock
 from hpop.planners.timed.legs import Leg
@@ -39,7 +38,9 @@ from hpop.world.people import Person
 
 RISK = 0.05  # of a prediction at a moment
 SIGMAS = float(-ndtri(RISK))
-HALVINGS = 40
+HALVINGS = 30
+TABLE = 257  # deviations for which a distance is found
+SMALLEST = 0.02  # of them, a share of the disc; below, the half-plane is as good
 TOUCH = 1e-9  # m
 PAIRS = 1 << 20  # of arcs and ticks that are looked at together
 LEAVING = 5.0  # s
@@ -321,20 +322,29 @@ class _Way(NamedTuple):
 
 
 def _clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
-    """How far (T,), m, the middle of a person must be from that of a disc to be in it with no more than the risk."""
-    sure = deviation < LEAST
-    found = np.full(deviation.shape, disc)
-    values, which = np.unique(deviation[~sure], return_inverse=True)
-    if values.size:
-        size = (disc / values) ** 2
-        low, high = np.zeros(values.size), disc + 5.0 * values
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            inside = ncx2.cdf(size, 2, (middle / values) ** 2) > RISK
-            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-        never = -np.expm1(-0.5 * size) <= RISK  # not even in its middle
-        found[~sure] = np.where(never, 0.0, high)[which]
-    return found
+    """How far (T,), m, the middle of a person must be from that of a disc to be in it with no more than the risk.
+
+    Of an uncertain one the larger of what the nearest deviations in a table need.
+    """
+    deviations, needed = _table(float(disc))
+    after = np.clip(np.searchsorted(deviations, deviation), 1, deviations.size - 1)
+    unsure = np.maximum(needed[after - 1], needed[after])
+    unsure = np.where(deviation > deviations[-1], 0.0, unsure)  # not even in its middle
+    return np.where(deviation < deviations[0], disc + SIGMAS * deviation, unsure)
+
+
+@lru_cache(maxsize=256)
+def _table(disc: float) -> tuple[FloatArray, FloatArray]:
+    """Deviations, m, up to the largest that matters, and the distances that they need."""
+    largest = disc / math.sqrt(-2.0 * math.log1p(-RISK))
+    deviations = np.geomspace(SMALLEST * disc, largest, TABLE)
+    size = (disc / deviations) ** 2
+    low, high = np.zeros(TABLE), disc + 5.0 * deviations
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = ncx2.cdf(size, 2, (middle / deviations) ** 2) > RISK
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return deviations, high
 
 
 def _to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:

@@ -30,7 +30,9 @@ def through_the_doors(*people: Person, criteria=("length", "duration"), robot=RO
     """From one room to the other."""
     world = TWO_DOORS.with_content(people=people)
     quanta = {name: step for name, step in QUANTA.items() if name in criteria}
-    return Problem(world, robot, (1.0, 2.0, 0.0), (5.0, 2.0, None), list(criteria), quanta=quanta, **options)
+    more = len(robot.space.names) - 3  # a head
+    start, goal = (1.0, 2.0, 0.0, *[0.0] * more), (5.0, 2.0, None, *[None] * more)
+    return Problem(world, robot, start, goal, list(criteria), quanta=quanta, **options)
 
 
 def gaps(problem: Problem, trajectory: Trajectory, step: float = 0.01) -> np.ndarray:

@@ -1,0 +1,84 @@
+"""Claims: among people who move limits are kept, a first answer comes before the last, and what is wrong is told."""
+
+import pytest
+
+from hpop.errors import OptionError, QueryError
+from hpop.planners.lattice import Lattice
+from hpop.planners.roadmap import Roadmap
+from hpop.planners.weighted_sum import WeightedSum
+from hpop.problem import Problem
+from hpop.status import Status
+from hpop.world import Person
+from tests.planners.timed.rooms_with_people import ROBOT, in_the_door, through_the_doors
+
+PROBLEM = through_the_doors(in_the_door(until=8.0), criteria=("duration", "turns", "length"))
+
+
+def test_stages_end_with_what_solve_finds():
+    lattice = Lattice(step=0.5)
+    *before, last = lattice.stages(PROBLEM)
+    assert all(stage.status is Status.UNFINISHED for stage in before)
+    assert last.status is Status.COMPLETE
+    assert (last.planned == lattice.solve(PROBLEM).planned).all()
+
+
+@pytest.mark.parametrize(
+    ("limit", "status"),
+    [
+        ({"time_limit": 1e-6}, Status.TIME_LIMIT),
+        ({"max_memory": 10_000}, Status.MEMORY_LIMIT),
+        ({"max_labels": 1}, Status.LABEL_LIMIT),
+    ],
+)
+def test_limits_end_it_and_are_told(limit, status):
+    found = Lattice(step=0.5, **limit).solve(PROBLEM)
+    assert found.status is status
+    assert "incomplete" in found.certificate
+
+
+def test_what_covers_within_a_factor_is_no_worse_than_that():
+    exact, near = (Lattice(step=0.5, eps=eps).solve(PROBLEM) for eps in (0.0, 0.2))
+    for row in exact.planned:
+        assert (near.planned <= 1.2 * row + 1e-9).all(axis=1).any()
+    assert "within a factor 1.2" in near.certificate
+
+
+def test_turns_are_bounded():
+    found = Lattice(step=0.5, max_turns=1).solve(PROBLEM)
+    assert found.planned[:, 1].max() <= 1
+    with pytest.raises(OptionError, match="max_turns bounds the cost 'turns'"):
+        Lattice(step=0.5, max_turns=1).solve(through_the_doors(in_the_door(until=8.0)))
+
+
+def test_a_mean_is_represented_by_its_integral_and_reported():
+    walker = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0)
+    problem = through_the_doors(walker, criteria=("obstruction", "hall_zones", "duration"))
+    front = problem.solve(Lattice(step=0.5, eps=0.2))
+    assert front.reported_names == ("obstruction",)
+    assert "NOT VALID" not in front.certificate
+
+
+def test_what_needs_a_world_at_rest_says_so():
+    with pytest.raises(OptionError, match="max_detour is for worlds where nobody moves"):
+        Lattice(step=0.5, max_detour=1.2).solve(PROBLEM)
+    with pytest.raises(
+        QueryError, match=r"the lattice has no time.*: Ann\. The planners lattice and roadmap themselves"
+    ):
+        WeightedSum().solve(PROBLEM)
+
+
+def test_the_problem_decides_how_long_people_are_predicted():
+    for_ever = Person(3.0, 2.0, velocity=(0.0, 0.01), name="Ann")
+    problem = through_the_doors(for_ever, horizon=6.0)
+    front = problem.solve(Lattice(step=0.5))
+    assert "ends after 6 s" in front.certificate
+    assert any("predicted up to the horizon" in note for note in front.runs[0]["notes"])
+    assert front.costs[:, 0].min() == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("planner", [Lattice(step=0.5), Roadmap(samples=20)])
+def test_one_who_is_at_the_goal_already_needs_no_time(planner):
+    problem = Problem(PROBLEM.world, ROBOT, (1, 2, 0), (1, 2, None), ["duration"])
+    found = planner.solve(problem)
+    assert found.planned.tolist() == [[0.0]]
+    assert len(found.trajectories[0]) == 0
