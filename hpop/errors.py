@@ -116,7 +116,7 @@ class OwnCodeError(HpopError, ImportError):
 class DriveError(HpopError, ValueError):
     """What a drive is told or asked makes no sense: a door that is not there, a wish for no cost, a time gone by."""
 
-    exit_code = 15
+    exit_code = 16
 
 
 MOST_LETTERS = 100

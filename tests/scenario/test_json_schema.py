@@ -19,7 +19,7 @@ from hpop.scenario import load_scenario
 from hpop.scenario.json_schema import LINE, scenario_schema
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = sorted((ROOT / "examples").glob("*.yaml"))
+EXAMPLES = sorted({*(ROOT / "examples").glob("*.yaml")} - {ROOT / "examples/drive_events.yaml"})
 OWN = {"own_criterion.yaml": "examples/03_own_criterion.py"}  # what its criterion comes from
 
 WHOLE = """\

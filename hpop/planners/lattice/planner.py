@@ -52,6 +52,10 @@ class Lattice:
     max_labels      count  partial paths kept by the search
     max_memory      bytes  of the map that is read, the fields that are made, the lattice's graph and the search
     checkpoint      file in which the search keeps its state, and from which it goes on if it is there
+    clock           s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
+    hold            s  that the robot stands at least when it waits for people who move; None: it never waits
+    arrive_by       s  at the latest, among people who move; None: whenever
+    margin          m  to be kept from people who move
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
