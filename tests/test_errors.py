@@ -13,4 +13,4 @@ def test_each_kind_of_error_has_an_exit_code_of_its_own() -> None:
     assert len(codes) > 10
     assert len(set(codes)) == len(codes)
     assert not {0, 2, NO_PATH, INTERRUPTED} & set(codes)
-    assert NOTHING_FOUND == hpop.errors.LimitError.exit_code
+    assert hpop.errors.LimitError.exit_code == NOTHING_FOUND
