@@ -75,3 +75,26 @@ def test_with_nothing_to_spend_it_says_so(budget):
     paths = timed_paths(*query, budget=budget)
     assert paths.status is (Status.MEMORY_LIMIT if budget.max_memory else Status.TIME_LIMIT)
     is_honest(query, paths, front_by_expansion(query))
+
+
+@pytest.mark.seeds(2, of=30)
+def test_from_its_file_it_comes_to_the_same_front(monkeypatch, tmp_path, seed):
+    monkeypatch.setattr(timed_search, "WORK", 500)
+    query, options = timed_lattice(seed, 6, duration=True), {"eps": 0.1} if seed % 3 == 2 else {}
+    left = 0
+
+    def stop(progress: Progress) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+
+    whole, pieces, paths = timed_paths(*query, **options), 0, None
+    while paths is None or not paths.status.is_final:
+        pieces += 1
+        left = 4 + 3 * pieces
+        paths = timed_paths(*query, **options, progress=stop, checkpoint=tmp_path / "search.ckpt")
+        check_timed_walks(query.graph, paths, query.source, query.targets)
+    assert pieces > 1
+    assert paths.costs.tolist() == whole.costs.tolist()
+    assert (paths.status, paths.gap) == (whole.status, whole.gap)
