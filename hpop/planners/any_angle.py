@@ -19,7 +19,7 @@ from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import goals_of, start_of
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
 from hpop.planners.lattice import Lattice
-from hpop.planners.needs import in_plane
+from hpop.planners.needs import in_plane, refuse_moving
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.planner import SAME, checked_ends, on_roadmap, pairs
@@ -91,6 +91,7 @@ class AnyAngle:
         """
         objectives = edge_objectives(problem.criteria, "any-angle")
         begun = time.perf_counter()
+        refuse_moving(problem, "any-angle planner")
         first = self._lattice().solve(problem, progress)
         if first.status is Status.INTERRUPTED or not first.trajectories:
             return _lattice_only(first)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from hpop.errors import UnsupportedModel
+from hpop.errors import QueryError, UnsupportedModel
 from hpop.models import DifferentialDrive
 from hpop.models.base import PlanarModel
 from hpop.motions import Model
 from hpop.registry import planners
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
 
 UNDECLARED = frozenset({"plane", "turn-move", "rigid", "wheels"})
 """What a planner that says nothing of its needs is taken to need: it was written when all robots had these."""
@@ -35,6 +38,19 @@ def refuse_unsupported(planner: Any, model: Model) -> None:
         f"has {', '.join(sorted(model.provides))}).{undeclared}{on * hasattr(planner, 'on')} Planners that can: "
         f"{', '.join(able)}."
     )
+
+
+def refuse_moving(problem: Problem, what: str) -> None:
+    """Raise QueryError where people move, for what has no time."""
+    people = problem.world.content.people
+    moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
+    if moving:
+        raise QueryError(
+            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
+            "The planners lattice and roadmap themselves have a clock, for a robot that moves in the plane. Else give "
+            "people no velocity to plan round where they are now, or leave them out and evaluate the criteria on the "
+            "front's trajectories, in the world with them."
+        )
 
 
 def in_plane(model: Model) -> PlanarModel:

@@ -307,7 +307,7 @@ def test_ends_that_the_lattice_cannot_use_are_refused(start, goal, message):
 
 def test_people_who_move_are_refused_by_name():
     world = ROOM.with_content(people=(Person(1.0, 4.0, velocity=(0.5, 0.0), name="Bob"),))
-    with pytest.raises(QueryError, match=r"the lattice has no time, .*: Bob\."):
+    with pytest.raises(QueryError, match=r"the any-angle planner has no time, .*: Bob\."):
         AnyAngle(step=STEP).solve(Problem(world, ROBOT, (1.0, 1.0, 0.0), (5.0, 2.0, None), ["length"]))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import place_of
-from hpop.errors import OptionError, QueryError, did_you_mean
+from hpop.errors import OptionError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.base import Candidates
@@ -20,6 +20,7 @@ from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import at_memory_limit, how_far, within
 from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
+from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.asked_arcs import Free
@@ -37,15 +38,7 @@ SHARE = "this stage's share of the time"
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
     """Raise where a graph without time, ``what``, cannot answer: people who move (QueryError), or too many costs."""
-    people = problem.world.content.people
-    moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
-    if moving:
-        raise QueryError(
-            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
-            "The planners lattice and roadmap themselves have a clock, for a robot that moves in the plane. Else give "
-            "people no velocity to plan round where they are now, or leave them out and evaluate the criteria on the "
-            "front's trajectories, in the world with them."
-        )
+    refuse_moving(problem, what)
     refuse_too_many(objectives)
 
 

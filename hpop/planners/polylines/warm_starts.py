@@ -15,7 +15,7 @@ from hpop.front import Front
 from hpop.motions import HOLD
 from hpop.planners.base import Candidates, Planner, joined, make_planner, stages_of, sweeps
 from hpop.planners.judgement import judge
-from hpop.planners.needs import refuse_unsupported
+from hpop.planners.needs import refuse_moving, refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.polylines.straightened import straightened
 from hpop.registry import planners
@@ -95,6 +95,7 @@ def warm_starts(
         known = _given(starting, problem)
     else:
         on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
+        refuse_moving(problem, f"warm start by {planner.name}")
         known = _planned(planner.solve(problem, progress, **on_executor), problem)
     straight, curves = straightened(known.trajectories, problem)
     return known._replace(trajectories=straight, notes=(*known.notes, *curves))

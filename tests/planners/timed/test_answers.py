@@ -13,6 +13,9 @@ from tests.planners.timed.rooms_with_people import ROBOT, in_the_door, through_t
 
 PROBLEM = through_the_doors(in_the_door(until=8.0), criteria=("duration", "turns", "length"))
 
+WALKER = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0)
+PASSING = through_the_doors(WALKER, criteria=("hall_zones", "duration", "turns"))
+
 
 def test_stages_end_with_what_solve_finds():
     lattice = Lattice(step=0.5)
@@ -27,13 +30,23 @@ def test_stages_end_with_what_solve_finds():
     [
         ({"time_limit": 1e-6}, Status.TIME_LIMIT),
         ({"max_memory": 10_000}, Status.MEMORY_LIMIT),
-        ({"max_labels": 1}, Status.LABEL_LIMIT),
+        ({"max_labels": 20}, Status.LABEL_LIMIT),
     ],
 )
 def test_limits_end_it_and_are_told(limit, status):
-    found = Lattice(step=0.5, **limit).solve(PROBLEM)
+    found = Lattice(step=0.5, **limit).solve(PASSING)
     assert found.status is status
     assert "incomplete" in found.certificate
+
+
+def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(tmp_path):
+    whole = Lattice(step=0.5).solve(PASSING)
+    kept = str(tmp_path / "search.checkpoint")
+    stopped = Lattice(step=0.5, checkpoint=kept, max_labels=20).solve(PASSING)
+    assert stopped.status is Status.LABEL_LIMIT
+    *_, on = Lattice(step=0.5, checkpoint=kept).stages(PASSING)
+    assert on.status is Status.COMPLETE
+    assert (on.planned == whole.planned).all()
 
 
 def test_what_covers_within_a_factor_is_no_worse_than_that():
@@ -51,8 +64,7 @@ def test_turns_are_bounded():
 
 
 def test_a_mean_is_represented_by_its_integral_and_reported():
-    walker = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0)
-    problem = through_the_doors(walker, criteria=("obstruction", "hall_zones", "duration"))
+    problem = through_the_doors(WALKER, criteria=("obstruction", "hall_zones", "duration"))
     front = problem.solve(Lattice(step=0.5, eps=0.2))
     assert front.reported_names == ("obstruction",)
     assert "NOT VALID" not in front.certificate
