@@ -49,6 +49,8 @@ class JointBounds:
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
+        self.sweeps: list[Sweep] = []
+        self.room = tuple(np.empty(n + graph.horizon, np.int64) for _ in range(2))
         self.seeds: list[Seed] = []
         self.shift = np.zeros(graph.graph.criteria, np.int64)
 
@@ -124,12 +126,20 @@ class JointBounds:
         clock.call(sweep, self.tables, self.ahead, work, np.empty(w, np.int64))
         self.weights.append(weights)
         self.rows.append(rows)
+        self.sweeps.append(work)
+        start = np.zeros(self.graph.graph.criteria, np.int64)
         for lane in range(LANES):
-            arcs, leaves = (np.empty(n + self.graph.horizon, np.int64) for _ in range(2))
-            total = np.zeros(self.graph.graph.criteria, np.int64)
-            count = clock.call(follow, self.tables, self.ahead, work, lane, self.source, arcs, leaves, total)
-            if count > 0:
-                self.seeds.append(Seed(total, arcs[:count].copy(), leaves[:count].copy()))
+            seed = self.completed(len(self.sweeps) - 1, lane, self.source, 0, start, clock)
+            if seed is not None:
+                self.seeds.append(seed)
+
+    def completed(self, table: int, lane: int, node: int, tick: int, costs: IntArray, clock: Clock) -> Seed | None:
+        """A best way for a weight, from a node reached at a tick at some costs (k,); None if it leads nowhere."""
+        arcs, leaves = self.room
+        total = costs.copy()
+        arguments = (self.tables, self.ahead, self.sweeps[table], lane, node, tick, arcs, leaves, total)
+        count = clock.call(follow, *arguments)
+        return Seed(total, arcs[:count].copy(), leaves[:count].copy()) if count > 0 else None
 
     def _longest(self) -> int:
         """Ticks of the longest arc that leaves a node whose rows are swept."""

@@ -261,18 +261,19 @@ def follow(
     ahead: Ahead,
     work: Sweep,
     lane: int,
-    source: int,
+    node: int,
+    tick: int,
     arcs: IntArray,
     leaves: IntArray,
     total: IntArray,
 ) -> int:
-    """Follow a best way from the source; write its arcs, when they are left for, and what it costs (k,).
+    """Follow a best way of a lane from a node reached at tick t; write its arcs, and when they are left for.
 
-    Returns the number of arcs, -1 if it leads nowhere in time.
+    What it costs is added to total (k,). Returns the number of arcs, -1 if it leads nowhere in time.
     """
     cost, dep, now = work.cost, work.dep, work.now
     hold = np.int64(tables.hold)
-    v, t, count = np.int64(source), np.int64(0), 0
+    v, t, count = np.int64(node), np.int64(tick), 0
     while not ahead.is_target[v]:
         if count == len(arcs):
             return -1

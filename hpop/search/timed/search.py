@@ -26,10 +26,10 @@ from hpop.search.machinery.slices import (
     WORK,
     Clock,
 )
-from hpop.search.timed.bounds import Seed
+from hpop.search.timed.bounds import JointBounds, Seed
 from hpop.search.timed.corners import MOST_CORNERS, cut_corners, weighed_corners
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import Joint
+from hpop.search.timed.joint import LANES, Joint
 from hpop.search.timed.kernel import (
     FIRST,
     FREE,
@@ -54,6 +54,7 @@ from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, w
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.status import Status
 
+WAYS = 32  # that are followed after each slice of work
 Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
 
 
@@ -69,12 +70,14 @@ class TimedSearch:
         targets: IntArray,
         precision: Precision,
         at_most: Sequence[int],
+        bounds: JointBounds,
         joint: Joint,
         seeds: Sequence[Seed],
         before: tuple[int, int] = (0, 0),
     ) -> None:
         """Begin with solutions known; `before` are labels generated and expanded to find them."""
-        self.joint = joint
+        self.bounds, self.joint = bounds, joint
+        self.lane = 0  # of the next way that is followed
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
         n, k = graph.graph.nodes, graph.graph.criteria
         self.eps, self.tolerance = float(precision.eps), precision.of(range(k))
@@ -116,6 +119,27 @@ class TimedSearch:
             self.seeds.append(seed)
             solve(goal, self.counters, seed.costs, -len(self.seeds), 0)
             self.state[SOLVED] += 1
+
+    def _look_ahead(self, clock: Clock) -> None:
+        """Follow best ways from some labels of this tick to their ends: solutions, long before labels get there.
+
+        The labels have not been told to be covered, so many of these ways end in what no solution covers yet.
+        """
+        tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
+        fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])
+        if not tables or not len(fresh):
+            return
+        for at in fresh[np.linspace(0, len(fresh) - 1, min(WAYS, len(fresh))).astype(np.int64)].tolist():
+            self.lane = (self.lane + 1) % (tables * LANES)
+            value = int(self.closed[first + at])
+            arc = (value & 0xFFFFFFFF) - 1
+            node = int(self.graph.graph.heads[arc]) if arc >= 0 else self.source
+            way = (*divmod(self.lane, LANES), node, int(self.state[NOW]), self.fresh[at], clock)
+            rest = self.bounds.completed(*way)
+            if rest is None or is_covered(self._goal(), int(self.counters[N_FRONT]), rest.costs):
+                continue
+            arcs, leaves = self._way(value, int(self.state[NOW]) - int(self.graph.durations[arc]))
+            self._plant(Seed(rest.costs, np.concatenate([arcs, rest.arcs]), np.concatenate([leaves, rest.leaves])))
 
     def _take_corners(self) -> None:
         """Cut the corners that new solutions cover."""
@@ -162,6 +186,7 @@ class TimedSearch:
                 if status is Status.MEMORY_LIMIT:
                     break
                 grow()
+            self._look_ahead(clock)
             keep()
             status = clock.exceeded(int(self.counters[N_GENERATED]), self.memory())
         return status
@@ -235,6 +260,10 @@ class TimedSearch:
         if value < 0:
             seed = self.seeds[-1 - value]
             return seed.arcs, seed.leaves
+        return self._way(value, leaves)
+
+    def _way(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
+        """Arcs of a label, and when they are left for, the last one at tick `leaves`."""
         arcs, departures = [], []
         while value > 0:
             arc = (value & 0xFFFFFFFF) - 1

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 METHOD = "timed"
 SOON = 100_000  # labels: a search that does not end with them begins again with solutions that coarser ones have found
-COARSE = (0.3, 0.1, 0.05, 0.02)  # how near their solutions are to all others
+COARSE = (0.1, 0.02)  # how near their solutions are to all others
 
 
 def timed_paths(
@@ -137,7 +137,7 @@ class _TimedRun:
             before = (0, 0) if self.search is None else self.search.spent
             if self.search is not None:
                 self.seeds = self.search.known()
-            query = (self.source, self.targets, precision, self.at_most, joint, self.seeds, before)
+            query = (self.source, self.targets, precision, self.at_most, bounds, joint, self.seeds, before)
             self.search = TimedSearch(self.graph, tables, rest, *query)
             status = self.search.run(clock, lambda: self.kept.keep(self._solutions), enough)
             if status is not None and not status.is_final:
