@@ -18,7 +18,7 @@ from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
 
 AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
-TABLES = 2  # of LANES weights each: the first with each cost alone, the second with mixtures of like ranges
+FEW = 4  # mixtures of costs in the first table: with fewer, a second one has mixtures of like ranges
 
 
 class Seed(NamedTuple):
@@ -63,7 +63,8 @@ class JointBounds:
     def make(self, clock: Clock) -> None:
         """Make the tables, as far as there are sums, and memory and time for them."""
         typical = self._typical()
-        for table in range(TABLES if len(self.summed) else 0):
+        several = 1 if LANES - len(self.summed) > FEW else 2
+        for table in range(several if len(self.summed) else 0):
             if clock.exceeded(0, self.memory * (table + 1), record=False) is not None:
                 return
             if table == 0:
