@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.errors import GraphError
+from hpop.frontier import is_nondominated
 from hpop.search.machinery.approximation import Precision, proven_gap
 from hpop.search.pareto_paths import _bounds, _in_words, _precision
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
@@ -135,8 +136,7 @@ class _TimedRun:
         status = None
         for precision, enough in self._stages():
             before = (0, 0) if self.search is None else self.search.spent
-            if self.search is not None:
-                self.seeds = self.search.known()
+            self.seeds = self._solutions()
             query = (self.source, self.targets, precision, self.at_most, bounds, joint, self.seeds, before)
             self.search = TimedSearch(self.graph, tables, rest, *query)
             status = self.search.run(clock, lambda: self.kept.keep(self._solutions), enough)
@@ -163,8 +163,15 @@ class _TimedRun:
         yield self.precision, None
 
     def _solutions(self) -> list[Seed]:
-        """All that is known."""
-        return self.seeds if self.search is None else self.search.known()
+        """All that is known, also what a coarser search leaves out because another solution covers it."""
+        if self.search is None:
+            return self.seeds
+        found = self.seeds + self.search.known()
+        costs = np.array([seed.costs for seed in found]).reshape(-1, self.graph.graph.criteria)
+        within = np.all(costs <= self.search.most, axis=1)
+        rows = np.lexsort(costs.T[::-1])
+        rows = rows[within[rows]]
+        return [found[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:
         """What was found."""
@@ -178,6 +185,10 @@ class _TimedRun:
             from hpop.search.timed.gathered import gather_holds
 
             costs, paths = self.search.found()
+            if not status.is_final:
+                known = self._solutions()
+                costs = np.array([seed.costs for seed in known], np.int64).reshape(-1, k)
+                paths = [(seed.arcs, seed.leaves) for seed in known]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
                 clock.call(gather_holds, self.search.tables, self.source, arcs, leaves, row)
             counts = self.search.counts()

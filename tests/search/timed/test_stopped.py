@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ from tests.search.timed.expanded import front_by_expansion
 from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query
 from tests.search.timed.semantics import Vector, check_timed_walks
 from tests.search.timed.test_precision import uncovered
+
+stages = import_module("hpop.search.timed.timed_paths")
 
 
 def is_honest(query: TimedQuery, paths: TimedPaths, exact: list[Vector]) -> None:
@@ -98,3 +102,17 @@ def test_from_its_file_it_comes_to_the_same_front(monkeypatch, tmp_path, seed):
     assert pieces > 1
     assert paths.costs.tolist() == whole.costs.tolist()
     assert (paths.status, paths.gap) == (whole.status, whole.gap)
+
+
+@pytest.mark.seeds(1, of=40)
+def test_what_one_search_has_found_the_next_and_coarser_one_does_not_lose(monkeypatch, seed):
+    monkeypatch.setattr(stages, "SOON", 60)
+    query = timed_lattice(seed, 5 + seed % 4, duration=True)
+    exact, labels = front_by_expansion(query), 40
+    sooner: list[Vector] = []
+    while (paths := timed_paths(*query, budget=Budget(max_labels=labels))).status is Status.LABEL_LIMIT:
+        is_honest(query, paths, exact)
+        found = [tuple(row) for row in paths.costs.tolist()]
+        assert uncovered(sooner, found, 0.0, [0] * len(exact[0])) == []
+        labels, sooner = labels + labels // 4, found
+    is_honest(query, paths, exact)
