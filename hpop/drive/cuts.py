@@ -43,7 +43,7 @@ def cut_of(
     it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
-    if any(person.settled > 0.0 for person in people):
+    if any(person.moves for person in people):
         rest = between(plan.announced, t, plan.announced.duration)
         met = first_contact(cast(PlanarModel, rest.model).parts, people, rest, margin)
         touches += [] if met is None else [t + max(0.0, met[0] - STEP)]

@@ -207,7 +207,8 @@ class Execution:
         kept = rest if self._plan.stops is None else None
         found = self._network.found(surroundings, commit, kept, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
-        gone = partial(past, self._plan, begins, self._stretches, self._lag, self.problem.criteria)
+        before = Plan(held(part(self._plan.driven, 0, commit.place), commit.stands))
+        gone = partial(past, before, before.end, self._stretches, self._lag, self.problem.criteria)
         front, point, place = front_of_rest(problem, found.candidates, kept, gone)
         closings = () if kept is None else surroundings.closed
         compared = Compared(

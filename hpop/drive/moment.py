@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from hpop.criteria.base import Criterion, trajectory_costs
-from hpop.drive.plan import Plan, between
+from hpop.drive.plan import Plan, between, held
 from hpop.drive.surroundings import Surroundings
 from hpop.motions import States
 from hpop.trajectory import Trajectory
@@ -105,7 +105,14 @@ class Moment:
 
     @cached_property
     def past(self) -> dict[str, float]:
-        """What the drive has cost so far, by criterion, each stretch in the world as it was then."""
+        """What the drive has cost so far, by criterion, each stretch in the world as it was then.
+
+        Also the time for which the robot has stood because the rest of its way is closed.
+        """
         criteria = self._stretches[-1].surroundings.problem.criteria
-        found = past(self._plan, self.planned, self._stretches, self._lag, criteria)
+        plan, end = self._plan, self.planned
+        if self.stands:
+            plan = Plan(held(plan.driven, self.now - self._lag - end))
+            end = plan.end
+        found = past(plan, end, self._stretches, self._lag, criteria)
         return {criterion.name: found.cost(criterion) for criterion in criteria}

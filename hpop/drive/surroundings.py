@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 GONE = 1e5  # m: nobody who is so far away matters
-SETTLED = 1e-9  # s: whose prediction ends sooner is as it stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class Surroundings:
     @property
     def moving(self) -> bool:
         """Whether anybody is predicted to move."""
-        return any(person.settled > SETTLED for person in self.people)
+        return any(person.moves for person in self.people)
 
     @property
     def closed(self) -> tuple[Closing, ...]:
@@ -114,8 +113,9 @@ class Surroundings:
         )
 
     def _people_at(self, now: float) -> tuple[Person, ...]:
-        """People as they are predicted to be by now."""
-        return tuple(person.later(max(0.0, now - self.since)) for person in self.people)
+        """People as they are predicted to be by now; those who are gone stay gone."""
+        people = (person.later(max(0.0, now - self.since)) for person in self.people)
+        return tuple(_gone(person) if _has_gone(person) else person for person in people)
 
     def _changed(
         self,
@@ -157,6 +157,11 @@ def _standing(person: Person) -> Person:
         x, y = person.ahead_at(0.0)
         yaw = math.atan2(float(y), float(x))
     return Person(person.x, person.y, yaw=yaw, radius=person.radius, name=person.name)
+
+
+def _has_gone(person: Person) -> bool:
+    """Whether a person is surely not there any more, and never will be."""
+    return all(one.until == 0.0 and one.afterwards == "gone" for _, one in person.hypotheses)
 
 
 def _gone(person: Person) -> Person:

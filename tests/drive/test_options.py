@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.drive.plan import between
+from hpop.drive.plan import between, held
 from hpop.errors import DriveError, HpopError
 from hpop.status import Status
 from hpop.world import Person
@@ -249,3 +249,31 @@ def test_somebody_who_walks_into_the_way_cuts_it_and_the_robot_waits_or_gives_wa
     drive.world(1.0, stop="visitor")
     assert not drive.surroundings.moving
     assert drive.options(1.0).status is Status.COMPLETE
+
+
+def test_those_who_have_gone_by_the_time_that_a_door_closes_cost_nothing_any_more() -> None:
+    people = (Person(3.0, 4.5, until=1.0, name="visitor"), Person(9.0, 1.0, name="guard"))
+    problem = asked(two_doors(people=people), "hall_zones", "length")
+    front = problem.solve("lattice", step=STEP, headings=4, eps=0.5)
+    drive = hpop.follow(problem, front, "least length", planner={"lattice": {"step": STEP, "headings": 4}})
+    drive.world(4.0, close=SOUTH)
+    options = drive.options(4.0, 1.0)
+    assert options.status is Status.COMPLETE
+    alone = asked(two_doors(people=people[1:]), "hall_zones", "length")
+    for option in options:
+        assert option.costs["hall_zones"] == pytest.approx(alone.evaluate(option.item)["hall_zones"])
+
+
+def test_a_mean_of_the_whole_drive_counts_the_time_for_which_it_stood_before_a_door() -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "least length")
+    change = drive.world(0.5, close=SOUTH)
+    assert change.stops_at is not None
+    options = drive.options(change.stops_at + 5.0)
+    assert options.commit.stands > 4.0
+    stood, longer = (drive.at(change.stops_at + seconds).past["obstruction"] for seconds in (0.0, 5.0))
+    assert longer == pytest.approx(problem.evaluate(held(drive.plan, 5.0))["obstruction"])
+    assert longer != pytest.approx(stood)
+    option = options.knee()
+    drive.take(option)
+    assert option.reported["obstruction"] == pytest.approx(problem.evaluate(drive.plan)["obstruction"])
