@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
+from hpop.text import counted
 
 if TYPE_CHECKING:
     from hpop.drive import Execution, Options
@@ -121,10 +123,12 @@ def _print_options(options: Options, happening: Happening) -> None:
     from hpop.cli.report import header, plain_table, print_wide
 
     if not len(options):
-        echo(f"  no options: {options.certificate}")
+        longer = "" if options.status.is_final else "; give a later --deadline"
+        echo(f"  no options: {options.certificate}{longer}")
         return
-    gap = "" if options.gap == 0 else f", at most {options.gap:.1%} worse than what is missing"
-    echo(f"  {len(options)} options from {options.commit.time:.1f} s on, {options.status}{gap}:")
+    echo(
+        f"  {counted(len(options), 'option')} from {options.commit.time:.1f} s on, {options.status}{_how_far(options)}:"
+    )
     names = _named(options, happening)
     table, front = plain_table(), options.front
     table.add_column("number", justify="right")
@@ -142,6 +146,15 @@ def _print_options(options: Options, happening: Happening) -> None:
             str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, turn, sides, ", ".join(words)
         )
     print_wide(Console(), table)
+
+
+def _how_far(options: Options) -> str:
+    """How much better what is missing may be, and what to do about it."""
+    if options.gap == 0:
+        return ""
+    if math.isfinite(options.gap):
+        return f", at most {options.gap:.1%} worse than what is missing"
+    return ", better ones may be missing: give a later --deadline"
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:

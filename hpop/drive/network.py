@@ -78,8 +78,10 @@ class Network:
             candidates = limited.solve(problem)
         else:
             candidates = candidates_from(answer, problem, self.objectives)
-        gap, labels = candidates.stats.get("gap", 0.0), int(candidates.stats.get("labels_generated", 0))
-        again = None if candidates.status.is_final else described_candidates(candidates)
+        final = candidates.status.is_final
+        gap = candidates.stats.get("gap", 0.0 if final else None)  # none is proved where nothing was searched
+        labels = int(candidates.stats.get("labels_generated", 0))
+        again = None if final else described_candidates(candidates)
         return Found(candidates, math.inf if gap is None else gap, labels, again)
 
     def _on_graph(

@@ -50,7 +50,10 @@ class Document:
         except yaml.YAMLError as error:
             self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):
-            self._refuse(None, f"expected keys such as world, start and goal, got {_got(self.values)}")
+            self._refuse(
+                None,
+                f"expected keys with values, such as `start: [0, 0, 0]` in a scenario and `events: [...]` of a drive, got {_got(self.values)}",
+            )
 
     def where(self, place: Place) -> str:
         """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
@@ -157,7 +160,9 @@ def _read(path: Path) -> str:
     try:
         return read_regular(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
-        raise ScenarioError(f"{path}: no such file; give the path of a scenario (YAML)") from None
+        raise ScenarioError(
+            f"{path}: no such file; give the path of a YAML file: a scenario, or the events of a drive"
+        ) from None
     except UnicodeDecodeError as error:
         raise ScenarioError(
             f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8. A map is none: a scenario "
@@ -165,7 +170,9 @@ def _read(path: Path) -> str:
         ) from None
     except OSError as error:
         reason = error.strerror or error
-        raise ScenarioError(f"{path}: cannot be read: {reason}; give the path of a scenario (YAML)") from None
+        raise ScenarioError(
+            f"{path}: cannot be read: {reason}; give the path of a YAML file: a scenario, or the events of a drive"
+        ) from None
 
 
 def _got(value: object) -> str:

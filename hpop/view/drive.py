@@ -57,19 +57,27 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     last = panels[len(shown)]
     _draw_map(last, problem, view, drive.plan, drive.surroundings.closings, ())
     last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4, gid="driven")
-    last.set_title(f"in the end: driven in {drive.plan.duration:.1f} s", fontsize=NORMAL)
+    arrives = drive.plan.duration >= drive.announced.duration
+    end = f"driven in {drive.plan.duration:.1f} s" if arrives else "it stands before what is closed"
+    last.set_title(f"in the end: {end}", fontsize=NORMAL)
     for axes in panels[len(shown) + 1 :]:
         axes.remove()
     more = f", the first {MOST} of {len(happenings)} events" if len(happenings) > MOST else ""
     figure.suptitle(f"A drive and what could be chosen on its way{more}", fontsize=LARGE)
-    handles = [
+    disc = {"linestyle": "none", "marker": "o", "markersize": 8}
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=DRIVEN, label="robot", **disc),  # type: ignore[arg-type]
         Line2D([], [], color=DRIVEN, linewidth=2.4, label="driven"),
         Line2D([], [], color=PLANNED, linewidth=1.6, linestyle=(0, (4, 2)), label="plan until then"),
         Line2D([], [], color=POINT, linewidth=0.8, label="option"),
         Line2D([], [], color=TAKEN, linewidth=2.4, label="option taken"),
-        Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="closed"),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False)
+    if any(happening.closed for happening in shown):
+        handles.append(Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="closed"))
+    if any(happening.people for happening in shown):
+        look = {"markerfacecolor": SKIN, "markeredgecolor": INK, **disc}
+        handles.append(Line2D([], [], label="person", **look))  # type: ignore[arg-type]
+    figure.legend(handles=handles, loc="outside lower center", ncols=7, fontsize=SMALL, frameon=False)
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -277,3 +278,12 @@ def test_a_mean_of_the_whole_drive_counts_the_time_for_which_it_stood_before_a_d
     option = options.knee()
     drive.take(option)
     assert option.reported["obstruction"] == pytest.approx(problem.evaluate(drive.plan)["obstruction"])
+
+
+def test_where_nothing_was_searched_no_gap_is_claimed() -> None:
+    problem = asked(two_doors(), "turns", "length")
+    drive = hpop.follow(problem, problem.solve("lattice", step=STEP), "least length")
+    drive.world(0.5, people=[Person(9.0, 5.0, velocity=(-0.5, 0.0), name="visitor")])
+    options = drive.options(0.5, deadline=0.0)  # among people who move a front is laid out first, which takes longer
+    assert options.status is Status.TIME_LIMIT
+    assert options.gap == math.inf

@@ -207,7 +207,9 @@ class TimedQuery:
         alone = pareto_paths(graph, self.start, self.goals, budget=Budget(max_labels=10**6), eps=1.0)
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)
-        why, ways_out = ["people who move are in them, now or later"], ["a smaller margin"]
+        why, ways_out = ["people who move are in them, now or later"], list[str]()
+        if self.options.margin > 0:
+            ways_out.append("a smaller margin")
         if self.options.hold is None:
             ways_out.append("a hold")
         if self.options.arrive_by is not None:
@@ -216,4 +218,5 @@ class TimedQuery:
         if self.max_turns is not None:
             why.append(f"none has at most {self.max_turns} turns")
             ways_out.append("more max_turns")
-        return (f"no path: there are ways, but {', or '.join(why)}; give {', or '.join(ways_out)}",)
+        advice = f"give {', or '.join(ways_out)}" if ways_out else "ask for another start or goal, or later"
+        return (f"no path: there are ways, but {', or '.join(why)}; {advice}",)
