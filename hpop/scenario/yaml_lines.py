@@ -52,7 +52,7 @@ class Document:
         if not isinstance(self.values, dict):
             self._refuse(
                 None,
-                f"expected keys with values, such as `start: [0, 0, 0]` in a scenario and `events: [...]` of a drive, got {_got(self.values)}",
+                f"expected keys with values, such as `goal: [9, 2]`, got {_got(self.values)}",
             )
 
     def where(self, place: Place) -> str:
