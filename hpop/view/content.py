@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -46,20 +47,36 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
     side = (ENLARGED if small else 1.0) * max(view.width, view.height)
     if not small:
         _draw_names(axes, people, landmarks, side)
+    ways = [] if small else _draw_ways(axes, content.people)
     return [
         *_draw_zones(axes, zones, side),
         *_draw_groups(axes, [talk for talk in talks if any(person in people for person in talk)]),
         *_draw_landmarks(axes, landmarks, side),
         *_draw_people(axes, people, side),
+        *ways,
     ]
 
 
+def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
+    """A dotted line along the way that each is predicted to walk, of each future one, if they are few."""
+    walking = [person for person in people if person.moves and math.isfinite(person.settled)]
+    if not walking or len(walking) > MOST_NAMES:
+        return []
+    look = {"color": INK, "linewidth": 1.1, "linestyle": ":"}
+    for one in (one for person in walking for _, one in person.hypotheses):
+        way = one.way()
+        axes.plot(way[:, 1], way[:, 2], zorder=5.85, gid="predicted", **look)  # type: ignore[arg-type]
+    return [Line2D([], [], label="way of a person,\nas predicted", **look)]  # type: ignore[arg-type]
+
+
 def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
-    """A disc with a tick where the person looks; an arrow along the velocity of one who walks."""
+    """A disc, dashed where the person comes later; a tick where it looks; an arrow along its velocity if it walks."""
     for person in people:
         radius = _disc(person, side)
-        axes.add_patch(Circle((person.x, person.y), radius, facecolor=SKIN, edgecolor=INK, zorder=6, gid="person"))
         likeliest = person.likeliest
+        disc = Circle((person.x, person.y), radius, facecolor=SKIN, edgecolor=INK, zorder=6, gid="person")
+        disc.set_linestyle("--" if likeliest.begin > 0 else "-")
+        axes.add_patch(disc)
         tick = _ray(person.x, person.y, float(likeliest.yaw_at(np.float64(likeliest.begin))), 1.5 * radius)
         axes.plot(*tick, color=INK, linewidth=1.4, zorder=6.1, gid="heading")
         for velocity in (one.velocity_at(np.float64(one.begin)) for _, one in person.hypotheses):
@@ -75,6 +92,8 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
     if any(person.moves for person in people):
         label = f"person walking{size},\narrow: velocity"
         yield Line2D([], [], color=INK, linewidth=1.1, label=label, **look)  # type: ignore[arg-type]
+    if any(person.likeliest.begin > 0 for person in people):
+        yield Patch(facecolor=SKIN, edgecolor=INK, linestyle="--", label="person who comes later,\nwhere it comes")
 
 
 def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:

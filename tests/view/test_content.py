@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -13,6 +15,7 @@ from hpop.view.canvas import new_figure
 from hpop.view.content import MOST_NAMES, draw_content
 from hpop.view.ground import KEEP_OUT, View, view_of
 from hpop.view.map import path_points
+from hpop.world import Track
 from hpop.world.content import Landmark, Person, Zone
 
 WAY = shapely.LineString([(0.5, 5.5), (4, 5.5), (4, 7.5)])
@@ -215,3 +218,14 @@ def test_a_map_shows_the_part_where_the_trajectories_lead_if_it_is_small(make_pr
 def test_a_map_shows_the_rectangle_that_is_asked_for(make_problem, make_front):
     problem = make_problem()
     assert limits(draw_map(problem, make_front(problem), view=View(2, 1, 6, 4))).tolist() == [[2, 6], [1, 4]]
+
+
+def test_predicted_ways_that_end_are_dotted_and_who_comes_later_is_dashed(drawn):
+    late = Person.along(Track.through([(3.0, 1.0, 1.0), (5.0, 2.0, 4.0)]))
+    ending = replace(WALKING, until=2.0)
+    axes, entries = drawn(people=[ending, late, Person(3.0, 1.0)])
+    ways = {tuple(map(tuple, line.get_xydata()[[0, -1]])) for line in of(axes, "predicted")}
+    assert ways == {((8.0, 5.0), (7.0, 5.5)), ((1.0, 1.0), (2.0, 4.0))}
+    assert [disc.get_linestyle() for disc in of(axes, "person")] == ["-", "--", "-"]
+    assert {"way of a person, as predicted", "person who comes later, where it comes"} < set(entries)
+    assert not of(drawn(people=[WALKING])[0], "predicted")  # for ever
