@@ -86,7 +86,8 @@ class Notices:
     """Who is noticed, and how far, by some criteria: all that may be of each person who moves.
 
     of          for each of those who move, by what may be of it
-    overlooked  (k,)  what is not noticed: a second, in a criterion's unit; a moment where the worst counts
+    overlooked  (k,)  what is not noticed: a second, of all of them together, in a criterion's unit; a moment where the
+                      worst counts, of one of them
     """
 
     of: tuple[tuple[Noticed, ...], ...]
@@ -105,7 +106,8 @@ class Notices:
                 left = float(reach[-1].max()) if likely.afterwards == "stays" else 0.0
                 each.append(Noticed(likely, times, reach, left))
             found.append(tuple(each))
-        return cls(tuple(found), np.array([one.threshold for one in asked]))
+        several = [1 if one.criterion.aggregate == "max" else max(1, len(company.people)) for one in asked]
+        return cls(tuple(found), np.array([one.threshold for one in asked]) * several)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ import shapely
 
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError
+from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
 from hpop.problem import Problem
 from hpop.status import Status
@@ -73,6 +74,19 @@ def test_plans_cost_what_they_were_planned_to(criterion):
     assert len(found.trajectories)
     assert within_tolerance(problem, found)
     assert all((gaps(problem, trajectory) >= 0).all() for trajectory in found.trajectories)
+
+
+def test_what_many_people_cost_who_are_each_too_far_away_to_be_noticed_is_in_the_tolerance():
+    angles = np.linspace(0.1, 2 * np.pi + 0.1, 13, endpoint=False).tolist()
+    ring = [
+        Person(4 + 1.8 * np.cos(a), 4 + 1.8 * np.sin(a), velocity=(-0.02 * np.cos(a), -0.02 * np.sin(a)), until=6.0)
+        for a in angles
+    ]
+    world = World.from_polygons([], extent=shapely.box(0, 0, 8, 8)).with_content(people=ring)
+    robot = DifferentialDrive(radius=0.1)
+    problem = Problem(world, robot, (3.5, 4, 0), (4.5, 4, None), ["personal_space", "length"])
+    found = Lattice(step=0.5, headings=4, eps=1.0).solve(problem)
+    assert within_tolerance(problem, found)
 
 
 def test_the_front_of_a_small_grid_is_that_of_all_plans():
