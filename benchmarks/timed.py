@@ -97,7 +97,8 @@ def measured(name: str, tick: float, plain: bool) -> tuple[dict[str, Any], dict[
         plain_front(*warm, seeds=1, most=200_000)
         began = time.process_time()
         found = plain_front(*query, seeds=seeds)
-        row["plain_unseeded" if seeds == 0 else "plain"] = described(found, time.process_time() - began)
+        row["plain_unseeded" if seeds == 0 else "plain"] = part = described(found, time.process_time() - began)
+        print(f"{name} at {tick:g} s: hpop {seconds:.1f} s; plain, {seeds} seeds: {json.dumps(part)}", flush=True)
         if found.complete and found.costs.tolist() != exact.costs.tolist():
             faults.append(f"plain label setting with {seeds} seeds found {len(found.costs)} vectors, hpop {len(exact)}")
     if plain:
