@@ -39,15 +39,15 @@ class Instants:
     ) -> None:
         self._model = model
         self._t = t
-        self.read: set[str] = set()
-        self.state = LazyStates(names, size, column, self.read)
+        self.read = read = set[str]()  # functions that refer to it, not to these moments, let them be freed at once
+        self.state = LazyStates(names, size, column, read)
 
         def first(name: str) -> Column:
-            self.read.add(first_derivative(name))
+            read.add(first_derivative(name))
             return derivatives(name)[0]
 
         def second(name: str) -> Column:
-            self.read.add(second_derivative(name))
+            read.add(second_derivative(name))
             return derivatives(name)[1]
 
         self.rates = LazyStates(names, size, first, set())
