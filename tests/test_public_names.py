@@ -117,6 +117,8 @@ hpop.scenario.load_scenario
 hpop.search.Graph
 hpop.search.Prepared
 hpop.search.pareto_paths
+hpop.search.timed.TimedGraph
+hpop.search.timed.timed_paths
 hpop.status.Progress
 hpop.status.Status
 hpop.sweep.Sweep
