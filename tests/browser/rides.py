@@ -89,7 +89,8 @@ def at_eye(world: hpop.World, eye: tuple[float, float], t: float) -> list[Seen]:
     number = len(world.obstacles)
     for person in world.content.people:
         number += 1
-        x, y = person.x + person.velocity[0] * t, person.y + person.velocity[1] * t
+        walked = t if person.until is None else min(t, person.until)  # up to a wall, where they stay
+        x, y = person.x + person.velocity[0] * walked, person.y + person.velocity[1] * walked
         up = (EYE - 1.12) / 0.38  # in the trunk, an ellipsoid from 0.74 to 1.50 m
         found.append(Seen(number, shapely.Point(x, y).buffer(person.radius * math.sqrt(1 - up * up), quad_segs=64)))
     for mark in world.content.landmarks:
