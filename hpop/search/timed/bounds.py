@@ -1,23 +1,34 @@
-"""Joint bounds of a query, made table by table, and the ways that are best for their weights: first solutions."""
+"""Joint bounds of a query, made table by table, and the ways that are best for their weights: first solutions.
+
+Where a sweep takes long, one over the nodes that lie next to a best way comes first. Its ways are real, and best of
+those that stay among these nodes: first solutions, early. And who comes through a node whose least costs, on the way to
+it and on, are all no less than those of a solution finds nothing new, at whatever tick: such nodes are then left out.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
-from hpop.search.machinery.bounds import lower_bounds
-from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
+from hpop.search.timed.calm import NOTHING
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, follow, price_arcs, sweep
-from hpop.search.timed.kernel import Rest
+from hpop.search.timed.rest import Ways, reversed_graph
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
 
 AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
+MANY = 250_000  # states in between: fewer are swept at once
+NARROW = 10  # one node of so many is next to a best way
+STEPS = 30_000  # states that are swept in a slice: some 20 milliseconds
 FEW = 4  # mixtures of costs in the first table: with fewer, a second one has mixtures of like ranges
 
 
@@ -29,49 +40,93 @@ class Seed(NamedTuple):
     leaves: IntArray
 
 
+class Layout(NamedTuple):
+    """Which states have rows of their own, of the nodes that are needed.
+
+    needed  (n,)
+    calm    (n,)    L, or NOTHING
+    offset  (n,)    of node v at tick t is the row offset[v] + t, until L(v)
+    order   (w,)    nodes that have such rows, the latest L first; place_in (n,) there, -1 if none
+    size    rows, those of calm nodes included
+    """
+
+    needed: BoolArray
+    calm: NDArray[np.int32]
+    offset: IntArray
+    order: IntArray
+    place_in: IntArray
+    size: int
+
+    @classmethod
+    def of(cls, ways: Ways, needed: BoolArray) -> Layout:
+        """The layout for some nodes (n,)."""
+        n = len(needed)
+        calm = np.where(needed, ways.calm, np.int32(NOTHING))
+        between = np.maximum(calm - ways.earliest + 1, 0)
+        offset = n + np.cumsum(between) - between - np.minimum(ways.earliest, NEVER)
+        latest = np.flatnonzero(between)
+        order = latest[np.argsort(-calm[latest], kind="stable")]
+        place_in = np.full(n, -1)
+        place_in[order] = np.arange(len(order))
+        return cls(needed, calm, offset, order, place_in, n + int(between.sum()))
+
+
+class Prices(NamedTuple):
+    """Weights of LANES lanes, and what arcs cost by them: see :class:`.Sweep` and :func:`.price_arcs`."""
+
+    weights: FloatArray
+    columns: FloatArray
+    most: FloatArray
+    priced: NDArray[np.int32]
+    fixed: NDArray[np.int32]
+
+
 class JointBounds:
     """Tables of joint bounds, and the seeds that come with them."""
 
-    def __init__(self, graph: TimedGraph, tables: Tables, rest: Rest, source: int, targets: IntArray) -> None:
-        self.graph, self.tables, self.rest, self.source, self.targets = graph, tables, rest, source, targets
+    def __init__(
+        self, graph: TimedGraph, tables: Tables, ways: Ways, source: int, targets: IntArray, known: Iterable[Seed] = ()
+    ) -> None:
+        """Begin with solutions that are known."""
+        self.graph, self.tables, self.ways, self.source, self.targets = graph, tables, ways, source, targets
         n = graph.graph.nodes
         is_target = np.zeros(n, np.uint8)
         is_target[targets] = 1
         arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
-        self.ahead = Ahead(rest.ticks, rest.earliest, arrive_by, is_target)
-        between = np.maximum(rest.calm - rest.earliest + 1, 0)
-        self.offset = n + np.cumsum(between) - between - np.minimum(rest.earliest, NEVER)
-        self.size = n + int(between.sum())
-        latest = np.flatnonzero(between)
-        self.order = latest[np.argsort(-rest.calm[latest], kind="stable")]
-        self.place_in = np.full(n, -1)
-        self.place_in[self.order] = np.arange(len(self.order))
+        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target)
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
         self.sweeps: list[Sweep] = []
         self.room = tuple(np.empty(n + graph.horizon, np.int64) for _ in range(2))
-        self.seeds: list[Seed] = []
+        self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
-
-    @property
-    def memory(self) -> int:
-        """Bytes that a table takes, and what is needed while it is made."""
-        slabs = 4 * _power(min(self._longest(), self.graph.horizon)) + 8 * _power(self.tables.hold)
-        return LANES * (self.size * 4 + self.graph.graph.arcs * 20 + len(self.order) * slabs)
+        self.layout = Layout.of(ways, self._needed())
 
     def make(self, clock: Clock) -> None:
         """Make the tables, as far as there are sums, and memory and time for them."""
+        if not len(self.summed):
+            return
         typical = self._typical()
+        weights, self.shift = lone_weights(self.summed, typical)
+        prices = self._prices(weights, clock)
+        if self.layout.size > MANY:
+            near = self._near_best(prices, clock)
+            if near is not None:
+                self._seed(self._swept(prices, Layout.of(self.ways, near), clock), clock)
+                self.layout = Layout.of(self.ways, self._needed())
         several = 1 if LANES - len(self.summed) > FEW else 2
-        for table in range(several if len(self.summed) else 0):
-            if clock.exceeded(0, self.memory * (table + 1), record=False) is not None:
-                return
-            if table == 0:
-                weights, self.shift = lone_weights(self.summed, typical)
-            else:
+        for table in range(several):
+            if table > 0:
                 weights = mixed_weights(self.summed, self._ranges(typical), typical)
-            self._add(weights, clock)
+                prices = self._prices(weights, clock)
+            work = self._swept(prices, self.layout, clock)
+            if work is None:
+                return
+            self.weights.append(weights)
+            self.rows.append(work.rows)
+            self.sweeps.append(work)
+            self._seed(work, clock)
 
     def joint(self) -> Joint:
         """All tables, as kernels read them."""
@@ -82,11 +137,44 @@ class JointBounds:
         else:
             rows, weights = np.stack(self.rows), np.stack(self.weights)
             alone[self.summed] = np.arange(len(self.summed))
-        return Joint(weights, rows, self.offset, self.rest.calm, alone, self.shift)
+        return Joint(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
+
+    def _needed(self) -> BoolArray:
+        """The nodes (n,) through which something may come that no solution known covers."""
+        through = self.ways.through
+        needed = np.asarray((through < UNREACHABLE).all(axis=0))
+        for seed in self.seeds:
+            needed &= (seed.costs[:, None] > through).any(axis=0)
+        needed[self.targets] = True
+        return needed
+
+    def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
+        """Those of the nodes needed (n,) that are next to a way that is best when nothing changes any more."""
+        lane, needed = len(self.summed), self.layout.needed
+        calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
+        onward, _, status = lower_bounds(calm, self.source, self.targets, clock)
+        if status is not None:
+            return None
+        back, _, status = lower_bounds(reversed_graph(calm), 0, np.array([self.source]), clock)
+        if status is not None or onward[0, self.source] >= UNREACHABLE:
+            return None
+        through = np.where(np.maximum(onward[0], back[0]) < UNREACHABLE, onward[0] + back[0], UNREACHABLE)
+        most = np.partition(through, len(through) // NARROW)[len(through) // NARROW]
+        near: BoolArray = needed & (through <= most)
+        near[self.targets] = True
+        return near
+
+    def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
+        """The graph of weighted costs from H on, of the nodes needed."""
+        graph = self.graph.graph
+        calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
+        closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
+        closed |= ~np.repeat(needed, np.diff(graph.indptr))
+        return calm.without(closed) if closed.any() else calm
 
     def _typical(self) -> FloatArray:
         """What a way costs (k,), about: at least what is least of the farthest node, and some arcs."""
-        least = self.rest.least.astype(np.float64)
+        least = self.ways.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
@@ -98,47 +186,75 @@ class JointBounds:
         spread = costs.max(axis=0) - costs.min(axis=0)
         return np.asarray(np.where(spread > 0, spread, np.maximum(costs.max(axis=0), 1.0)))
 
-    def _add(self, weights: FloatArray, clock: Clock) -> None:
-        """One more table, and the ways that are best for its weights."""
-        n, m = self.graph.graph.nodes, self.graph.graph.arcs
-        clock.report("bounds")
+    def _prices(self, weights: FloatArray, clock: Clock) -> Prices:
+        """What arcs cost by weights (LANES, k)."""
+        m = self.graph.graph.arcs
         priced, fixed = np.empty((m, LANES), np.int32), np.empty((m, LANES), np.int32)
         columns = np.ascontiguousarray(weights.T)
         columns *= np.where(columns % 1 == 0, 1.0, DOWN)  # products of whole numbers are exact
         most = HALF / len(columns) / np.maximum(columns.max(axis=1), 1 / FAR)
         clock.call(price_arcs, self.tables, columns, priced, fixed)
-        rows = np.empty((self.size, LANES), np.int32)
-        closed = (priced == FAR).all(axis=1)
+        return Prices(weights, columns, most, priced, fixed)
+
+    def _memory(self, layout: Layout) -> int:
+        """Bytes of the tables with one more, and what is needed while it is made."""
+        slabs = 4 * _power(min(self._longest(), self.graph.horizon)) + 8 * _power(self.tables.hold)
+        one = LANES * (layout.size * 4 + self.graph.graph.arcs * 20 + len(layout.order) * slabs)
+        return one * (len(self.rows) + 1)
+
+    def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> Sweep | None:
+        """A table, in slices; None where a limit was passed: the search that follows says so."""
+        if clock.exceeded(0, self._memory(layout), record=False) is not None:
+            return None
+        n, rows = self.graph.graph.nodes, np.empty((layout.size, LANES), np.int32)
+        self._report(clock)
         for begin in range(0, LANES, AT_ONCE):
             lanes = slice(begin, begin + AT_ONCE)
-            calm = Graph.from_csr(self.graph.graph.indptr, self.graph.graph.heads, priced[:, lanes].astype(np.int64))
-            calm = calm.without(closed) if closed.any() else calm
+            calm = self._calm_graph(prices, lanes, layout.needed)
             h, _, status = lower_bounds(calm, self.source, self.targets, clock)
-            if status is not None:  # the search that follows says so
-                return
+            if status is not None:
+                return None
             rows[:n, lanes] = np.minimum(h, FAR).T
-        w, longest = len(self.order), min(self._longest(), self.graph.horizon)
+        w, longest = len(layout.order), min(self._longest(), self.graph.horizon)
         work = Sweep(
-            columns, most, fixed, rows, self.offset, self.rest.calm, self.order, self.place_in,
+            prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.place_in,
             np.empty((_power(longest), w, LANES), np.int32), np.empty((_power(self.tables.hold), w, LANES), np.int64),
-            (columns % 1 > 0).sum(axis=0),
+            (prices.columns % 1 > 0).sum(axis=0),
             np.empty(LANES, np.int32), np.empty(LANES, np.int32), *(np.empty(LANES, np.int64) for _ in range(3)),
         )  # fmt: skip
-        clock.call(sweep, self.tables, self.ahead, work, np.empty(w, np.int64))
-        self.weights.append(weights)
-        self.rows.append(rows)
-        self.sweeps.append(work)
+        state, active = np.zeros(4, np.int64), np.empty(w, np.int64)
+        state[0] = layout.calm[layout.order[0]] if w else -1
+        while not clock.call(sweep, self.tables, self.ahead, work, active, state, STEPS):
+            self._report(clock)
+            if clock.exceeded(0, 0, record=False) is not None:
+                return None
+        return work
+
+    def _seed(self, work: Sweep | None, clock: Clock) -> None:
+        """Add the ways that are best for the weights of a table."""
         start = np.zeros(self.graph.graph.criteria, np.int64)
-        for lane in range(LANES):
-            seed = self.completed(len(self.sweeps) - 1, lane, self.source, 0, start, clock)
+        for lane in range(LANES if work is not None else 0):
+            assert work is not None
+            seed = self._followed(work, lane, self.source, 0, start, clock)
             if seed is not None:
                 self.seeds.append(seed)
+        self._report(clock)
+
+    def _report(self, clock: Clock) -> None:
+        counters = np.zeros(COUNTERS, np.int64)
+        if self.seeds:
+            costs = np.unique([seed.costs for seed in self.seeds], axis=0)
+            counters[N_FRONT] = int(is_nondominated(costs).sum())
+        clock.report("bounds", counters)
 
     def completed(self, table: int, lane: int, node: int, tick: int, costs: IntArray, clock: Clock) -> Seed | None:
         """A best way for a weight, from a node reached at a tick at some costs (k,); None if it leads nowhere."""
+        return self._followed(self.sweeps[table], lane, node, tick, costs, clock)
+
+    def _followed(self, work: Sweep, lane: int, node: int, tick: int, costs: IntArray, clock: Clock) -> Seed | None:
         arcs, leaves = self.room
         total = costs.copy()
-        arguments = (self.tables, self.ahead, self.sweeps[table], lane, node, tick, arcs, leaves, total)
+        arguments = (self.tables, self.ahead, work, lane, node, tick, arcs, leaves, total)
         count = clock.call(follow, *arguments)
         return Seed(total, arcs[:count].copy(), leaves[:count].copy()) if count > 0 else None
 

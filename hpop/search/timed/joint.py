@@ -200,20 +200,23 @@ def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: boo
 
 
 @lean
-def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray) -> None:
-    """Fill the rows of the states in between; active (w,) is room."""
+def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: IntArray, steps: int) -> bool:
+    """Fill the rows of so many states in between, or of all that are left; whether all are filled.
+
+    state (4,) is where it is: the tick, how many nodes have rows at it, how many of `order` have had, and which of
+    them is next, for a start the latest tick and zeros; active (w,) are the nodes that have rows at this tick.
+    """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows
     ring = len(work.held) - 1
-    count, coming = 0, 0
-    t = np.int64(calm[order[0]]) if len(order) > 0 else np.int64(-1)
-    while t >= 0:
+    t, count, coming, i = state[0], state[1], state[2], state[3]
+    while t >= 0 and steps > 0:
         while coming < len(order) and calm[order[coming]] == t:
             active[count] = coming
             coming += 1
             count += 1
-        i = 0
-        while i < count:
+        while i < count and steps > 0:
+            steps -= 1
             at = active[i]
             v = order[at]
             depart(tables, ahead, work, v, t, False)
@@ -252,7 +255,10 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray) -> None:
                 active[i] = active[count]
             else:
                 i += 1
-        t -= 1
+        if i == count:
+            t, i = t - 1, np.int64(0)
+    state[0], state[1], state[2], state[3] = t, count, coming, i
+    return bool(t < 0)
 
 
 @lean

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.arrays import BoolArray, IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, reverse
 from hpop.search.machinery.slices import Clock
-from hpop.search.timed.calm import last_changes, last_gains, settle, spread_back
+from hpop.search.timed.calm import NOTHING, last_changes, last_gains, settle, spread_back
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.kernel import Rest
 from hpop.search.timed.stays import mark_one_stay
@@ -19,21 +19,42 @@ from hpop.search.timed.tables import Tables
 from hpop.status import Status
 
 
-def rest_of_way(
+class Ways(NamedTuple):
+    """What is known of the ways through each node, before any search; see :class:`.Rest`.
+
+    through  (k, n)  least costs of a way from the source to a target, at whatever tick
+    leads    (n,)    whether a target may be reached
+    whole, settled   of :func:`.settle`
+    """
+
+    least: IntArray
+    through: IntArray
+    ticks: IntArray
+    earliest: IntArray
+    calm: NDArray[np.int32]
+    leads: NDArray[np.uint8]
+    whole: BoolArray
+    settled: NDArray[np.int32]
+
+
+def ways_through(
     graph: TimedGraph, tables: Tables, source: int, targets: IntArray, clock: Clock
-) -> tuple[Rest | None, Status | None]:
-    """What is known of the rest, or the limit that was passed."""
+) -> tuple[Ways | None, Status | None]:
+    """What is known of the ways, or the limit that was passed."""
     static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
-    least, _, status = lower_bounds(_cheapest(graph), source, targets, clock)
+    cheapest = _cheapest(graph)
+    least, _, status = lower_bounds(cheapest, source, targets, clock)
+    if status is not None:
+        return None, status
+    spent, _, status = lower_bounds(reversed_graph(cheapest), 0, np.array([source]), clock)
     if status is not None:
         return None, status
     ticks = graph.durations.astype(np.int64)[:, None]
-    tails = np.repeat(np.arange(n, dtype=np.int32), np.diff(static.indptr))
-    needed, _, status = lower_bounds(Graph.from_csr(static.indptr, static.heads, ticks), source, targets, clock)
+    onward = Graph.from_csr(static.indptr, static.heads, ticks)
+    needed, _, status = lower_bounds(onward, source, targets, clock)
     if status is not None:
         return None, status
-    backward = Graph.from_arcs(n, static.heads, tails, ticks)
-    earliest, _, status = lower_bounds(backward, 0, np.array([source]), clock)
+    earliest, _, status = lower_bounds(reversed_graph(onward), 0, np.array([source]), clock)
     if status is not None:
         return None, status
     leads = (needed[0] < UNREACHABLE).astype(np.uint8)
@@ -45,12 +66,26 @@ def rest_of_way(
     clock.call(reverse, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights)
     piles = np.full(graph.horizon + 1, -1), np.empty(n, np.int32), np.empty(n, np.int32)
     clock.call(spread_back, begin[:-1], entering, weights[0], calm, *piles)
-    gain = np.empty(m, np.int32)
-    clock.call(last_gains, tables, leads, calm, earliest[0], whole, settled, gain)
+    is_max = np.array([aggregate == "max" for aggregate in static.aggregates])[:, None]
+    worst = np.maximum(spent, least)
+    through = np.where(is_max | (worst >= UNREACHABLE), worst, spent + least)
+    return Ways(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
+
+
+def rest_of_way(graph: TimedGraph, tables: Tables, ways: Ways, needed: BoolArray, clock: Clock) -> Rest:
+    """What is known of the rest of the way from the nodes (n,) that anybody has to come to."""
+    calm = np.where(needed, ways.calm, np.int32(NOTHING))
+    gain = np.empty(graph.graph.arcs, np.int32)
+    clock.call(last_gains, tables, ways.leads, calm, ways.earliest, ways.whole, ways.settled, gain)
     one_stay = np.ones(graph.places, np.uint8)
-    clock.call(mark_one_stay, tables, one_stay)
-    until = _until(graph, gain, calm)
-    return Rest(least, needed[0], earliest[0], calm, gain, until, one_stay), None
+    clock.call(mark_one_stay, tables, np.flatnonzero(needed), one_stay)
+    return Rest(ways.least, ways.ticks, ways.earliest, calm, gain, _until(graph, gain, calm), one_stay)
+
+
+def reversed_graph(graph: Graph) -> Graph:
+    """The graph with all arcs the other way round."""
+    tails = np.repeat(np.arange(graph.nodes, dtype=np.int32), np.diff(graph.indptr))
+    return Graph.from_arcs(graph.nodes, graph.heads, tails, graph.costs, aggregates=graph.aggregates)
 
 
 def _cheapest(graph: TimedGraph) -> Graph:

@@ -18,15 +18,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpop.arrays import IntArray
 from hpop.compiled import lean
 from hpop.search.timed.graph import RATE, RATE_BITS
 from hpop.search.timed.tables import STAYS, Tables
 
 
 @lean
-def mark_one_stay(tables: Tables, out: NDArray[np.uint8]) -> None:
-    """Mark the places (P,) where no two arcs that stay need follow each other; out is 1 before."""
-    for u in range(len(tables.place)):
+def mark_one_stay(tables: Tables, needed: IntArray, out: NDArray[np.uint8]) -> None:
+    """Mark the places (P,) where no two arcs that stay need follow each other; out is 1 before.
+
+    needed are the nodes that anybody has to come to.
+    """
+    for u in needed:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
             if out[p] == 0 or tables.row[first] != STAYS:

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.arrays import IntArray
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
-from hpop.search.machinery.approximation import Precision, proven_gap
+from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
 from hpop.search.pareto_paths import _bounds, _in_words, _precision
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
 from hpop.search.timed.graph import TimedGraph
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock
     from hpop.search.timed.bounds import Seed
     from hpop.search.timed.kept import KeptSolutions
+    from hpop.search.timed.rest import Ways
     from hpop.search.timed.search import TimedSearch
+    from hpop.search.timed.tables import Tables
 
 METHOD = "timed"
 SOON = 100_000  # labels: a search that does not end with them begins again with solutions that coarser ones have found
@@ -106,6 +108,8 @@ class _TimedRun:
         self.graph, self.source, self.targets, self.kept = graph, source, targets, kept
         self.precision, self.at_most = precision, at_most
         self.search: TimedSearch | None = None
+        self.tables: Tables | None = None
+        self.ways: Ways | None = None
         self.seeds: list[Seed] = []
         self.after_bounds = 0.0
         self.proven = math.inf  # gap of the last search that ended
@@ -117,23 +121,27 @@ class _TimedRun:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
         from hpop.search.timed.bounds import JointBounds
-        from hpop.search.timed.rest import rest_of_way
+        from hpop.search.timed.rest import rest_of_way, ways_through
         from hpop.search.timed.search import TimedSearch
         from hpop.search.timed.tables import Tables
 
-        tables = Tables.of(self.graph)
-        rest, status = rest_of_way(self.graph, tables, self.source, self.targets, clock)
-        if rest is None:
+        self.tables = tables = Tables.of(self.graph)
+        self.ways, status = ways_through(self.graph, tables, self.source, self.targets, clock)
+        if self.ways is None:
             assert status is not None
             return status
-        if rest.ticks[self.source] >= UNREACHABLE:
+        if self.ways.ticks[self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        bounds = JointBounds(self.graph, tables, rest, self.source, self.targets)
+        kept = self.kept.seeds(tables, self.source, self.targets, clock)
+        bounds = JointBounds(self.graph, tables, self.ways, self.source, self.targets, kept)
+        self.seeds = bounds.seeds
         bounds.make(clock)
-        self.seeds = bounds.seeds + self.kept.seeds(tables, self.source, self.targets, clock)
+        if (status := clock.exceeded(0, 0, record=False)) is not None:
+            self.keep()
+            return status
+        rest = rest_of_way(self.graph, tables, self.ways, bounds.layout.needed, clock)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
-        status = None
         for precision, enough in self._stages():
             before = (0, 0) if self.search is None else self.search.spent
             self.seeds = self._solutions()
@@ -164,11 +172,9 @@ class _TimedRun:
 
     def _solutions(self) -> list[Seed]:
         """All that is known, also what a coarser search leaves out because another solution covers it."""
-        if self.search is None:
-            return self.seeds
-        found = self.seeds + self.search.known()
-        costs = np.array([seed.costs for seed in found]).reshape(-1, self.graph.graph.criteria)
-        within = np.all(costs <= self.search.most, axis=1)
+        found = self.seeds + (self.search.known() if self.search is not None else [])
+        costs = np.array([seed.costs for seed in found], np.int64).reshape(-1, self.graph.graph.criteria)
+        within = np.all(costs <= np.array(self.at_most or [ANYTHING] * costs.shape[1]), axis=1)
         rows = np.lexsort(costs.T[::-1])
         rows = rows[within[rows]]
         return [found[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
@@ -181,19 +187,22 @@ class _TimedRun:
         counts: dict[str, Any] = {}
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else self.proven
-        if self.search is not None:
+        if self.tables is not None and self.ways is not None:
             from hpop.search.timed.gathered import gather_holds
 
-            costs, paths = self.search.found()
+            if self.search is not None:
+                costs, paths = self.search.found()
+                counts = self.search.counts()
             if not status.is_final:
                 known = self._solutions()
                 costs = np.array([seed.costs for seed in known], np.int64).reshape(-1, k)
                 paths = [(seed.arcs, seed.leaves) for seed in known]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
-                clock.call(gather_holds, self.search.tables, self.source, arcs, leaves, row)
-            counts = self.search.counts()
-            if not status.is_final:
+                clock.call(gather_holds, self.tables, self.source, arcs, leaves, row)
+            if not status.is_final and self.search is not None:
                 gap = min(gap, max(self.search.eps, proven_gap(costs, self.search.estimates())))
+            elif not status.is_final:
+                gap = min(gap, proven_gap(costs, self.ways.least[:, self.source][None]))
         costs.setflags(write=False)
         stats = SearchStats(
             METHOD,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hpop.search import Graph
-from hpop.search.timed import timed_paths
+from hpop.search.timed import bounds, timed_paths
 from hpop.search.timed.graph import TimedGraph
 from hpop.status import Status
 from tests.search.timed.enumeration import front_by_enumeration
@@ -41,6 +41,16 @@ def test_it_finds_the_front_of_the_expanded_graph(seed):
     for one in range(10_000 + TOGETHER * seed, 10_000 + TOGETHER * (seed + 1)):
         query = timed_query(one)
         agrees(query, front_by_expansion(query))
+
+
+@pytest.mark.seeds(1, of=200)
+def test_it_finds_it_where_first_solutions_are_looked_for_next_to_best_ways(monkeypatch, seed):
+    """As in large graphs; nodes that nobody needs are then left out. A slice of the sweeps is a few states."""
+    monkeypatch.setattr(bounds, "MANY", -1)
+    monkeypatch.setattr(bounds, "STEPS", 3)
+    for one in range(30_000 + TOGETHER * seed, 30_000 + TOGETHER * (seed + 1)):
+        query = timed_query(one)
+        agrees(query, front_by_enumeration(query))
 
 
 @pytest.mark.parametrize("options", [{}, {"worst": True}, {"duration": True}], ids=["sums", "worst", "duration"])

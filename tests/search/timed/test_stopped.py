@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from hpop.search.timed import TimedPaths, timed_paths
+from hpop.search.timed import TimedPaths, bounds, timed_paths
 from hpop.search.timed import search as timed_search
 from hpop.status import Budget, Progress, Status
 from tests.search.timed.enumeration import front_by_enumeration
@@ -54,6 +54,8 @@ def test_after_any_number_of_labels_on_a_lattice(seed):
 @pytest.mark.seeds(1, of=20)
 def test_after_ctrl_c_at_any_report(monkeypatch, seed):
     monkeypatch.setattr(timed_search, "WORK", 500)
+    monkeypatch.setattr(bounds, "MANY", -1)
+    monkeypatch.setattr(bounds, "STEPS", 1000)
     query = timed_lattice(seed, 6, duration=True)
     exact, left, reports = front_by_expansion(query), 0, 0
 
