@@ -30,7 +30,8 @@ import hpop
 PACKAGE = Path(__file__).resolve().parents[2] / "hpop"
 OTHERS = {"np": "numpy", "nx": "networkx", "ca": "casadi"}
 BACK = re.compile(r'(class="viewcode-back" href=")[^"#]*#([^"]*)"')
-OWN_NAMES = {"hpop.frontier", "hpop.search"}  # modules with a Front and a Graph of their own
+OWN_NAMES = {"hpop.frontier", "hpop.search"}  # modules with a Front, a Point and a Graph of their own
+PUBLIC = {name: f"hpop.{name}" for name in hpop.__all__} | {"Point": "hpop.front.Point"}
 ROOTS = (
     "builtins",
     "typing",
@@ -126,11 +127,11 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
 
 
 def prefer_public(app: Sphinx, doctree: nodes.document) -> None:
-    """A bare name in a signature, such as ``Front``, is that of ``hpop`` where its own module documents no other."""
+    """A bare name in a signature, such as ``Front``, is what users import where its own module documents no other."""
     for node in doctree.findall(pending_xref):
         target = str(node["reftarget"])
-        if node.get("refdomain") == "py" and target in hpop.__all__ and node.get("py:module") not in OWN_NAMES:
-            node["reftarget"] = f"hpop.{target}"
+        if node.get("refdomain") == "py" and target in PUBLIC and node.get("py:module") not in OWN_NAMES:
+            node["reftarget"] = PUBLIC[target]
 
 
 def lead_back(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None) -> None:
