@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hpop import export as export
     from hpop import frontier as frontier
     from hpop import search as search
+    from hpop import study as study
     from hpop import testing as testing
     from hpop import view as view
     from hpop.criteria.base import Criterion, criterion
@@ -60,6 +61,7 @@ _MODULES = (
     "export",
     "frontier",
     "search",
+    "study",
     "testing",
     "view",
 )  # each after ``import hpop`` alone

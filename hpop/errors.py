@@ -119,6 +119,12 @@ class DriveError(HpopError, ValueError):
     exit_code = 16
 
 
+class StudyError(HpopError, ValueError):
+    """A study's design, its answers or a questionnaire are not what they should be, or contradict one another."""
+
+    exit_code = 17
+
+
 MOST_LETTERS = 100
 """Of a name that is compared with others."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."

@@ -194,7 +194,7 @@ def test_a_public_name_is_where_it_was(name: str) -> None:
     assert pkgutil.resolve_name(name) is not None
 
 
-@pytest.mark.parametrize("name", ["errors", "export", "frontier", "search", "testing", "view"])
+@pytest.mark.parametrize("name", ["errors", "export", "frontier", "search", "study", "testing", "view"])
 def test_a_module_is_there_after_importing_hpop_alone(name: str) -> None:
     assert name in dir(hpop)
     assert hpop.__getattr__(name) is pkgutil.resolve_name(f"hpop.{name}")

@@ -20,6 +20,7 @@ from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import hypervolume
+from hpop.frontier.choosing import differing
 from hpop.further import criteria_of
 from hpop.goals import GoalSet
 from hpop.problem import Problem
@@ -254,22 +255,10 @@ def _front_table(front: Front, rows: Sequence[int]) -> Table:
 
 
 def shown_rows(front: Front, most: int) -> list[int]:
-    """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen.
-
-    Farthest-point selection on the costs, each scaled by its range over the front (Gonzalez 1985).
-    """
+    """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen."""
     if len(front) <= most:
         return list(range(len(front)))
-    span = front.nadir() - front.ideal()
-    scaled = (front.costs - front.ideal()) / np.where(span > 0, span, 1.0)  # (n, k)
-    chosen = sorted(marks(front))
-    nearest = np.full(len(front), np.inf)
-    for row in chosen:
-        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[row], axis=1))
-    while len(chosen) < most:
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
-    return sorted(set(chosen))
+    return sorted(differing(front.costs, most, always=sorted(marks(front))))
 
 
 def _executed_table(problem: Problem, front: Front) -> Table:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 
 import numpy as np
@@ -162,6 +162,50 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
     gaps = _gaps(Y[:, list(columns)], aspirations)  # (n, columns that vary)
     worst = gaps.max(axis=1) if gaps.shape[1] else np.zeros(len(Y))
     return least(worst + AUGMENTATION * scaled(Y).sum(axis=1))
+
+
+def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[int]:
+    """Rows that differ most in their costs, each scaled by its range over the front: farthest-point selection.
+
+    Parameters
+    ----------
+    Y : (n, k) array
+        Costs, at least one row.
+    count : int
+        How many rows; all where there are no more. Those of ``always`` stay, also where they are more.
+    always : sequence of int
+        Rows that are chosen first; without any, the first row of ``Y`` is.
+
+    Examples
+    --------
+    >>> differing(np.array([[0.0, 9.0], [1.0, 8.0], [5.0, 5.0], [9.0, 0.0]]), 3)
+    [0, 3, 2]
+    """
+    Z = scaled(Y)
+    return farthest(lambda row: np.asarray(np.linalg.norm(Z - Z[row], axis=1)), len(Y), count, always=always)
+
+
+def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, always: Sequence[int] = ()) -> list[int]:
+    """Points of which each is the farthest from those chosen before it; ties go to the first.
+
+    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": no choice of as many points leaves the
+    others half as far from the nearest chosen one.
+
+    Parameters
+    ----------
+    distances : of a point to all, (size,), not negative
+    size : number of points, at least one
+    count, always : as for :func:`differing`
+    """
+    chosen = list(dict.fromkeys(always)) or [0]
+    nearest = np.full(size, np.inf)
+    for row in chosen:
+        nearest = np.minimum(nearest, distances(row))
+    while len(chosen) < min(count, size):
+        nearest[chosen] = -np.inf  # chosen once, also where others are as near
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, distances(chosen[-1]))
+    return chosen
 
 
 def scaled(Y: FloatArray) -> FloatArray:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
-from hpop.frontier.choosing import achievement, lexicographic, nearest, weighted_sum
+from hpop.frontier.choosing import achievement, differing, lexicographic, nearest, weighted_sum
 from hpop.frontier.knees import knee
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
@@ -244,3 +246,27 @@ def test_weighted_sums_find_exactly_the_supported_points(shared_data, name):
 
     first, last = front.best("turns").item, front.best("length").item
     assert len({first, last} | between(first, last)) == int(line.split(":")[1])
+
+
+@given(fronts, st.integers(1, 8))
+def test_no_other_choice_of_as_many_rows_leaves_the_others_half_as_far(Y, count):
+    """Gonzalez' bound, beside the best choice there is, by trying all of them."""
+
+    def farthest_of(rows):
+        return max(min(np.linalg.norm(scaled[i] - scaled[j]) for j in rows) for i in range(len(Y)))
+
+    Y = Y[:7]
+    span = np.ptp(Y, axis=0)
+    scaled = (Y - Y.min(axis=0)) / np.where(span > 0, span, 1.0)
+    rows = differing(Y, count)
+    assert len(set(rows)) == len(rows) == min(count, len(Y))
+    best = min(farthest_of(others) for others in combinations(range(len(Y)), len(rows)))
+    assert farthest_of(rows) <= 2 * best + 1e-9
+
+
+@given(fronts, st.integers(1, 8), st.data())
+def test_rows_that_are_always_chosen_come_first_and_none_is_chosen_twice(Y, count, data):
+    always = data.draw(st.lists(st.integers(0, len(Y) - 1), unique=True))
+    rows = differing(Y, count, always=always)
+    assert rows[: len(always)] == always
+    assert len(set(rows)) == len(rows) == max(len(always), min(count, len(Y)))
