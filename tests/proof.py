@@ -32,6 +32,7 @@ PARTS = {
     "models": ["tests/models"],
     "goals": ["tests/goals"],
     "drive": ["tests/drive"],
+    "study": ["tests/study"],
     "world": ["tests/world"],
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],

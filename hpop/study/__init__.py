@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from hpop.lazy import on_first_use
 
-__all__: list[str] = []
+if TYPE_CHECKING:
+    from hpop.study.forms import Form
+    from hpop.study.scoring import score
 
-_HOMES: dict[str, str] = {}
+__all__ = [
+    "Form",
+    "score",
+]
+
+_HOMES = {
+    "Form": "hpop.study.forms",
+    "score": "hpop.study.scoring",
+}
 
 __getattr__ = on_first_use(__name__, _HOMES)

@@ -1,0 +1,287 @@
+"""Questionnaires as data: the items of a form, its scales, and how its scores are made of the answers.
+
+A form is a YAML file. Those that hpop brings are named by their id: ssq, vrsq, fms, comfort, naturalness, preference,
+mssq. One's own is a file of the same kind, read as strictly as scenario files are.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Mapping
+from importlib import resources
+from math import isclose
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, model_validator
+
+from hpop.errors import HpopError, StudyError, did_you_mean
+from hpop.scenario.faults import Faults
+from hpop.scenario.yaml_lines import Document
+from hpop.text import shown
+
+MOST_ITEMS = 200
+MOST_STEPS = 1000
+"""Steps of a scale: more are no choice but a number to be typed."""
+IDS = re.compile(r"[a-z][a-z0-9_]{0,39}")
+"""Ids of forms and items: they become file names and columns of tables."""
+
+Id = Annotated[str, StringConstraints(pattern=f"^{IDS.pattern}$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
+Language = Annotated[str, StringConstraints(pattern=r"^[a-z]{2,3}(-[A-Z]{2})?$")]
+Words = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+Text = Annotated[dict[Language, Words], Field(min_length=1, max_length=100)]
+"""A text by language: "en", "de", "pt-BR"."""
+Names = Annotated[tuple[Name, ...], Strict(False)]  # a validator is given JSON's lists
+When = Literal["before", "after_each", "after_all"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class Absent(_Part):
+    """The answer that an item does not apply: what it is noted as, and its words."""
+
+    value: float
+    text: Text
+
+
+class Scale(_Part):
+    """The values that an answer may have: low, low + step, ..., high.
+
+    labels  by language: one for each value, or two, for both ends
+    absent  an answer beside them: that the item does not apply
+    """
+
+    low: float
+    high: float
+    step: Annotated[float, Field(gt=0)] = 1
+    labels: dict[Language, Annotated[tuple[Words, ...], Strict(False)]] = {}
+    absent: Absent | None = None
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values, rising."""
+        return tuple(self.low + i * self.step for i in range(round((self.high - self.low) / self.step) + 1))
+
+    def __contains__(self, value: object) -> bool:
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            return False
+        steps = (value - self.low) / self.step
+        on_step = self.low <= value <= self.high and isclose(steps, round(steps), abs_tol=1e-6)
+        return on_step or self.is_absent(value)
+
+    def is_absent(self, value: float) -> bool:
+        """Whether a value says that the item does not apply."""
+        return self.absent is not None and value == self.absent.value
+
+    def __str__(self) -> str:
+        beside = f", or {self.absent.value:g} where it does not apply" if self.absent else ""
+        return f"{self.low:g} to {self.high:g} in steps of {self.step:g}{beside}"
+
+    @model_validator(mode="after")
+    def _sound(self) -> Scale:
+        steps = (self.high - self.low) / self.step
+        _require(self.high > self.low, f"low must be below high, got {self.low:g} and {self.high:g}")
+        _require(steps <= MOST_STEPS, f"a scale has at most {MOST_STEPS:,} steps; take a larger step")
+        _require(isclose(steps, round(steps), abs_tol=1e-6), "high must be a whole number of steps above low")
+        for language, labels in self.labels.items():
+            wanted = round(steps) + 1
+            said = f"expected {wanted} labels in {language}, one a value, or 2 for both ends, got {len(labels)}"
+            _require(len(labels) in (2, wanted), said)
+        if self.absent:
+            outside = not self.low <= self.absent.value <= self.high
+            _require(outside, "the value of absent must lie outside the scale")
+        return self
+
+
+class Item(_Part):
+    """One question.
+
+    subscales  raw sums that it enters, by name
+    reverse    whether a high answer counts as a low one: low + high - value
+    scale      its own; the form's where there is none
+    """
+
+    id: Id
+    text: Text
+    subscales: Names = ()
+    reverse: bool = False
+    scale: Scale | None = None
+
+
+class Score(_Part):
+    """A number made of the answers. Exactly one of subscale, of, mean_of and sum_of says what of.
+
+    subscale  the raw sum of the items in it
+    of        the sum of the raw sums of several scores, which are subscales' (the total of the SSQ)
+    mean_of   the mean of several scores
+    sum_of    their sum
+    times     what that is multiplied by
+    out_of    what it is divided by
+    """
+
+    name: Name
+    subscale: Name | None = None
+    of: Names = ()
+    mean_of: Names = ()
+    sum_of: Names = ()
+    times: float = 1
+    out_of: Annotated[float, Field(gt=0)] = 1
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The scores that this one is made of."""
+        return self.of + self.mean_of + self.sum_of
+
+    @model_validator(mode="after")
+    def _sound(self) -> Score:
+        given = [bool(self.subscale), bool(self.of), bool(self.mean_of), bool(self.sum_of)]
+        _require(sum(given) == 1, "give exactly one of subscale, of, mean_of, sum_of")
+        return self
+
+
+class Form(_Part):
+    """A questionnaire.
+
+    id      its name in designs and answers
+    source  who made it, and where it is published
+    when    asked before the first stimulus, after each, or after all: one or more of these
+    kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
+    ask     what is asked, above the items
+    scale   of all items that have none of their own
+    """
+
+    id: Id
+    title: Text
+    source: Words
+    when: Annotated[tuple[When, ...], Strict(False), Field(min_length=1)]
+    kind: Literal["ratings", "pairs"] = "ratings"
+    ask: Text
+    scale: Scale | None = None
+    items: Annotated[tuple[Item, ...], Strict(False), Field(min_length=1, max_length=MOST_ITEMS)]
+    scores: Annotated[tuple[Score, ...], Strict(False), Field(max_length=MOST_ITEMS)] = ()
+
+    @classmethod
+    def load(cls, form: str | os.PathLike[str]) -> Form:
+        """Read a form: one of hpop's by its id, or a file, by a path that ends in .yaml.
+
+        Raises StudyError, with the line and the key, for what is no form.
+
+        >>> ssq = Form.load("ssq")
+        >>> len(ssq.items), ssq.score_names
+        (16, ('N', 'O', 'D', 'total'))
+        """
+        path = Path(form)
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            known = shipped()
+            if str(form) not in known:
+                near = did_you_mean(str(form), known)
+                raise StudyError(
+                    f"unknown form {shown(str(form))}.{near} hpop brings {', '.join(known)}; give one of your own as a "
+                    "path that ends in .yaml"
+                )
+            path = Path(str(resources.files("hpop.study").joinpath("forms", f"{form}.yaml")))
+        try:
+            if not path.exists():
+                raise StudyError(f"{path}: no such file; give the path of a form, a YAML file")
+            document = Document(path)
+            faults = Faults(document)
+            made = faults.validated(cls, document.values, ())
+            faults.raise_all()
+        except (HpopError, ValueError) as error:
+            raise StudyError(str(error)) from None
+        read: Form = made
+        return read
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Form:
+        """The form that :meth:`to_dict` wrote; StudyError for what is none."""
+        try:
+            return cls.model_validate(values)
+        except ValueError as error:
+            raise StudyError(f"this is no form: {' '.join(str(error).split())}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The form as JSON knows it."""
+        return self.model_dump(mode="json", exclude_defaults=True)
+
+    @property
+    def languages(self) -> tuple[str, ...]:
+        """Languages in which every text of the form is written."""
+        return tuple(sorted(set.intersection(*(set(text) for text in self._texts()))))
+
+    @property
+    def score_names(self) -> tuple[str, ...]:
+        """Names of the scores, in their order."""
+        return tuple(score.name for score in self.scores)
+
+    def item(self, name: str) -> Item:
+        """An item by its id; StudyError where there is none."""
+        for item in self.items:
+            if item.id == name:
+                return item
+        known = [item.id for item in self.items]
+        raise StudyError(
+            f"form {self.id} has no item {shown(name)}.{did_you_mean(name, known)} It has {', '.join(known)}"
+        )
+
+    def scale_of(self, item: Item) -> Scale:
+        """The scale on which an item is answered; a comparison of two stimuli has none: StudyError."""
+        if (scale := item.scale or self.scale) is None:
+            raise StudyError(f"form {self.id} compares pairs: its item {item.id!r} has no scale")
+        return scale
+
+    def _texts(self) -> list[Mapping[str, Any]]:
+        texts: list[Mapping[str, Any]] = [self.title, self.ask, *(item.text for item in self.items)]
+        for scale in (self.scale, *(item.scale for item in self.items)):
+            if scale is not None:
+                texts += [scale.labels] * bool(scale.labels)
+                texts += [scale.absent.text] if scale.absent else []
+        return texts
+
+    @model_validator(mode="after")
+    def _sound(self) -> Form:
+        _once(f"item of form {self.id}", [item.id for item in self.items])
+        _once(f"score of form {self.id}", self.score_names)
+        _once("time in when", self.when)
+        _require(bool(self.languages), "no language has all texts of the form; write the same languages everywhere")
+        if self.kind == "pairs":
+            rated = self.scale or self.scores or any(item.scale or item.subscales for item in self.items)
+            _require(not rated, "a form that compares pairs has no scales, subscales and scores")
+            _require(self.when == ("after_all",), "a form that compares pairs is asked after all stimuli")
+            return self
+        bare = [item.id for item in self.items if (item.scale or self.scale) is None]
+        _require(not bare, f"give the form a scale, or each item its own; {', '.join(bare)} has none")
+        subscales = {name for item in self.items for name in item.subscales}
+        used = {score.subscale for score in self.scores} - {None}
+        _require(used <= subscales, f"no item is in the subscale {', '.join(sorted(map(str, used - subscales)))}")
+        idle = sorted(subscales - used)
+        _require(not idle, f"no score is made of the subscale {', '.join(idle)}; add one, or leave it out")
+        before: dict[str, Score] = {}
+        for score in self.scores:
+            later = [part for part in score.parts if part not in before]
+            _require(not later, f"score {score.name} needs {', '.join(later)}, which must stand before it")
+            made = [part for part in score.of if before[part].subscale is None]
+            _require(not made, f"score {score.name}: of adds raw sums, and {', '.join(made)} is no subscale's")
+            before[score.name] = score
+        return self
+
+
+def shipped() -> tuple[str, ...]:
+    """Ids of the forms that hpop brings."""
+    files = resources.files("hpop.study").joinpath("forms").iterdir()
+    return tuple(sorted(file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")))
+
+
+def _require(condition: bool, otherwise: str) -> None:
+    if not condition:
+        raise ValueError(otherwise)
+
+
+def _once(what: str, names: tuple[str, ...] | list[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    _require(not twice, f"{what} {', '.join(twice)} is given twice; keep one")
