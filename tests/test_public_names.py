@@ -121,6 +121,14 @@ hpop.search.timed.TimedGraph
 hpop.search.timed.timed_paths
 hpop.status.Progress
 hpop.status.Status
+hpop.study.Condition
+hpop.study.Design
+hpop.study.Form
+hpop.study.Participant
+hpop.study.Protocol
+hpop.study.front_digest
+hpop.study.pick
+hpop.study.score
 hpop.sweep.Sweep
 hpop.sweep.dask
 hpop.testing.check_criterion

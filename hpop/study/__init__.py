@@ -7,16 +7,34 @@ from typing import TYPE_CHECKING
 from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from hpop.study.conditions import Condition
+    from hpop.study.design import Design
     from hpop.study.forms import Form
+    from hpop.study.identity import front_digest
+    from hpop.study.participants import Participant
+    from hpop.study.picking import pick
+    from hpop.study.protocol import Protocol
     from hpop.study.scoring import score
 
 __all__ = [
+    "Condition",
+    "Design",
     "Form",
+    "Participant",
+    "Protocol",
+    "front_digest",
+    "pick",
     "score",
 ]
 
 _HOMES = {
+    "Condition": "hpop.study.conditions",
+    "Design": "hpop.study.design",
     "Form": "hpop.study.forms",
+    "Participant": "hpop.study.participants",
+    "Protocol": "hpop.study.protocol",
+    "front_digest": "hpop.study.identity",
+    "pick": "hpop.study.picking",
     "score": "hpop.study.scoring",
 }
 

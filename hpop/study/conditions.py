@@ -1,0 +1,88 @@
+"""What participants are shown, under letters that tell nothing of it."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.errors import StudyError
+from hpop.front import Front
+from hpop.named_rows import NamedRow, named_rows
+from hpop.study.orders import MOST_STIMULI
+from hpop.text import printable
+
+VIEW = "view"
+"""What stands for a row: the still view from the start, the baseline."""
+KINDS = ("ride", "video")
+ENDINGS = {"ride": "html", "video": "mp4", VIEW: "html"}
+ALIKE = 0.1
+"""Share by which stimuli may differ in duration without a note."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a participant is shown under a letter.
+
+    id        "A", "B", ...: dealt at random, so that it tells nothing of the row
+    row       of the front; None for the still view
+    name      what the row was asked for as, such as "knee"; "" of a number
+    kind      "ride", "video" or "view"
+    costs     by criterion; none of the still view
+    duration  s, executed
+    """
+
+    id: str
+    row: int | None
+    name: str
+    kind: str
+    costs: Mapping[str, float]
+    duration: float
+
+    @property
+    def stimulus(self) -> str:
+        """Its file in the study's folder."""
+        return f"stimuli/{self.id}.{ENDINGS[self.kind]}"
+
+    def __str__(self) -> str:
+        if self.row is None:
+            return "the still view"
+        return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
+
+
+def lettered(
+    front: Front, rows: Sequence[int | str | NamedRow], kind: str, rng: np.random.Generator
+) -> tuple[Condition, ...]:
+    """Rows, and the still view where it is among them, under letters dealt at random; in the order of the letters."""
+    names = {row.number: row.name for row in rows if isinstance(row, NamedRow)}
+    asked = [row.number if isinstance(row, NamedRow) else row for row in rows]
+    found = named_rows(front, [row for row in asked if row != VIEW])
+    count = len(found) + (VIEW in asked)
+    if not found or not 2 <= count <= MOST_STIMULI:
+        raise StudyError(
+            f"a study shows 2 to {MOST_STIMULI} different stimuli, at least one of them a row of the front, got {count}"
+        )
+    lasts = [row.point.trajectory.execution().duration for row in found]
+    letters = iter(rng.permutation(list(string.ascii_uppercase[:count])).tolist())
+    made = [
+        Condition(
+            next(letters), row.number, row.name or names.get(row.number, ""), kind, dict(row.point.costs), lasts[i]
+        )
+        for i, row in enumerate(found)
+    ]
+    if VIEW in asked:
+        made.append(Condition(next(letters), None, VIEW, VIEW, {}, float(np.mean(lasts))))
+    return tuple(sorted(made, key=lambda condition: condition.id))
+
+
+def unlike(conditions: Sequence[Condition]) -> list[str]:
+    """What is said where stimuli differ much in duration."""
+    first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
+    if last.duration <= (1 + ALIKE) * first.duration:
+        return []
+    return [
+        f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure makes "
+        "sicker by itself. hpop.study.pick(front, count, share=0.1) takes rows that last alike"
+    ]

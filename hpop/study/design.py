@@ -1,0 +1,389 @@
+"""The design of a study: which rows are shown under which letters, to whom in which order, and what is asked."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import string
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hpop.errors import StudyError
+from hpop.front import Front
+from hpop.frontier.strict_json import pieces
+from hpop.named_rows import NamedRow
+from hpop.options import MOST_SEED, one_of, whole
+from hpop.study import documents, orders
+from hpop.study.conditions import KINDS, Condition, lettered, unlike
+from hpop.study.design_file import FILE, FRONT, MOST_BYTES, PEOPLE, SCHEDULE, DesignFile, PeopleFile
+from hpop.study.forms import Form
+from hpop.study.identity import front_digest
+from hpop.study.participants import (
+    MOST,
+    Departure,
+    Participant,
+    checked_departures,
+    checked_id,
+    checked_strata,
+    enrolled,
+    named,
+)
+from hpop.study.protocol import Protocol, checked_text
+from hpop.text import counted, shown
+
+SCHEMA, VERSION = "hpop-study", 1
+FORM_SCHEMA = "hpop-form"
+PEOPLE_SCHEMA = "hpop-study-people"
+MOST_COMPARED = 8
+"""Stimuli that are compared in pairs: 28 comparisons."""
+PAIRS = "preference"
+"""The form that compares two stimuli."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A study, fixed before it begins: :meth:`of` makes one, :meth:`load` reads one.
+
+    front_sha256  of the front (:func:`hpop.study.front_digest`)
+    conditions    in the order of their letters
+    enrolled      the participants, as planned
+    questionnaires  what is asked, in this order
+    order         "permutations", "williams", "latin" or "random"
+    left          who left since, which is no part of the design's digest
+    """
+
+    front_sha256: str
+    conditions: tuple[Condition, ...]
+    enrolled: tuple[Participant, ...]
+    questionnaires: tuple[Form, ...]
+    protocol: Protocol
+    consent: str
+    language: str
+    seed: int
+    order: str
+    left: tuple[Departure, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        front: Front,
+        rows: Sequence[int | str | NamedRow],
+        *,
+        participants: int,
+        consent: str,
+        order: str = "permutations",
+        strata: Mapping[str, Sequence[str]] | None = None,
+        forms: Sequence[str | os.PathLike[str]] = ("ssq", "comfort"),
+        comparisons: bool = True,
+        kind: str = "ride",
+        protocol: Protocol | None = None,
+        language: str = "en",
+        seed: int = 0,
+    ) -> Design:
+        """A design for some rows of a front.
+
+        Parameters
+        ----------
+        rows : numbers, "knee", "least NAME", or what :func:`hpop.study.pick` gives, two to 26; "view" is the still
+            view from the start, a baseline that lasts as long as the others on average
+        participants : how many; a multiple of the number of orders keeps these equally frequent, and :attr:`notes`
+            say where they are not
+        consent : what a participant reads and agrees to before anything else
+        order : "permutations" (all orders, up to four rows), "williams" (each stimulus follows each other equally
+            often), "latin" (each in each place equally often) or "random" (drawn for each participant)
+        strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
+        forms : questionnaires that hpop brings, by id, or files of one's own
+        comparisons : whether pairs of stimuli are compared after all
+        kind : "ride" (pages) or "video" (all round, for a headset's own player)
+        seed : of letters, orders and pairs
+
+        Raises StudyError for what makes no design, UnknownName for a row of another name.
+        """
+        whole("participants", participants, 1, MOST, error=StudyError)
+        whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
+        one_of("kind", kind, KINDS, error=StudyError)
+        questionnaires = [Form.load(form) for form in forms]
+        if comparisons and not any(form.kind == "pairs" for form in questionnaires):
+            questionnaires.append(Form.load(PAIRS))
+        rng = np.random.default_rng(seed)
+        conditions = lettered(front, rows, kind, rng)
+        letters = [condition.id for condition in conditions]
+        sequences = orders.sequences(order, letters, participants, rng)
+        return cls(
+            front_sha256=front_digest(front),
+            conditions=conditions,
+            enrolled=enrolled(sequences, participants, checked_strata(strata or {}), rng),
+            questionnaires=tuple(questionnaires),
+            protocol=protocol or Protocol(),
+            consent=consent,
+            language=language,
+            seed=seed,
+            order=order,
+        )
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Design:
+        """The design in a study's folder; StudyError where it is none, or was changed since it was written."""
+        path = Path(folder) / FILE
+        what = "the design of a study, as `hpop study init` writes it"
+        data = documents.read_bytes(path, MOST_BYTES)
+        stored = documents.checked(path, documents.parsed(path, data, what), DesignFile, what)
+        try:
+            made = cls(
+                front_sha256=stored.front.sha256,
+                conditions=tuple(Condition(**dict(each)) for each in stored.conditions),
+                enrolled=tuple(Participant(each.id, tuple(each.order), each.strata) for each in stored.participants),
+                questionnaires=tuple(Form.from_dict(each) for each in stored.forms),
+                protocol=Protocol(stored.protocol.rest_s, stored.protocol.stop_rule),
+                consent=stored.consent,
+                language=stored.language,
+                seed=stored.seed,
+                order=stored.order,
+                left=_left(Path(folder) / PEOPLE),
+            )
+        except StudyError as error:
+            raise StudyError(f"{path}: {error}") from None
+        if made.document != data:
+            raise StudyError(
+                f"{path} was written by another program, though it says the same: answers name the SHA-256 of the file "
+                "as hpop wrote it; put that back, or begin a study of its own with `hpop study init`"
+            )
+        return made
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write design.json, schedule.csv and, where somebody left, people.json into a folder that is there.
+
+        :func:`hpop.study.prepare` writes all that a study needs. Raises StudyError where a file cannot be written.
+        """
+        target = Path(folder)
+        documents.write_bytes(target / FILE, self.document)
+        if self.left:
+            left = [asdict(departure) for departure in self.left]
+            documents.write(target / PEOPLE, {"schema": PEOPLE_SCHEMA, "version": VERSION, "left": left})
+        documents.write_bytes(target / SCHEDULE, self._schedule().encode())
+
+    def __post_init__(self) -> None:
+        checked_text("the consent text", self.consent)
+        if self.letters != tuple(string.ascii_uppercase[: len(self.letters)]):
+            raise StudyError(
+                f"stimuli are called A, B, ..., each once and in this order, got {', '.join(self.letters)}"
+            )
+        for person in self.enrolled:
+            if sorted(person.order) != sorted(self.letters):
+                raise StudyError(f"{person.id} must see each stimulus once, got {' '.join(person.order)}")
+        if [person.id for person in self.enrolled] != [named(i) for i in range(1, len(self.enrolled) + 1)]:
+            raise StudyError("participants are called p01, p02, ..., each once and in this order")
+        checked_departures(self.enrolled, self.left)
+        names = [form.id for form in self.questionnaires]
+        if not names or len(set(names)) < len(names):
+            raise StudyError(f"a study asks one form or more, each once, got {', '.join(names) or 'none'}")
+        for form in self.questionnaires:
+            if self.language not in form.languages:
+                raise StudyError(
+                    f"form {form.id} is not written in {shown(self.language)}, but in {', '.join(form.languages)}; "
+                    "translate its file, and name that by its path"
+                )
+        if self.comparisons and len(self.letters) > MOST_COMPARED:
+            raise StudyError(
+                f"{len(self.letters)} stimuli have {len(self.letters) * (len(self.letters) - 1) // 2} pairs: expected "
+                f"at most {MOST_COMPARED} stimuli where pairs are compared; leave comparisons out, or take fewer rows"
+            )
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Ids of the questionnaires."""
+        return tuple(form.id for form in self.questionnaires)
+
+    @property
+    def comparisons(self) -> bool:
+        """Whether pairs of stimuli are compared."""
+        return any(form.kind == "pairs" for form in self.questionnaires)
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """Of the conditions, in order."""
+        return tuple(condition.id for condition in self.conditions)
+
+    @cached_property
+    def participants(self) -> tuple[Participant, ...]:
+        """All places: as planned, then those of successors, with the order and the strata of who left."""
+        known = {person.id: person for person in self.enrolled}
+        for departure in self.left:
+            before = known[departure.participant]
+            known[departure.successor] = Participant(departure.successor, before.order, before.strata)
+        return tuple(known.values())
+
+    def after(self, participant: str, *, withdrawn: bool) -> Design:
+        """The design after somebody left: the next person takes the place, with the same order and strata.
+
+        A withdrawn participant's answers are no longer part of the study, a dropped-out one's are.
+        """
+        self.participant(participant)
+        earlier = next((one for one in self.left if one.participant == participant), None)
+        if earlier is not None and (earlier.withdrawn or not withdrawn):
+            how = "withdrew" if earlier.withdrawn else "dropped out"
+            raise StudyError(f"{participant} {how} before; {earlier.successor} has the place")
+        successor = named(self.size + 1) if earlier is None else earlier.successor
+        left = {one.participant: one for one in self.left}
+        left[participant] = Departure(participant, successor, withdrawn)
+        return replace(self, left=tuple(left.values()))
+
+    @property
+    def withdrawn(self) -> frozenset[str]:
+        """Ids of who withdrew, of whom nothing is kept."""
+        return frozenset(departure.participant for departure in self.left if departure.withdrawn)
+
+    @property
+    def expected(self) -> tuple[Participant, ...]:
+        """Those whose session the study waits for, or has: all but those who left."""
+        departed = {departure.participant for departure in self.left}
+        return tuple(person for person in self.participants if person.id not in departed)
+
+    @cached_property
+    def orders(self) -> tuple[tuple[str, ...], ...]:
+        """The distinct orders among which participants were dealt; of random ones those that were drawn."""
+        if self.order == "random":
+            return tuple(sorted({person.order for person in self.enrolled}))
+        return orders.sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
+
+    def form(self, name: str) -> Form:
+        """A questionnaire by its id."""
+        for form in self.questionnaires:
+            if form.id == name:
+                return form
+        raise StudyError(f"the study asks no form {shown(name)}; it asks {', '.join(self.forms)}")
+
+    def condition(self, letter: str) -> Condition:
+        """A condition by its letter."""
+        for condition in self.conditions:
+            if condition.id == letter:
+                return condition
+        raise StudyError(f"the study has no stimulus {shown(letter)}; it has {', '.join(self.letters)}")
+
+    def participant(self, name: str) -> Participant:
+        """A place by its id."""
+        checked_id(name)
+        for person in self.participants:
+            if person.id == name:
+                return person
+        raise StudyError(f"the study has no participant {name}; it has {self.participants[0].id} to {named(self.size)}")
+
+    @property
+    def size(self) -> int:
+        """Number of places, successors' included."""
+        return len(self.participants)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the researcher should know before the study: unequal orders, stimuli of unequal duration."""
+        return (*self._uneven(), *unlike(self.conditions))
+
+    def pairs(self, participant: str) -> list[tuple[str, str]]:
+        """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""
+        if not self.comparisons:
+            return []
+        rides = [condition.id for condition in self.conditions if condition.row is not None]
+        rng = np.random.default_rng([self.seed, int(checked_id(participant)[1:])])
+        pairs = list(combinations(rides, 2))
+        turned = rng.random(len(pairs)) < 0.5
+        return [pairs[i][::-1] if turned[i] else pairs[i] for i in rng.permutation(len(pairs)).tolist()]
+
+    def public(self, participant: str) -> dict[str, Any]:
+        """What the page of a participant may know: no rows, no names of rows, no costs, nothing of others."""
+        person = self.participant(participant)
+        seen = [self.condition(letter) for letter in person.order]
+        return {
+            "schema": FORM_SCHEMA,
+            "version": VERSION,
+            "design": self.digest,
+            "participant": person.id,
+            "language": self.language,
+            "consent": self.consent,
+            "protocol": asdict(self.protocol),
+            "forms": {form.id: form.to_dict() for form in self.questionnaires},
+            "places": [
+                {
+                    "place": place,
+                    "condition": condition.id,
+                    "stimulus": condition.stimulus,
+                    "kind": condition.kind,
+                    "seconds": round(condition.duration, 1),
+                }
+                for place, condition in enumerate(seen, 1)
+            ],
+            "comparisons": [list(pair) for pair in self.pairs(person.id)],
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """What design.json holds."""
+        return {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "front": {"file": FRONT, "sha256": self.front_sha256},
+            "seed": self.seed,
+            "order": self.order,
+            "language": self.language,
+            "conditions": [asdict(condition) for condition in self.conditions],
+            "participants": [asdict(person) for person in self.enrolled],
+            "protocol": asdict(self.protocol),
+            "consent": self.consent,
+            "forms": [form.to_dict() for form in self.questionnaires],
+        }
+
+    @cached_property
+    def document(self) -> bytes:
+        """The bytes of design.json."""
+        return ("".join(pieces(self.describe())) + "\n").encode()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of design.json: answers name it, so that they are never read with another design."""
+        return sha256(self.document).hexdigest()
+
+    def _uneven(self) -> list[str]:
+        several, size = len(self.orders), len(self.enrolled)
+        if self.order == "random" or size % several == 0:
+            return []
+        less = size // several * several
+        near = " or ".join(f"{number:,}" for number in (less, less + several) if number)
+        return [
+            f"{counted(size, 'participant')} for {several} orders: some orders are seen once more than others, or not "
+            f"at all; with {near} each is seen equally often"
+        ]
+
+    def _schedule(self) -> str:
+        """Who sees what in which order, as CSV; letters only, so that whoever runs the sessions is blind as well."""
+        levels = list(self.enrolled[0].strata)
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(
+            [
+                "participant",
+                *levels,
+                *(f"place {i}" for i in range(1, len(self.letters) + 1)),
+                "left",
+                "takes the place of",
+            ]
+        )
+        left = {one.participant: "withdrew" if one.withdrawn else "dropped out" for one in self.left}
+        before = {one.successor: one.participant for one in self.left}
+        for person in self.participants:
+            row = [person.strata[level] for level in levels]
+            table.writerow([person.id, *row, *person.order, left.get(person.id, ""), before.get(person.id, "")])
+        return text.getvalue()
+
+
+def _left(path: Path) -> tuple[Departure, ...]:
+    """Who left, by a file; nobody where there is none."""
+    if not path.exists():
+        return ()
+    stored = documents.read(path, PeopleFile, "who left a study", MOST_BYTES)
+    return tuple(Departure(one.participant, one.successor, one.withdrawn) for one in stored.left)

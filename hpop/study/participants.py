@@ -1,0 +1,149 @@
+"""Who takes part: ids that tell nothing of a person, orders of stimuli, and strata balanced within the orders."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from hpop.errors import StudyError
+from hpop.text import counted, printable, shown
+
+ID = re.compile(r"p[0-9]{2,4}")
+MOST = 1000
+"""Participants of a study."""
+MOST_CELLS = 64
+"""Combinations of levels of the strata."""
+WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
+
+
+@dataclass(frozen=True)
+class Participant:
+    """A place in the study, which one person takes.
+
+    id      "p01", "p02", ...
+    order   letters of the stimuli, as this person sees them
+    strata  level by stratum, such as {"sex": "f"}
+    """
+
+    id: str
+    order: tuple[str, ...]
+    strata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """Somebody who left, and who takes the place: the answers of who dropped out stay, of who withdrew they do not."""
+
+    participant: str
+    successor: str
+    withdrawn: bool
+
+
+def checked_id(given: object) -> str:
+    """An id as it is, or StudyError: p and a number, never a name.
+
+    >>> checked_id("p07")
+    'p07'
+    """
+    if not isinstance(given, str) or not ID.fullmatch(given):
+        raise StudyError(
+            f"a participant is p and a number of two to four digits, such as p07, got {shown(given)}; names, initials "
+            "and the like are refused, for nothing here may tell who somebody is"
+        )
+    return given
+
+
+def named(number: int) -> str:
+    """The id of a place, counted from 1.
+
+    >>> named(7), named(120)
+    ('p07', 'p120')
+    """
+    return f"p{number:02d}"
+
+
+def enrolled(
+    orders: Sequence[tuple[str, ...]], count: int, strata: Mapping[str, Sequence[str]], rng: np.random.Generator
+) -> tuple[Participant, ...]:
+    """Participants whose orders, strata, and strata within each order are as equally frequent as their number allows.
+
+    Each order and each combination of levels occurs as often as any other, or once more; so does each combination
+    within each order. All come in random sequence, whole blocks of all combinations first.
+
+    Raises StudyError for strata that are no words, or whose combinations would have a single person each.
+    """
+    levels = checked_strata(strata)
+    cells = [dict(zip(levels, combination, strict=True)) for combination in product(*levels.values())]
+    if levels and count < 2 * len(cells):
+        raise StudyError(
+            f"strata {_described(levels)} have {counted(len(cells), 'combination')}, and {count:,} participants: "
+            f"expected at least {2 * len(cells)}, since whoever is alone in one can be told by it; take more people, "
+            "or fewer strata"
+        )
+    pairs = list(_pairs(len(orders), len(cells), count, rng))
+    return tuple(Participant(named(i), orders[o], cells[c]) for i, (o, c) in enumerate(pairs, 1))
+
+
+def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """Strata with their levels, which are short words: StudyError for anything else."""
+    levels: dict[str, tuple[str, ...]] = {}
+    for name, several in strata.items():
+        words = [several] if isinstance(several, str) else list(several)
+        for word in (name, *words):
+            if not isinstance(word, str) or not WORD.fullmatch(word):
+                raise StudyError(
+                    f"strata are given as words of at most 20 letters and digits, such as sex=f,m, got {shown(word)}"
+                )
+        if len(words) < 2 or len(set(words)) < len(words):
+            raise StudyError(f"stratum {name} has two levels or more, each once, such as sex=f,m, got {shown(words)}")
+        levels[name] = tuple(words)
+    if math.prod(map(len, levels.values())) > MOST_CELLS:
+        raise StudyError(f"strata have at most {MOST_CELLS} combinations, got {_described(levels)}; take fewer")
+    return levels
+
+
+def checked_departures(people: Sequence[Participant], left: Sequence[Departure]) -> None:
+    """StudyError where not everybody who left was there, or the successors are not the next ids."""
+    for i, departure in enumerate(left):
+        known = {named(number) for number in range(1, len(people) + i + 1)}
+        known -= {earlier.participant for earlier in left[:i]}
+        if departure.participant not in known or departure.successor != named(len(people) + i + 1):
+            raise StudyError(
+                f"{departure.successor} cannot take the place of {departure.participant}: expected one who is there, "
+                f"and {named(len(people) + i + 1)} as the next"
+            )
+
+
+def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Which of the known orders are short beside the most frequent, in words; nothing where all are equally frequent.
+
+    >>> unequal([("A", "B"), ("A", "B"), ("B", "A")], [("A", "B"), ("B", "A")])
+    ('order B A: 1 of 2',)
+    """
+    seen = Counter(orders)
+    most = max((seen[order] for order in known), default=0)
+    return tuple(f"order {' '.join(order)}: {seen[order]} of {most}" for order in known if seen[order] < most)
+
+
+def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
+    """Pairs of order and cell, block after block of all of them.
+
+    The i-th of a block is order i mod m in cell (i + i div lcm(m, s)) mod s, relabelled at random: these run through
+    all pairs, and any number of the first ones has all orders, and all cells, as often as another or once more.
+    """
+    block, step = orders * cells, math.lcm(orders, cells)
+    for begin in range(0, count, block):
+        size = min(block, count - begin)
+        order_of, cell_of = rng.permutation(orders), rng.permutation(cells)
+        pairs = [(int(order_of[i % orders]), int(cell_of[(i + i // step) % cells])) for i in range(size)]
+        yield from (pairs[i] for i in rng.permutation(size))
+
+
+def _described(levels: Mapping[str, Sequence[str]]) -> str:
+    return printable(", ".join(f"{name}={','.join(several)}" for name, several in levels.items()))

@@ -1,0 +1,327 @@
+"""One participant's session: the events that the page records, each checked against the design.
+
+Events are only ever appended. A later answer to the same item takes the place of an earlier one; both stay in the file.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, StringConstraints
+
+from hpop.errors import StudyError
+from hpop.study.design import Design
+from hpop.study.documents import Part, read
+from hpop.study.forms import Form
+from hpop.study.participants import Participant
+from hpop.text import HARMFUL, counted, shown
+
+SCHEMA, VERSION = "hpop-answers", 1
+MOST_BYTES = 8 * 1024**2
+"""Of a participant's answers."""
+MOST_EVENTS = 20_000
+MOST_REMARK = 2000
+"""Characters of a remark."""
+MOST_KEYS = 20
+NONE = "none"
+"""Neither of a pair."""
+WORD = re.compile(r"[a-z][a-z_]{0,39}")
+
+Kind = Literal[
+    "consent", "start", "stimulus", "answer", "compare", "remark", "pause", "stop", "resume", "end", "frames"
+]
+Key = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Letter = Annotated[str, StringConstraints(pattern=r"^[A-Z]$")]
+When = Annotated[
+    str, StringConstraints(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}(\.[0-9]{1,6})?Z$")
+]
+
+
+class Event(Part):
+    """Something that happened in a session.
+
+    t          s since its start, rising
+    at         when, ISO, UTC
+    place      0 before the first stimulus, 1, 2, ... with and after each, one more after all; None where it is neither
+    condition  the letter of the stimulus at that place
+    value      of an "answer" a number, or None where it was taken back; of "compare" {"question", "pair", "chosen"};
+               of "remark" text; of "frames" numbers by name; of others None, true, a number or a word
+    """
+
+    t: Annotated[float, Field(ge=0, le=1e7)]
+    at: When
+    kind: Kind
+    place: Annotated[int, Field(ge=0)] | None = None
+    condition: Letter | None = None
+    form: Key | None = None
+    item: Key | None = None
+    value: Any = None
+
+
+class Compared(Part):
+    """The value of a comparison."""
+
+    question: Key
+    pair: Annotated[list[Letter], Field(min_length=2, max_length=2)]
+    chosen: str
+
+
+class AnswersFile(Part):
+    """What answers/p01.json holds."""
+
+    schema_: Annotated[Literal["hpop-answers"], Field(alias="schema")]
+    version: Literal[1]
+    design: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+    participant: str
+    device: Annotated[dict[Key, str | float | bool | None], Field(default_factory=dict, max_length=MOST_KEYS)]
+    events: Annotated[list[Event], Field(max_length=MOST_EVENTS)]
+
+
+class Slot(NamedTuple):
+    """Where an answer belongs."""
+
+    place: int
+    form: str
+    item: str
+
+
+class Answer(NamedTuple):
+    """The last answer of a slot: its value, s since the event before it, s since the start."""
+
+    value: float
+    seconds: float
+    t: float
+
+
+class Comparison(NamedTuple):
+    """The last answer about a pair; chosen is None for neither."""
+
+    question: str
+    first: str
+    second: str
+    chosen: str | None
+    seconds: float
+    t: float
+
+
+class Remark(NamedTuple):
+    """What somebody wrote, and at which place."""
+
+    place: int | None
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """What one participant did, checked; :meth:`load` reads it."""
+
+    person: Participant
+    device: Mapping[str, str | float | bool | None]
+    events: tuple[Event, ...]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], design: Design) -> Session:
+        """Read answers/p01.json; StudyError for what is none, or of another design, or not as the design asks."""
+        stored = read(path, AnswersFile, "the answers of a participant", MOST_BYTES)
+        try:
+            if stored.design != design.digest:
+                raise StudyError(
+                    f"these are answers to another design (it begins {stored.design[:12]}, this one "
+                    f"{design.digest[:12]}); put them back into the folder of their own study"
+                )
+            person = design.participant(stored.participant)
+            for key, value in stored.device.items():
+                if isinstance(value, str) and (len(value) > 400 or HARMFUL.search(value)):
+                    raise StudyError(f"device.{key} must be at most 400 plain characters, got {shown(value)}")
+            check_events(design, person, stored.events)
+        except StudyError as error:
+            raise StudyError(f"{path}: {error}") from None
+        return cls(person, stored.device, tuple(stored.events))
+
+    @property
+    def ended(self) -> bool:
+        """Whether it went on to its end."""
+        return self._has("end") and not self.stopped
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the participant stopped it."""
+        return self._has("stop")
+
+    @property
+    def last_place(self) -> int:
+        """Where the participant came to."""
+        return max((event.place for event in self.events if event.place is not None), default=0)
+
+    @cached_property
+    def answers(self) -> dict[Slot, Answer]:
+        """The last answer of each item at each place, but for those that were taken back."""
+        found: dict[Slot, Answer] = {}
+        for event, seconds in self._timed("answer"):
+            slot = Slot(event.place or 0, event.form or "", event.item or "")
+            found.pop(slot, None)
+            if event.value is not None:
+                found[slot] = Answer(float(event.value), seconds, event.t)
+        return found
+
+    @cached_property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """The last answer to each question on each pair."""
+        found: dict[tuple[str, frozenset[str]], Comparison] = {}
+        for event, seconds in self._timed("compare"):
+            value = Compared.model_validate(event.value)
+            first, second = value.pair
+            chosen = None if value.chosen == NONE else value.chosen
+            key = (value.question, frozenset(value.pair))
+            found.pop(key, None)
+            found[key] = Comparison(value.question, first, second, chosen, seconds, event.t)
+        return tuple(found.values())
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What was written, the last at each place."""
+        texts = {event.place: event.value for event in self.events if event.kind == "remark"}
+        return tuple(Remark(place, text) for place, text in texts.items() if text)
+
+    def values(self, place: int, form: Form) -> dict[str, float]:
+        """Answers to a form at a place, by item; what was not answered is left out."""
+        slots = {item.id: Slot(place, form.id, item.id) for item in form.items}
+        return {item: self.answers[slot].value for item, slot in slots.items() if slot in self.answers}
+
+    def lacking(self, design: Design) -> list[str]:
+        """Which items have no answer, in words; after a stop only up to the place where it was."""
+        last = min(self.last_place, len(design.letters)) if self.stopped else len(design.letters) + 1
+        said = []
+        for form in (form for form in design.questionnaires if form.kind == "ratings"):
+            for place in asked_at(design, form):
+                given = self.values(place, form)
+                items = [item.id for item in form.items if item.id not in given]
+                if items and place <= last:
+                    what = "all of them" if len(items) == len(form.items) else ", ".join(items)
+                    said.append(f"{form.id} at place {place} lacks {counted(len(items), 'answer')}: {what}")
+        known = {(one.question, frozenset((one.first, one.second))) for one in self.comparisons}
+        questions = questions_of(design)
+        several = sum(
+            (name, frozenset(pair)) not in known for name in questions for pair in design.pairs(self.person.id)
+        )
+        if several and not self.stopped:
+            said.append(f"{counted(several, 'comparison')} of pairs are not answered")
+        return said
+
+    def _has(self, kind: str) -> bool:
+        return any(event.kind == kind for event in self.events)
+
+    def _timed(self, kind: str) -> Iterator[tuple[Event, float]]:
+        """Events of a kind, with the seconds since the event before each."""
+        first = self.events[:1]
+        for before, event in pairwise((*first, *self.events)):
+            if event.kind == kind:
+                yield event, event.t - before.t
+
+
+def asked_at(design: Design, form: Form) -> list[int]:
+    """Places at which a form is asked."""
+    count = len(design.letters)
+    places = {"before": [0], "after_each": list(range(1, count + 1)), "after_all": [count + 1]}
+    return sorted(place for when in form.when for place in places[when])
+
+
+def questions_of(design: Design) -> tuple[str, ...]:
+    """What is asked of pairs."""
+    return tuple(item.id for form in design.questionnaires if form.kind == "pairs" for item in form.items)
+
+
+def check_events(design: Design, person: Participant, events: Iterable[Event], *, after: float = 0.0) -> None:
+    """Check events in their order; StudyError for one that the design does not ask for.
+
+    Parameters
+    ----------
+    after : s, of an event before them, and then consent was given before
+    """
+    consented = after > 0.0
+    for number, event in enumerate(events):
+        try:
+            if event.t < after:
+                raise StudyError(f"time goes back, from {after:g} to {event.t:g} s")
+            if event.kind in ("answer", "compare", "remark") and not consented:
+                raise StudyError("an answer before consent was given")
+            consented |= event.kind == "consent" and event.value in (None, True)
+            check_event(design, person, event)
+        except StudyError as error:
+            raise StudyError(f"events[{number}]: {error}") from None
+        after = event.t
+
+
+def check_event(design: Design, person: Participant, event: Event) -> None:
+    """Check what an event says by itself: its place, its letter, its item and its value."""
+    _check_place(design, person, event)
+    match event.kind:
+        case "answer":
+            _check_answer(design, event)
+        case "compare":
+            _check_comparison(design, event)
+        case "remark":
+            text = event.value
+            if not isinstance(text, str) or len(text) > MOST_REMARK or HARMFUL.search(text.replace("\n", " ")):
+                raise StudyError(f"a remark is plain text of at most {MOST_REMARK:,} characters, got {shown(text)}")
+        case "frames":
+            numbers = event.value
+            if not isinstance(numbers, dict) or len(numbers) > MOST_KEYS or not all(map(_is_number, numbers.values())):
+                raise StudyError(f"expected numbers of frames by name, got {shown(numbers)}")
+        case _:
+            word = isinstance(event.value, str) and WORD.fullmatch(event.value)
+            if not (event.value is None or word or isinstance(event.value, bool) or _is_number(event.value)):
+                raise StudyError(f"{event.kind} has a number, a word or nothing as its value, got {shown(event.value)}")
+
+
+def _check_place(design: Design, person: Participant, event: Event) -> None:
+    last = len(person.order) + 1
+    if event.place is None:
+        if event.condition is not None:
+            raise StudyError(f"stimulus {event.condition} without its place")
+        return
+    if event.place > last:
+        raise StudyError(f"places are 0 to {last}, got {event.place}")
+    letter = person.order[event.place - 1] if 1 <= event.place < last else None
+    if event.condition != letter:
+        raise StudyError(
+            f"{person.id} sees {letter or 'no stimulus'} at place {event.place}, but the answers say "
+            f"{event.condition or 'none'}"
+        )
+
+
+def _check_answer(design: Design, event: Event) -> None:
+    form = design.form(event.form or "")
+    item = form.item(event.item or "")
+    if form.kind != "ratings" or event.place not in asked_at(design, form):
+        raise StudyError(f"form {form.id} is not asked at place {event.place}")
+    if event.value is not None and event.value not in (scale := form.scale_of(item)):
+        raise StudyError(f"item {item.id} of form {form.id} is answered by {scale}, got {shown(event.value)}")
+
+
+def _check_comparison(design: Design, event: Event) -> None:
+    if not isinstance(event.value, dict):
+        raise StudyError(f"a comparison is an object of question, pair and chosen, got {shown(event.value)}")
+    try:
+        value = Compared.model_validate(event.value)
+    except ValueError:
+        raise StudyError(
+            f"a comparison is a question, a pair of letters and one chosen, got {shown(event.value)}"
+        ) from None
+    known = questions_of(design)
+    if value.question not in known:
+        raise StudyError(f"the study asks {', '.join(known) or 'nothing'} of pairs, got {shown(value.question)}")
+    for letter in value.pair:
+        design.condition(letter)
+    if value.pair[0] == value.pair[1] or value.chosen not in (*value.pair, NONE):
+        raise StudyError(f"of {' and '.join(value.pair)} one is chosen, or {NONE!r}, got {shown(value.chosen)}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
