@@ -1,0 +1,29 @@
+"""Statistics of what people say: tests of related scores, effect sizes, choices, and power before a study.
+
+SciPy does what it can: Friedman, Kruskal and Wallis, the normal approximation of Wilcoxon, binomial intervals. What it
+lacks is here, each short, and all is tested against printed values: exact Wilcoxon with ties and zeros, Hodges and
+Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by simulation.
+"""
+
+from __future__ import annotations
+
+from hpop.study.statistics.corrections import adjusted
+from hpop.study.statistics.describing import Described, describe
+from hpop.study.statistics.independent import Comparison, Independent, dunn, kruskal
+from hpop.study.statistics.pairs import Pair, wilcoxon
+from hpop.study.statistics.related import Related, cochran, friedman
+
+__all__ = [
+    "Comparison",
+    "Described",
+    "Independent",
+    "Pair",
+    "Related",
+    "adjusted",
+    "cochran",
+    "describe",
+    "dunn",
+    "friedman",
+    "kruskal",
+    "wilcoxon",
+]
