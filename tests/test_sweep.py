@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -320,33 +321,44 @@ def test_two_processes_find_the_same_and_one_that_is_killed_loses_nothing() -> N
     assert any("BrokenProcessPool" in note for note in there.notes)
 
 
-# A Dask scheduler with two worker processes on loopback
+# A Dask scheduler on loopback
+
+
+@contextmanager
+def scheduled(processes: bool) -> Iterator[Any]:
+    """Two workers and their scheduler, in processes of their own or in this one."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=processes, host="127.0.0.1", dashboard_address=None, protocol="tcp"
+    ) as local:
+        yield local
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
-        ) as local,
-    ):
+    with scheduled(processes=False) as local:
         yield local
 
 
-def test_dask_workers_find_the_same_and_one_that_is_killed_loses_nothing(cluster: Any) -> None:
-    serial = supported_paths(GRAPH, 0, 1)
-
-    def worker() -> int:
-        with cluster.get_client() as client:
-            return int(min(client.run(os.getpid).values()))
-
-    killer = Killer(worker, after=100)
+def test_dask_workers_find_the_same(cluster: Any) -> None:
     with dask(cluster.scheduler_address) as executor:
-        assert str(os.getpid()) not in workers_of(executor)
-        there = supported_paths(GRAPH, 0, 1, executor=executor, progress=killer)
+        assert same(supported_paths(GRAPH, 0, 1), supported_paths(GRAPH, 0, 1, executor=executor))
+
+
+@pytest.mark.proof
+def test_a_dask_worker_that_is_killed_loses_nothing() -> None:
+    with scheduled(processes=True) as local:
+
+        def worker() -> int:
+            with local.get_client() as client:
+                return int(min(client.run(os.getpid).values()))
+
+        killer = Killer(worker, after=100)
+        with dask(local.scheduler_address) as executor:
+            assert str(os.getpid()) not in workers_of(executor)
+            there = supported_paths(GRAPH, 0, 1, executor=executor, progress=killer)
     assert killer.killed
-    assert same(serial, there)
+    assert same(supported_paths(GRAPH, 0, 1), there)
 
 
 def test_results_that_a_scheduler_takes_with_it_are_made_here(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,8 +88,7 @@ class Map:
     def picture(self) -> FloatArray:
         """All of the base after the next frame, (pixels, 4)."""
         self.page.evaluate(explored.FRAME)
-        js = "e => [...e.getContext('2d').getImageData(0, 0, e.width, e.height).data]"
-        return np.array(self.page.eval_on_selector(".map .base", js), dtype=np.float64).reshape(-1, 4)
+        return explored.pixels(self.page, ".map .base").reshape(-1, 4)
 
 
 def alike(one: FloatArray, other: FloatArray) -> bool:

@@ -64,10 +64,7 @@ class Matrix:
 
     def pixels(self) -> FloatArray:
         """Red, green, blue and opacity (height, width, 4) of the base."""
-        js = """e => { const { width, height } = e;
-            return [width, height, [...e.getContext("2d").getImageData(0, 0, width, height).data]]; }"""
-        width, height, data = self.page.eval_on_selector(".matrix .base", js)
-        return np.array(data, dtype=np.float64).reshape(height, width, 4)
+        return explored.pixels(self.page, ".matrix .base")
 
 
 @pytest.fixture

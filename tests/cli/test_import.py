@@ -81,7 +81,7 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     assert (shown.returncode, "verified" in shown.stdout) == (0, True), shown.stderr
 
     with PicturesBeside(room / "out", [str(mine / "ways.py")]) as pictures:
-        pictures.start()
+        pictures._begin("map")
         assert pictures._process is not None
         assert pictures._process.wait() == 0
     assert (room / "out" / "map.png").exists()
