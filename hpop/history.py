@@ -7,10 +7,10 @@ returns the running value (M,) at the end of each motion, and the last one is th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
+
+T = TypeVar("T")
 
 
 class Track(Instants):
@@ -97,6 +99,17 @@ class History:
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
         """Running values (N,) at executed times, read where each planned motion (M,) is completed."""
         return np.interp(self.passed[1:], times, values)
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What several criteria derive from the same motions, such as what a viewer sees: made by the first of them."""
+        if key not in self._derived:
+            self._derived[key] = make()
+        derived: T = self._derived[key]
+        return derived
+
+    @cached_property
+    def _derived(self) -> dict[Hashable, Any]:
+        return {}
 
     @cached_property
     def _execution(self) -> tuple[Trajectory, FloatArray]:

@@ -19,7 +19,6 @@ import dataclasses
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
 
@@ -285,10 +284,14 @@ def trajectory_costs(
     """
     values = np.full((len(trajectories), len(criteria)), np.nan)
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
-    for j, (i, trajectory) in product(with_memory, enumerate(trajectories)):
+    for i, trajectory in enumerate(trajectories if with_memory else ()):
         if say is not None and i % SPOKEN == 0:
-            say(f"{criteria[j].name} of {i:,} of {len(trajectories):,} trajectories")
-        values[i, j] = _running(criteria[j], trajectory, world)
+            named = ", ".join(criteria[j].name for j in with_memory)
+            say(f"{named} of {i:,} of {len(trajectories):,} trajectories")
+        history = History(world, trajectory)  # what criteria derive from it, one derives for all
+        for j in with_memory:
+            running = running_values(criteria[j], history)
+            values[i, j] = running[-1] if running.size else 0.0
     additive = [j for j in range(len(criteria)) if j not in with_memory]
     if len(trajectories) > 1 and additive:
         shared = table or MotionTable.of(trajectories)
@@ -357,12 +360,6 @@ def _parts(counts: Sequence[int]) -> Iterator[slice]:
         if motions >= BLOCK or i == len(counts) - 1:
             yield slice(begin, i + 1)
             begin, motions = i + 1, 0
-
-
-def _running(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
-    """Last running value of a criterion with memory."""
-    running = running_costs(criterion, trajectory, world)
-    return float(running[-1]) if running.size else 0.0
 
 
 def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:

@@ -38,6 +38,10 @@ def visual_motion(m: History, longest: float) -> VisualMotion:
     Executed ramps are parabolas, of which these are exact; where a ramp begins or ends the sample is the mean over a
     step. The rotation is the one that leads from the axes a step before to those a step after, about whatever axis.
     """
+    return m.once(("visual motion", longest), lambda: _visual_motion(m, longest))
+
+
+def _visual_motion(m: History, longest: float) -> VisualMotion:
     duration = m.executed.duration
     count = max(2, int(np.ceil(duration / longest - 1e-9)) + 1)
     step = float(duration / (count - 1)) if duration > 0 else longest
