@@ -159,6 +159,7 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.proof  # a real plan draws all of them in tests/cli/test_current_folder.py
 def test_another_process_draws_what_is_saved(saved: Path) -> None:
     with PicturesBeside(saved) as pictures:
         pictures.start()
