@@ -54,11 +54,10 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
     """Wilcoxon's signed-rank test of two scores (n,) of the same people; who gave one only, NaN, is left out.
 
     Differences of zero are ranked and then left out (``pratt``: Pratt 1959, Journal of the American Statistical
-    Association 54, 655-667), or left out before (``wilcox``, as SPSS does), whereupon a score that rises can make it
-    less likely that scores rose. z is the sum of the signed ranks by the root of that of their squares: what a coin
-    tossed for each sign gives, which is the usual formula with its correction for ties. ``exact`` counts out, for up to
-    200 people, how many of all signs that these very ranks may have are as far from even; ties and zeros are no
-    hindrance.
+    Association 54, 655-667), or left out before (``wilcox``, as SPSS does), as if nobody had felt no difference. z is
+    the sum of the signed ranks by the root of that of their squares: what a coin tossed for each sign gives, which is
+    the usual formula with its correction for ties. ``exact`` counts out, for up to 200 people, how many of all signs
+    that these very ranks may have are as far from even; ties and zeros are no hindrance.
 
     Effect size: Kerby 2014, Comprehensive Psychology 3. Shift and interval: Hodges and Lehmann 1963, Annals of
     Mathematical Statistics 34, 598-611; the interval holds the shifts that the test does not reject.
