@@ -7,23 +7,31 @@ Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by si
 
 from __future__ import annotations
 
+from hpop.study.statistics.bradley_terry import Strengths, bradley_terry
 from hpop.study.statistics.corrections import adjusted
 from hpop.study.statistics.describing import Described, describe
 from hpop.study.statistics.independent import Comparison, Independent, dunn, kruskal
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.related import Related, cochran, friedman
+from hpop.study.statistics.shares import Multinomial, Share, multinomial, share
 
 __all__ = [
     "Comparison",
     "Described",
     "Independent",
+    "Multinomial",
     "Pair",
     "Related",
+    "Share",
+    "Strengths",
     "adjusted",
+    "bradley_terry",
     "cochran",
     "describe",
     "dunn",
     "friedman",
     "kruskal",
+    "multinomial",
+    "share",
     "wilcoxon",
 ]

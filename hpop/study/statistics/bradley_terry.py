@@ -1,0 +1,188 @@
+"""Strengths from choices between two: the model of Bradley and Terry, with ties as Davidson has them.
+
+Stimulus i is chosen over j with odds exp(s_i - s_j). Where people may say "neither", that is an outcome of its own,
+with weight nu exp((s_i + s_j) / 2). Bradley and Terry 1952, Biometrika 39, 324-345; Davidson 1970, Journal of the
+American Statistical Association 65, 317-328.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import special, stats
+from scipy.sparse import coo_array, csgraph
+
+from hpop.arrays import FloatArray, IntArray, frozen
+from hpop.errors import StudyError
+
+MOST_STEPS = 100
+"""Of Newton's method, which takes ten or so."""
+STRONGEST = 20.0
+"""Logarithm of odds that no number of choices can tell from endless ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Strengths:
+    """How strongly each stimulus is preferred.
+
+    strengths   (k,)  logarithms, of which differences count: their mean is 0, or the reference's is
+    errors      (k,)  standard errors
+    ties        nu, 0 where nobody said "neither"
+    side        what being named first adds to a strength; NaN where it was not asked
+    side_error  its standard error
+    choices     comparisons that were made, ties among them
+    """
+
+    strengths: FloatArray
+    errors: FloatArray
+    ties: float
+    side: float
+    side_error: float
+    choices: int
+
+    def interval(self, level: float = 0.95) -> FloatArray:
+        """Lower and upper ends (k, 2) of the strengths, by their standard errors."""
+        half = stats.norm.isf((1 - level) / 2) * self.errors
+        ends: FloatArray = np.column_stack([self.strengths - half, self.strengths + half])
+        return ends
+
+    def chance(self, first: int, second: int) -> float:
+        """The chance that who chooses one of two stimuli chooses the first."""
+        return float(special.expit(self.strengths[first] - self.strengths[second]))
+
+
+def bradley_terry(
+    first: Sequence[int],
+    second: Sequence[int],
+    chosen: Sequence[int | None],
+    *,
+    stimuli: int,
+    people: Sequence[Any] | None = None,
+    reference: int | None = None,
+    side: bool = False,
+) -> Strengths:
+    """Fit strengths to comparisons (m,) of stimuli 0 to k - 1 by greatest likelihood.
+
+    chosen     of each comparison the one of the two that was chosen, None for neither
+    people     who made each: errors then hold though choices of one person are alike (a "sandwich" by groups); else
+               each comparison counts as another person's
+    reference  stimulus whose strength is 0; the mean is where there is none
+    side       fit too what being named first adds
+
+    Raises StudyError where no finite strengths exist: some stimuli were never chosen over, nor tied with, the others.
+
+    >>> fit = bradley_terry([0, 0, 0], [1, 1, 1], [0, 0, 1], stimuli=2)
+    >>> round(fit.chance(0, 1), 6)
+    0.666667
+    """
+    pairs = np.array([first, second], dtype=np.int64).reshape(2, -1).T  # (m, 2)
+    outcome = np.array([_outcome(pair, one) for pair, one in zip(pairs, chosen, strict=True)], dtype=np.int64)
+    _check(pairs, outcome, stimuli)
+    tied = bool((outcome == 2).any())
+    features = _features(pairs, stimuli, tied, side)  # (m, outcomes, parameters)
+    estimate, chances, information = _fitted(features, outcome)
+    covariance = np.linalg.inv(information)
+    if people is not None:
+        gradients = features[np.arange(len(outcome)), outcome] - np.einsum("mo,mop->mp", chances, features)
+        covariance = covariance @ _spread(gradients, people) @ covariance
+    centre = np.eye(stimuli)
+    centre -= 1 / stimuli if reference is None else np.eye(stimuli)[reference]
+    to_strengths = centre[:, 1:]  # the first stimulus is 0 in the fit
+    own = slice(0, stimuli - 1)
+    variances = np.einsum("kp,pq,kq->k", to_strengths, covariance[own, own], to_strengths)
+    return Strengths(
+        strengths=frozen(to_strengths @ estimate[own]),
+        errors=frozen(np.sqrt(np.maximum(variances, 0.0))),
+        ties=float(np.exp(estimate[stimuli - 1])) if tied else 0.0,
+        side=float(estimate[-1]) if side else np.nan,
+        side_error=float(np.sqrt(covariance[-1, -1])) if side else np.nan,
+        choices=len(outcome),
+    )
+
+
+def _outcome(pair: IntArray, chosen: int | None) -> int:
+    """0 where the first of a pair was chosen, 1 the second, 2 neither."""
+    if chosen is None:
+        return 2
+    if chosen not in pair:
+        raise StudyError(f"of the stimuli {pair[0]} and {pair[1]} one is chosen, or None; got {chosen}")
+    return int(chosen == pair[1])
+
+
+def _check(pairs: IntArray, outcome: IntArray, stimuli: int) -> None:
+    """Raise StudyError where the likelihood has no greatest value (Ford 1957, American Mathematical Monthly 64, 28)."""
+    if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
+        raise StudyError(f"expected comparisons of two different ones of {stimuli} stimuli, counted from 0")
+    if (outcome == 2).all():
+        raise StudyError("nobody chose one of two stimuli: all said neither, and strengths cannot be told")
+    forth, back = outcome != 1, outcome != 0
+    over = np.concatenate([pairs[forth], pairs[back][:, ::-1]])  # chosen, or as good, over the other
+    graph = coo_array((np.ones(len(over)), (over[:, 0], over[:, 1])), shape=(stimuli, stimuli))
+    parts, part = csgraph.connected_components(graph, directed=True, connection="strong")
+    if parts > 1:
+        groups = "; ".join(", ".join(map(str, np.flatnonzero(part == one))) for one in range(parts))
+        raise StudyError(
+            f"the choices order groups of stimuli without exception, or never compare them: {groups} (counted from 0). "
+            "Their strengths differ beyond all bounds; report the counts, or ask more people"
+        )
+
+
+def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArray:
+    """What each parameter adds to the weight of each outcome: (m, 2 or 3 outcomes, parameters)."""
+    count, last = len(pairs), stimuli - 1
+    features = np.zeros((count, 2 + tied, stimuli + tied + side))
+    rows = np.arange(count)
+    for outcome in (0, 1):
+        features[rows, outcome, pairs[:, outcome]] = 1
+        if tied:
+            features[rows, 2, pairs[:, outcome]] = 0.5
+    features = features[:, :, 1:]  # the strength of the first stimulus is 0
+    if tied:
+        features[:, 2, last] = 1
+    if side:
+        features[:, 0, -1] = 1
+    return features
+
+
+def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Parameters of greatest likelihood, chances of the outcomes (m, o), and the information about the parameters.
+
+    The likelihood is concave, so Newton's steps, halved where one goes too far, end at its greatest value.
+    """
+    chosen = features[np.arange(len(outcome)), outcome].sum(axis=0)
+    estimate = np.zeros(features.shape[2])
+    for _ in range(MOST_STEPS):
+        chances = special.softmax(features @ estimate, axis=1)
+        mean = np.einsum("mo,mop->mp", chances, features)
+        information = np.einsum("mo,mop,moq->pq", chances, features, features) - mean.T @ mean
+        gradient = chosen - mean.sum(axis=0)
+        if np.abs(estimate).max() > STRONGEST:
+            break
+        if np.abs(gradient).max() < 1e-10 * len(outcome):
+            return estimate, chances, information
+        step = np.linalg.solve(information, gradient)
+        reached = _likelihood(chosen, features, estimate)
+        while _likelihood(chosen, features, estimate + step) < reached - 1e-9 * len(outcome):
+            step /= 2
+        estimate = estimate + step
+    raise StudyError("no finite strengths fit the choices: which one was named first decided too many; leave side out")
+
+
+def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) -> float:
+    """The logarithm of the likelihood of what was chosen."""
+    return float(chosen @ estimate - special.logsumexp(features @ estimate, axis=1).sum())
+
+
+def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
+    """Squares of the gradients of each person, summed: what choices that go together are worth."""
+    _, member = np.unique(np.array(people), return_inverse=True)
+    count = int(member.max()) + 1
+    if len(member) != len(gradients) or count < 2:
+        raise StudyError(f"expected who made each of {len(gradients)} comparisons, two people or more, got {count}")
+    sums = np.zeros((count, gradients.shape[1]))
+    np.add.at(sums, member, gradients)
+    spread: FloatArray = sums.T @ sums * count / (count - 1)
+    return spread
