@@ -1,0 +1,115 @@
+"""The posterior of a person's weights as weighted draws.
+
+Draws of the prior are weighted by how probable they make the answers. That is exact but for the number of draws: no
+normal approximation, which fails where a share may be nothing. As answers come, fewer and fewer draws carry the weight.
+Once they count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random walk that
+keeps the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.preference.model import Evidence
+from hpop.preference.prior import Prior
+
+COUNT = 20_000
+"""Draws of the posterior."""
+LEAST_EFFECTIVE = 500
+"""Of equal draws, as how many the weighted ones count at least."""
+STEPS = 12
+"""Of the random walk each time, by which duplicates part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Weighted draws of shares (N, f), sharpness (N,) and ties (N,), the logarithms (N,) of their weights beside."""
+
+    shares: FloatArray
+    sharpness: FloatArray
+    ties: FloatArray
+    logs: FloatArray
+
+    @classmethod
+    def of(cls, prior: Prior, f: int, count: int, rng: np.random.Generator) -> Draws:
+        """Draws of the prior, all alike."""
+        return cls(*prior.draw(f, count, rng), np.zeros(count))
+
+    def __len__(self) -> int:
+        return len(self.logs)
+
+    @property
+    def weights(self) -> FloatArray:
+        """Weights (N, f) of the costs: sharpness times shares."""
+        return np.asarray(self.sharpness[:, None] * self.shares)
+
+    def probability(self) -> FloatArray:
+        """Of each draw (N,); they add up to 1."""
+        size = np.exp(self.logs - self.logs.max())
+        return np.asarray(size / size.sum())
+
+    @property
+    def effective(self) -> float:
+        """As how many equal draws they count: 1 / sum of the squared probabilities (Kong 1992)."""
+        return float(1.0 / (self.probability() ** 2).sum())
+
+    def told(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        """The draws after further answers; ``known`` has all answers, these among them."""
+        draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
+        return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
+
+    def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        """Draws of equal weight, as many, each moved by the random walk."""
+        draws = self.equal(len(self), rng)
+        place = _place(draws)  # (N, f + 1)
+        probability = self.probability()
+        away = (own := _place(self)) - probability @ own
+        spread = (away * probability[:, None]).T @ away  # of the weighted draws: the same without luck in drawing
+        root = _root(spread) * (2.38 / np.sqrt(place.shape[1]))  # Roberts and Rosenthal 2001
+        density = _density(draws, known, prior)
+        for step in range(STEPS):
+            scale = 1.0 if step % 3 else 0.3  # now and then short: the posterior may be bent
+            moved = place + scale * (rng.standard_normal(place.shape) @ root.T)
+            there = _from_place(moved)
+            new = _density(there, known, prior)
+            taken = np.log(rng.random(len(draws))) < new - density
+            place[taken], density[taken] = moved[taken], new[taken]
+        return _from_place(place)
+
+    def equal(self, count: int, rng: np.random.Generator) -> Draws:
+        """So many draws of equal weight, one for each equal part of the probability (systematic resampling)."""
+        rows = self._rows(count, rng)
+        return Draws(self.shares[rows], self.sharpness[rows], self.ties[rows], np.zeros(count))
+
+    def _rows(self, count: int, rng: np.random.Generator) -> IntArray:
+        ends = np.cumsum(self.probability())
+        parts = (np.arange(count) + rng.random()) / count * ends[-1]
+        return np.minimum(np.searchsorted(ends, parts, side="right"), len(self) - 1)
+
+
+def _place(draws: Draws) -> FloatArray:
+    """Draws where they have no bounds (N, f + 1): logarithms of shares over the last one, sharpness and ties."""
+    logs = np.log(draws.shares)
+    return np.column_stack([logs[:, :-1] - logs[:, -1:], np.log(draws.sharpness), np.log(draws.ties)])
+
+
+def _from_place(place: FloatArray) -> Draws:
+    logs = np.column_stack([place[:, :-2], np.zeros(len(place))])
+    shares = np.exp(np.maximum(logs - logs.max(axis=1, keepdims=True), -600.0))
+    shares /= shares.sum(axis=1, keepdims=True)
+    return Draws(shares, np.exp(place[:, -2]), np.exp(place[:, -1]), np.zeros(len(place)))
+
+
+def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
+    """Logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
+    of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
+    return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
+
+
+def _root(spread: FloatArray) -> FloatArray:
+    """A root of a covariance, also of one that has none of its own in some direction."""
+    values, vectors = np.linalg.eigh(spread + 1e-12 * np.eye(len(spread)))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 1e-12)))

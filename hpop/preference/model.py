@@ -1,0 +1,81 @@
+"""How a person who weighs costs answers: which of two trajectories is preferred, with what probability.
+
+A trajectory costs ``w . z``, with z the costs as shares of the front's range and weights w >= 0: all costs are minimised,
+so what costs more of everything is never preferred for it. Of two the cheaper one is chosen as a Bradley-Terry model
+says, and now and then, by a lapse of attention, just any::
+
+    P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
+
+Where a person may also say that there is no difference, ties are Davidson's (1970, "On extending the Bradley-Terry
+model to accommodate ties in paired comparison experiments"), with the symmetric form ``nu`` of their weight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpop.arrays import BoolArray, FloatArray
+
+LAPSE = 0.02
+"""Share of answers that say nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What was answered, as the model needs it: the order in which two were shown is in none of it.
+
+    gains    (n, f)  what the one that was not chosen costs more, each cost as a share of its range; of a tie either way
+    tied     (n,)    whether there was no difference
+    offered  (n,)    whether that could be said
+    weight   (n,)    as how many answers each counts
+    """
+
+    gains: FloatArray
+    tied: BoolArray
+    offered: BoolArray
+    weight: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.gains)
+
+    def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
+        """Logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
+        logs = log_answers(weights @ self.gains.T, self.tied, self.offered, ties[:, None])  # (N, n)
+        return np.asarray(logs @ self.weight)
+
+    def __getitem__(self, which: slice) -> Evidence:
+        return Evidence(self.gains[which], self.tied[which], self.offered[which], self.weight[which])
+
+
+def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
+    """Logarithm of the probability of answers, arrays that broadcast.
+
+    gain     what the one that was not chosen costs more, w . (z_other - z_chosen)
+    tied     whether the answer was that there is no difference
+    offered  whether that could be answered
+    ties     Davidson's nu
+    """
+    size = np.exp(-np.abs(gain))  # at most 1, so nothing overflows
+    nu = np.where(offered, ties, 0.0) * np.sqrt(size)
+    share = np.where(tied, nu, np.where(gain < 0, size, 1.0)) / (1.0 + size + nu)
+    lapse = np.where(offered, LAPSE / 3, LAPSE / 2)
+    return np.asarray(np.log(lapse + (1.0 - LAPSE) * share))
+
+
+def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
+    """Probabilities that the first, the second, and, where that may be said, neither of two is chosen.
+
+    gain  what the second costs more than the first
+    ties  Davidson's nu, None where there is no such answer
+    """
+    size = np.exp(-np.abs(gain))
+    nu = 0.0 if ties is None else ties * np.sqrt(size)
+    total = 1.0 + size + nu
+    ahead = (1.0 - LAPSE) / total
+    behind = ahead * size
+    lapse = LAPSE / 2 if ties is None else LAPSE / 3
+    first = lapse + np.where(gain < 0, behind, ahead)
+    second = lapse + np.where(gain < 0, ahead, behind)
+    return (first, second) if ties is None else (first, second, lapse + nu * ahead)
