@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -14,6 +14,12 @@ from hpop.frontier.point import Point
 from hpop.text import shown
 
 T = TypeVar("T")
+
+
+class Preferring(Protocol):
+    """Whoever knows which row of a front a person prefers."""
+
+    def row(self, front: Any, /) -> int: ...
 
 
 class Choices(Generic[T]):
@@ -67,11 +73,19 @@ class Choices(Generic[T]):
         columns = self._columns(order)
         return self._point(choosing.lexicographic(self._counts(), columns))
 
-    def select(self, weights: Mapping[str, float]) -> Point[T]:
+    def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Point[T]:
         """Return the point with the least weighted sum of normalised costs; what is not named weighs nothing.
 
-        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``.
+        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``. Or that
+        which a person prefers, whose weights are by unit, so that they mean the same on each front:
+        ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
         """
+        if (weights is None) == (preference is None):
+            raise FrontError("select by weights, such as {'turns': 2, 'length': 1}, or by a preference, by one of them")
+        if preference is not None:
+            self._require_points()
+            return self._point(preference.row(self))
+        assert weights is not None
         values, vector = choosing.named_numbers("weights", weights), np.zeros(len(self.names))
         vector[self._columns(weights)] = values
         return self._point(choosing.weighted_sum(self._counts(), vector))

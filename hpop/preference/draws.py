@@ -1,9 +1,9 @@
 """The posterior of a person's weights as weighted draws.
 
 Draws of the prior are weighted by how probable they make the answers. That is exact but for the number of draws: no
-normal approximation, which fails where a share may be nothing. As answers come, fewer and fewer draws carry the weight.
-Once they count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random walk that
-keeps the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models").
+normal approximation, which fails where a share may be nothing. As answers come, fewer and fewer draws carry the
+weight. Once they count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random
+walk that keeps the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models").
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.preference.model import Evidence
-from hpop.preference.prior import Prior
+from hpop.preference.prior import LEAST_LOG, Prior
 
 COUNT = 20_000
 """Draws of the posterior."""
@@ -62,22 +62,44 @@ class Draws:
         return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Draws of equal weight, as many, each moved by the random walk."""
+        """Draws of equal weight, as many, each moved by the random walk.
+
+        Where sharpness is 0 answers say nothing of shares, which are drawn from the prior itself.
+        """
         draws = self.equal(len(self), rng)
-        place = _place(draws)  # (N, f + 1)
-        probability = self.probability()
-        away = (own := _place(self)) - probability @ own
-        spread = (away * probability[:, None]).T @ away  # of the weighted draws: the same without luck in drawing
-        root = _root(spread) * (2.38 / np.sqrt(place.shape[1]))  # Roberts and Rosenthal 2001
-        density = _density(draws, known, prior)
+        sharp = draws.sharpness > 0
+        shares, _, ties = replace(prior, random=0.0).draw(draws.shares.shape[1], int((~sharp).sum()), rng)
+        of_random = Draws(shares, np.zeros(len(ties)), ties, np.zeros(len(ties)))
+        if not sharp.any():
+            return of_random
+        moved = draws._part(sharp)._walked(self._part(self.sharpness > 0)._spread(), known, prior, rng)
+        return of_random._with(moved)
+
+    def _walked(self, root: FloatArray, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        """Each draw moved by a random walk, whose steps a root of a covariance gives, that keeps the posterior."""
+        place = _place(self)
+        density = _density(self, known, prior)
         for step in range(STEPS):
-            scale = 1.0 if step % 3 else 0.3  # now and then short: the posterior may be bent
-            moved = place + scale * (rng.standard_normal(place.shape) @ root.T)
-            there = _from_place(moved)
-            new = _density(there, known, prior)
-            taken = np.log(rng.random(len(draws))) < new - density
-            place[taken], density[taken] = moved[taken], new[taken]
+            length = 1.0 if step % 3 else 0.3  # now and then short: the posterior may be bent
+            moved = place + length * (rng.standard_normal(place.shape) @ root.T)
+            there = _density(_from_place(moved), known, prior)
+            taken = np.log(rng.random(len(place))) < there - density
+            place[taken], density[taken] = moved[taken], there[taken]
         return _from_place(place)
+
+    def _spread(self) -> FloatArray:
+        """A root of the covariance of weighted draws, as long as steps are best (Roberts and Rosenthal 2001)."""
+        place, probability = _place(self), self.probability()
+        away = place - probability @ place
+        values, vectors = np.linalg.eigh((away * probability[:, None]).T @ away)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 1e-12)) * (2.38 / np.sqrt(place.shape[1])))
+
+    def _part(self, kept: BoolArray) -> Draws:
+        return Draws(self.shares[kept], self.sharpness[kept], self.ties[kept], self.logs[kept])
+
+    def _with(self, other: Draws) -> Draws:
+        columns = ((mine, its) for mine, its in zip(vars(self).values(), vars(other).values(), strict=True))
+        return Draws(*(np.concatenate(pair) for pair in columns))
 
     def equal(self, count: int, rng: np.random.Generator) -> Draws:
         """So many draws of equal weight, one for each equal part of the probability (systematic resampling)."""
@@ -87,7 +109,7 @@ class Draws:
     def _rows(self, count: int, rng: np.random.Generator) -> IntArray:
         ends = np.cumsum(self.probability())
         parts = (np.arange(count) + rng.random()) / count * ends[-1]
-        return np.minimum(np.searchsorted(ends, parts, side="right"), len(self) - 1)
+        return np.asarray(np.minimum(np.searchsorted(ends, parts, side="right"), len(self) - 1))
 
 
 def _place(draws: Draws) -> FloatArray:
@@ -98,7 +120,7 @@ def _place(draws: Draws) -> FloatArray:
 
 def _from_place(place: FloatArray) -> Draws:
     logs = np.column_stack([place[:, :-2], np.zeros(len(place))])
-    shares = np.exp(np.maximum(logs - logs.max(axis=1, keepdims=True), -600.0))
+    shares = np.exp(np.maximum(logs - logs.max(axis=1, keepdims=True), LEAST_LOG))
     shares /= shares.sum(axis=1, keepdims=True)
     return Draws(shares, np.exp(place[:, -2]), np.exp(place[:, -1]), np.zeros(len(place)))
 
@@ -107,9 +129,3 @@ def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
     """Logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
-
-
-def _root(spread: FloatArray) -> FloatArray:
-    """A root of a covariance, also of one that has none of its own in some direction."""
-    values, vectors = np.linalg.eigh(spread + 1e-12 * np.eye(len(spread)))
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 1e-12)))

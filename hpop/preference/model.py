@@ -1,8 +1,8 @@
 """How a person who weighs costs answers: which of two trajectories is preferred, with what probability.
 
-A trajectory costs ``w . z``, with z the costs as shares of the front's range and weights w >= 0: all costs are minimised,
-so what costs more of everything is never preferred for it. Of two the cheaper one is chosen as a Bradley-Terry model
-says, and now and then, by a lapse of attention, just any::
+A trajectory costs ``w . z``, with z the costs as shares of the front's range and weights w >= 0: all costs are
+minimised, so what costs more of everything is never preferred for it. Of two the cheaper one is chosen as a
+Bradley-Terry model says, and now and then, by a lapse of attention, just any::
 
     P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
 
@@ -57,6 +57,9 @@ def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: Flo
     offered  whether that could be answered
     ties     Davidson's nu
     """
+    if not offered.any():  # the same, in half the time
+        chosen = 1.0 / (1.0 + np.exp(np.minimum(-gain, 700.0)))
+        return np.asarray(np.log(LAPSE / 2 + (1.0 - LAPSE) * chosen))
     size = np.exp(-np.abs(gain))  # at most 1, so nothing overflows
     nu = np.where(offered, ties, 0.0) * np.sqrt(size)
     share = np.where(tied, nu, np.where(gain < 0, size, 1.0)) / (1.0 + size + nu)

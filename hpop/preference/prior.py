@@ -22,9 +22,13 @@ LEAST_LOG = -600.0
 class Prior:
     """Shares of a Dirichlet distribution, sharpness and ties of logarithmic normal ones, all independent.
 
+    Some people answer just anything: their sharpness is 0. Without them the question that tells most is never one whose
+    answer is known beforehand, so nothing would tell a person without a preference from a fastidious one.
+
     concentration    of the shares, one for each cost; none: 1 for all, so that all shares are alike probable
     sharpness        median
     spread           standard deviation of the sharpness's logarithm
+    random           share of people who answer just anything
     ties             median of Davidson's nu
     ties_spread      standard deviation of its logarithm
     """
@@ -32,6 +36,7 @@ class Prior:
     concentration: tuple[float, ...] = ()
     sharpness: float = SHARPNESS
     spread: float = 0.7
+    random: float = 0.2
     ties: float = 0.5
     ties_spread: float = 1.0
 
@@ -39,6 +44,7 @@ class Prior:
         object.__setattr__(self, "concentration", tuple(map(float, self.concentration)))
         for name in ("sharpness", "spread", "ties", "ties_spread"):
             real(f"{name} of the prior", getattr(self, name), 1e-3, 1e3, "a positive number", error=StudyError)
+        real("random of the prior", self.random, 0, 0.9, "a share", error=StudyError)
         for value in self.concentration:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
@@ -48,13 +54,13 @@ class Prior:
             return np.ones(f)
         if len(self.concentration) != f:
             raise StudyError(
-                f"the prior has concentrations of {len(self.concentration)} costs, and there are {f}: take one that was "
-                "learnt from people who were asked about the same costs"
+                f"the prior has concentrations of {len(self.concentration)} costs, and there are {f}: take one learnt "
+                "from people who were asked about the same costs"
             )
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Shares (N, f), sharpness (N,) and ties (N,)."""
+        """Shares (N, f), sharpness (N,) and ties (N,); the first ones are of people who answer just anything."""
         # By gamma variables in logarithms: no share is 0 that was merely small.
         shape = self.concentrations(f)
         logs = np.log(rng.standard_gamma(shape + 1.0, (count, f))) + np.log(rng.random((count, f))) / shape
@@ -62,6 +68,7 @@ class Prior:
         shares = np.exp(np.maximum(logs, LEAST_LOG))
         shares /= shares.sum(axis=1, keepdims=True)
         sharpness = np.exp(log(self.sharpness) + self.spread * rng.standard_normal(count))
+        sharpness[: round(self.random * count)] = 0.0
         ties = np.exp(log(self.ties) + self.ties_spread * rng.standard_normal(count))
         return shares, sharpness, ties
 

@@ -1,0 +1,95 @@
+"""What a person answered: which of two, or ratings, as the model takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.options import MOST, real, whole
+from hpop.preference.model import Evidence
+from hpop.preference.scale import Scale
+from hpop.text import shown
+
+MOST_ANSWERS = 10_000
+"""Of one person, pairs made of ratings among them."""
+
+
+class Answer(NamedTuple):
+    """Which of two points of a front is preferred.
+
+    first, second  rows, in the order in which they were shown
+    chosen         the row that is preferred; None: there is no difference
+    costs          of both, in the units of the preference
+    weight         as how many answers it counts: 1 but for pairs made of ratings
+    """
+
+    first: int
+    second: int
+    chosen: int | None
+    costs: tuple[tuple[float, ...], tuple[float, ...]]
+    weight: float = 1.0
+
+
+def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> Answer:
+    """An answer about rows of the costs (n, k) of a front, checked."""
+    a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
+            for what, row in (("the first", first), ("the second", second)))  # fmt: skip
+    if a == b:
+        raise StudyError(f"a choice is between two rows, got {a} twice")
+    if chosen is not None and chosen not in (a, b):
+        raise StudyError(f"chosen of rows {a} and {b} is one of them, or None for no difference, got {shown(chosen)}")
+    pair = tuple(costs[a].tolist()), tuple(costs[b].tolist())
+    return Answer(a, b, None if chosen is None else int(chosen), pair, weight)
+
+
+def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[Answer]:
+    """Answers from pairs (the row chosen, the other one), or from choices with ``first_row``, ``chosen_row``, ..."""
+    answers = []
+    for choice in choices:
+        if hasattr(choice, "chosen_row"):
+            answers.append(answer_of(choice.first_row, choice.second_row, choice.chosen_row, costs))
+        elif isinstance(choice, Sequence) and not isinstance(choice, str) and len(choice) == 2:
+            answers.append(answer_of(choice[0], choice[1], choice[0], costs))
+        else:
+            raise StudyError(
+                "a choice is the row that was chosen and the other one, such as (3, 12), or a choice of "
+                f"answers.choices(...), got {shown(choice)}"
+            )
+    return answers
+
+
+def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
+    """Answers from ratings by row, more is better: the better one of each two, equal ones are no difference.
+
+    m ratings say no more than m - 1 comparisons in a row do, so each of the m (m - 1) / 2 pairs counts 2 / m.
+    """
+    if not isinstance(ratings, Mapping) or len(ratings) < 2:
+        raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
+    if len(ratings) ** 2 > 2 * MOST_ANSWERS:
+        raise StudyError(f"expected ratings of at most {int((2 * MOST_ANSWERS) ** 0.5)} rows, got {len(ratings):,}")
+    for row, rating in ratings.items():
+        real(f"the rating of row {shown(row)}", rating, -MOST, MOST, error=StudyError)
+    answers = []
+    for (a, of_a), (b, of_b) in combinations(sorted(ratings.items()), 2):
+        better = None if of_a == of_b else (a if of_a > of_b else b)
+        answers.append(answer_of(a, b, better, costs, 2 / len(ratings)))
+    return answers
+
+
+def evidence(answers: Sequence[Answer], scale: Scale, *, ties: bool) -> Evidence:
+    """What answers say, for the model; ``ties``: whether "no difference" could be answered."""
+    n = len(answers)
+    pairs = np.array([answer.costs for answer in answers]).reshape(n, 2, len(scale.names))
+    gains = scale.scaled(pairs[:, 1]) - scale.scaled(pairs[:, 0])
+    turned = np.array([answer.chosen == answer.second for answer in answers], dtype=np.bool_)
+    return Evidence(
+        np.where(turned[:, None], -gains, gains),
+        np.array([answer.chosen is None for answer in answers], dtype=np.bool_),
+        np.full(n, ties),
+        np.array([answer.weight for answer in answers], dtype=np.float64),
+    )

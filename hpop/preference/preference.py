@@ -1,0 +1,269 @@
+"""What a person prefers, learnt from choices between trajectories: weights of the costs, with how sure they are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.frontier import Front
+from hpop.options import MOST_SEED, real, whole
+from hpop.preference import storage
+from hpop.preference.answers import Answer, answer_of, evidence, of_choices, of_ratings
+from hpop.preference.best import NEAR, Best, judged, row_of
+from hpop.preference.draws import COUNT, Draws
+from hpop.preference.prior import Prior
+from hpop.preference.questions import most_telling
+from hpop.preference.scale import Feature, Scale, fingerprint
+from hpop.text import shown
+
+QUESTIONS = 12
+"""After which nobody is asked any more, where it is not said otherwise."""
+SURE = 0.8
+"""Probability of the best row from which on it needs no more questions."""
+NOT_RANDOM = 0.1
+"""Probability that answers are just anything below which these two rules hold."""
+ASKING = 1_000
+"""Draws by which the next question is chosen."""
+JUDGING = 2_000
+"""Draws by which the best row is judged."""
+PREFER, COMFORT = "prefer", "comfort"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Preference:
+    """Weights of a front's costs for one person and one question, as a posterior; :meth:`fit` makes one.
+
+    What is preferred is not what is most comfortable (Becerra et al. 2020): ask each as a question of its own.
+
+    scale     costs by name and unit, and what of them is 0 and 1
+    question  "prefer", "comfort", or other words
+    answers   what it was learnt from
+    draws     of the posterior, weighted
+    prior     what was thought before
+    ties      whether "no difference" could be answered
+    seed      of all that is drawn: the same answers give the same preference
+    front     SHA-256 of the costs that were asked about
+    points    the front that is asked about, None of one that was read from a file (see :meth:`on`)
+
+    Guarantees: no weight is negative, so a dominated point is never best; the order in which two were shown, and a
+    change of units, change nothing. Of people as the prior has them, intervals hold as often as they say.
+
+    Cost: some 20 ms a question and for each best row, of a front of some hundred points.
+    """
+
+    scale: Scale
+    question: str
+    answers: tuple[Answer, ...]
+    draws: Draws
+    prior: Prior
+    ties: bool
+    seed: int
+    front: str
+    points: Front[Any] | None
+
+    @classmethod
+    def fit(
+        cls,
+        front: Front[Any],
+        choices: Iterable[Any] = (),
+        *,
+        ratings: Mapping[int, float] | None = None,
+        question: str = PREFER,
+        features: Mapping[str, Feature] | None = None,
+        ties: bool | None = None,
+        prior: Prior | None = None,
+        seed: int = 0,
+        count: int = COUNT,
+    ) -> Self:
+        """The preference that choices between points of a front show; without any, what is thought of anybody.
+
+        Parameters
+        ----------
+        front : front of at least two points
+        choices : pairs of rows, (the one chosen, the other), or choices as a study's answers have them; these may be
+            ties
+        ratings : by row, more is better; they count as pairs within the person, see :func:`~answers.of_ratings`
+        question : what was asked, "prefer" or "comfort"
+        features : by cost: "log", or a number above which the cost counts once more; see :class:`Scale`
+        ties : whether "no difference" could be answered; by default whether it was
+        prior : by default that of anybody; see :meth:`People.prior`
+        seed : of what is drawn
+        count : draws of the posterior
+
+        Raises StudyError for rows that the front does not have, and for what is no choice.
+        """
+        seed = whole("seed", seed, 0, MOST_SEED, error=StudyError)
+        scale = Scale.of(front, features)
+        costs = np.asarray(front.costs)
+        answers = of_choices(choices, costs) + ([] if ratings is None else of_ratings(ratings, costs))
+        # In any order: sorted ones would drive the draws where the posterior is not, and back.
+        answers = [answers[i] for i in np.random.default_rng([seed, 4]).permutation(len(answers))]
+        may_tie = any(answer.chosen is None for answer in answers) if ties is None else bool(ties)
+        prior = Prior() if prior is None else prior
+        count = whole("count", count, 1_000, 10**6, error=StudyError)
+        drawn = Draws.of(prior, len(scale.columns), count, np.random.default_rng([seed, 0]))
+        _check_question(question)
+        empty = cls(scale, question, (), drawn, prior, may_tie, seed, fingerprint(front), front)
+        return empty._told(answers)
+
+    def told(self, first: int, second: int, chosen: int | None) -> Self:
+        """The preference after one more answer: rows that were shown, and which was chosen; None, no difference.
+
+        Raises StudyError for rows that the front does not have.
+        """
+        return self._told([answer_of(first, second, chosen, self.scale.costs_on(self._points()))])
+
+    def _told(self, more: Iterable[Answer]) -> Self:
+        answers, draws = list(self.answers), self.draws
+        new = list(more)
+        if not self.ties and any(answer.chosen is None for answer in new):
+            raise StudyError("no difference was no answer here; give ties=True from the first question on")
+        known = evidence([*answers, *new], self.scale, ties=self.ties)
+        for i, answer in enumerate(new, len(answers)):
+            draws = draws.told(known[i : i + 1], known[: i + 1], self.prior, np.random.default_rng([self.seed, 1, i]))
+            answers.append(answer)
+        return replace(self, answers=tuple(answers), draws=draws)
+
+    def on(self, front: Front[Any]) -> Self:
+        """The same person asked about another front; the scale stays, by units. StudyError where it lacks a cost."""
+        self.scale.costs_on(front)
+        return replace(self, points=front)
+
+    # What is known
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Expected share of each cost, of its range over the front that was asked about; they add up to 1."""
+        return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
+
+    def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
+        """For each cost an interval that holds its share with a probability, as much left out below as above."""
+        level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
+        probability, found = self.draws.probability(), {}
+        for j, name in enumerate(self.scale.columns):
+            order = np.argsort(self.draws.shares[:, j])
+            below = np.cumsum(probability[order])
+            ends = np.searchsorted(below, [(1 - level) / 2, (1 + level) / 2])
+            low, high = self.draws.shares[order, j][np.minimum(ends, len(order) - 1)].tolist()
+            found[name] = (low, high)
+        return found
+
+    @property
+    def random(self) -> float:
+        """Probability that the person answers just anything."""
+        return float(self.draws.probability()[self.draws.sharpness == 0].sum())
+
+    @property
+    def can_be_seen(self) -> bool:
+        """Whether the answers show a preference at all: it is more probable than that they are just anything."""
+        return bool(self.answers) and self.random < 0.5
+
+    def best(self, front: Front[Any] | None = None) -> Best:
+        """The point of least expected cost, of the front that was asked about or another one.
+
+        Raises StudyError where that lacks a cost.
+        """
+        front = self._points() if front is None else front
+        row = self.row(front)
+        probability, regrets = judged(self.scale.rows_on(front), self._equal(JUDGING))
+        near = np.flatnonzero(regrets <= regrets[row] + NEAR)
+        order = near[np.argsort(regrets[near], kind="stable")].tolist()
+        rest = tuple(other for other in order if other != row)
+        return Best(row, front[row], probability, regrets, (row, *rest))
+
+    def row(self, front: Front[Any]) -> int:
+        """The row of least expected cost: what ``front.select(preference=...)`` takes."""
+        if not len(front):
+            raise StudyError("the front has no points to choose from")
+        return row_of(self.scale.rows_on(front), self._shares)
+
+    # What to ask
+
+    def next_pair(self) -> tuple[int, int] | None:
+        """The two rows to ask about next, the first on the left; None where no two are left that differ noticeably."""
+        front = self._points()
+        costs = self.scale.costs_on(front)
+        asked = [(a.first, a.second) for a in self.answers if self._is_about(a, costs)]
+        rng = np.random.default_rng([self.seed, 2, len(self.answers)])
+        return most_telling(self.scale.scaled(costs), self._equal(ASKING), asked, rng, ties=self.ties)
+
+    def why_stop(self, most: int = QUESTIONS) -> str:
+        """Why no more need be asked, in words; "" where it is worth it."""
+        if len(self.answers) >= most:
+            return f"{most} questions were asked"
+        if not self.answers or self.random >= NOT_RANDOM:
+            return ""
+        best = self.best()
+        if best.probability[best.row] > SURE:
+            return f"the best one is found with a probability of {best.probability[best.row]:.2f}"
+        if best.regret < NEAR:
+            return f"another one is expected to be better by {100 * best.regret:.1f} % of the range only"
+        return ""
+
+    # Files
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the preference to a JSON file ``hpop-preference``, whole or not at all. OSError where it cannot."""
+        storage.write(path, self._stored())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read what :meth:`save` wrote; StudyError where it is something else, OSError where it cannot be read.
+
+        It knows no front: see :meth:`on`, or give one to :meth:`best`.
+        """
+        stored = storage.read(path)
+        draws = Draws(stored.shares, stored.sharpness, stored.ties_nu, np.zeros(len(stored.ties_nu)))
+        return cls(
+            stored.scale,
+            stored.question,
+            stored.answers,
+            draws,
+            stored.prior,
+            stored.ties,
+            stored.seed,
+            stored.front,
+            None,
+        )
+
+    def _stored(self) -> storage.Stored:
+        draws = self._equal(storage.DRAWS)
+        return storage.Stored(
+            self.scale, self.question, self.answers, self.prior, self.ties, self.seed, self.front,
+            draws.shares, draws.sharpness, draws.ties,
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        shares = ", ".join(f"{name} {share:.2f}" for name, share in self.weights.items())
+        return f"<Preference ({self.question}) from {len(self.answers)} answers: {shares}>"
+
+    @cached_property
+    def _shares(self) -> FloatArray:
+        return np.asarray(self.draws.probability() @ self.draws.shares)
+
+    def _equal(self, count: int) -> Draws:
+        return self.draws.equal(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
+
+    def _points(self) -> Front[Any]:
+        if self.points is None:
+            raise StudyError("this preference was read from a file and knows no front; give it one: person.on(front)")
+        return self.points
+
+    def _is_about(self, answer: Answer, costs: FloatArray) -> bool:
+        """Whether an answer is about rows of these costs, and not of those of another front."""
+        rows = (answer.first, answer.second)
+        return max(rows) < len(costs) and all(
+            tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)
+        )
+
+
+def _check_question(question: Any) -> None:
+    if not isinstance(question, str) or not question.strip() or len(question) > 100:
+        raise StudyError(f"a question is a word such as 'prefer' or 'comfort', got {shown(question)}")

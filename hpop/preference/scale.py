@@ -1,0 +1,138 @@
+"""What costs are for a preference: as shares of a front's range, one column a cost or, where asked for, a bent one.
+
+The scale is that of the front that was asked about, by units: on another front a metre weighs as much as it did there,
+however far that front reaches.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError, did_you_mean
+from hpop.frontier import Front
+from hpop.frontier.choosing import ROUNDING
+from hpop.options import MOST, real
+from hpop.text import shown
+
+LOG = "log"
+BENT = 9.0
+"""Of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
+Feature = str | float
+"""How a cost is bent: "log", or a number in its unit above which it counts more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Costs by name and unit, and what of them is 0 and what 1.
+
+    ideal     (k,)   the least of the front, in the units
+    span      (k,)   its range; 0 where the cost is the same all over the front, and says nothing of a preference
+    features  by name of a cost: "log", a unit near the ideal counts more; or a number in its unit, above which the cost
+              counts once more, with a share of its own
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    ideal: FloatArray
+    span: FloatArray
+    features: Mapping[str, Feature]
+
+    def __post_init__(self) -> None:
+        for name, feature in self.features.items():
+            self._check(name, feature)
+
+    @classmethod
+    def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> Scale:
+        """The scale of a front; StudyError where it has fewer than two points, or for what is no feature."""
+        if not isinstance(front, Front):
+            raise StudyError(f"a preference is learnt about a front, such as problem.solve() gives, got {shown(front)}")
+        if len(front) < 2:
+            raise StudyError(f"of {len(front)} points there is nothing to prefer; take a front of at least two")
+        low, high = front.ideal(), front.nadir()
+        varies = high - low > ROUNDING * np.maximum(np.abs(low), np.abs(high))
+        if features is not None and not isinstance(features, Mapping):
+            raise StudyError(f"features are given by the name of a cost, such as {{'turns': 6}}, got {shown(features)}")
+        return cls(front.names, front.units, low, np.where(varies, high - low, 0.0), dict(features or {}))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What has a share of its own: a cost, or what of it is above a number."""
+        above = [f"{name} above {bound:g}" for name, bound in self.features.items() if bound != LOG]
+        return (*self.names, *above)
+
+    def scaled(self, costs: FloatArray) -> FloatArray:
+        """What costs (n, k), in units, are for the preference: (n, f), one column for each of ``columns``."""
+        plain = self._shares(costs)
+        columns = [self._bent(plain[:, j]) if self.features.get(n) == LOG else plain[:, j] for j, n in self._each]
+        for name, bound in self.features.items():
+            if not isinstance(bound, str):
+                j = self.names.index(name)
+                room = self.ideal[j] + self.span[j] - bound
+                columns.append(np.maximum(costs[:, j] - bound, 0.0) / room if room > 0 else np.zeros(len(costs)))
+        return np.column_stack(columns)
+
+    def costs_on(self, front: Front[Any]) -> FloatArray:
+        """The costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
+        columns = []
+        for name, unit in zip(self.names, self.units, strict=True):
+            if name not in front.names:
+                raise StudyError(
+                    f"the preference weighs {shown(name)}, which the front does not have"
+                    f"{' but reported' * (name in front.reported_names)}.{did_you_mean(name, front.names)} Its costs "
+                    f"are {', '.join(front.names)}; plan with {shown(name)} as a criterion, or ask about this front"
+                )
+            j = front.names.index(name)
+            if front.units[j] != unit:
+                raise StudyError(
+                    f"the preference has {shown(name)} in {shown(unit)}, the front in {shown(front.units[j])}; ask "
+                    "about this front, or give its costs in the same unit"
+                )
+            columns.append(front.costs[:, j])
+        return np.column_stack(columns)
+
+    def rows_on(self, front: Front[Any]) -> FloatArray:
+        """What the points of a front are for the preference (n, f)."""
+        return self.scaled(self.costs_on(front))
+
+    @cached_property
+    def _each(self) -> list[tuple[int, str]]:
+        return list(enumerate(self.names))
+
+    def _shares(self, costs: FloatArray) -> FloatArray:
+        varies = self.span > 0
+        shares = (costs - self.ideal) / np.where(varies, self.span, 1.0)
+        return np.asarray(np.where(varies, shares, 0.0))
+
+    @staticmethod
+    def _bent(share: FloatArray) -> FloatArray:
+        """A logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it goes straight on."""
+        below = np.minimum(share, 0.0)
+        return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
+
+    def _check(self, name: str, feature: Any) -> None:
+        if name not in self.names:
+            raise StudyError(f"no cost is called {shown(name)}.{did_you_mean(name, self.names)} There are: "
+                             f"{', '.join(self.names)}")  # fmt: skip
+        if feature == LOG:
+            return
+        bound = real(f"the feature of {name}", feature, -MOST, MOST, "'log' or a number in its unit", error=StudyError)
+        j = self.names.index(name)
+        if not self.ideal[j] < bound < self.ideal[j] + self.span[j]:
+            raise StudyError(
+                f"the feature of {name} is a number between the least and the most of the front, "
+                f"{self.ideal[j]:g} to {self.ideal[j] + self.span[j]:g} {self.units[j]}, got {bound:g}"
+            )
+
+
+def fingerprint(front: Front[Any]) -> str:
+    """SHA-256 of a front's names, units and costs: what was asked about, whatever file it is in."""
+    text = json.dumps([front.names, front.units, front.costs.tolist()], allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,190 @@
+"""The file of a preference: strict JSON, read without running anything.
+
+Written whole or not at all. It holds the costs by name and unit with their scale, draws of the posterior of equal
+weight, and the answers, so that asking can go on. Reading checks every key, type and number.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import os
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.frontier.atomic import replacing
+from hpop.frontier.columns import Kinds, numbers, parts
+from hpop.frontier.strict_json import parse, pieces
+from hpop.options import MOST_SEED
+from hpop.preference.answers import MOST_ANSWERS, Answer
+from hpop.preference.prior import Prior
+from hpop.preference.scale import Scale
+from hpop.regular_file import read_regular
+from hpop.text import shown
+
+SCHEMA = "hpop-preference"
+VERSION = 1
+SIZE_LIMIT = 16 * 1024**2
+"""Bytes."""
+DRAWS = 2_000
+"""Draws that a file holds."""
+MOST_CRITERIA = 100
+_TOP: Kinds = {
+    "schema": str, "version": int, "question": str, "n": int, "front": str, "criteria": list, "features": dict,
+    "prior": dict, "ties": bool, "seed": int, "answers": list, "draws": dict,
+}  # fmt: skip
+_CRITERION: Kinds = {"name": str, "unit": str, "ideal": (int, float), "range": (int, float)}
+_PRIOR: Kinds = {
+    "concentration": list, **dict.fromkeys(("sharpness", "spread", "random", "ties", "ties_spread"), (int, float)),
+}  # fmt: skip
+_ANSWER: Kinds = {"first": int, "second": int, "chosen": (int, type(None)), "costs": list, "weight": (int, float)}
+_DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
+
+
+class Stored(NamedTuple):
+    """What a file holds; shares (D, f), sharpness (D,) and Davidson's nu (D,) of draws of equal weight."""
+
+    scale: Scale
+    question: str
+    answers: tuple[Answer, ...]
+    prior: Prior
+    ties: bool
+    seed: int
+    front: str
+    shares: FloatArray
+    sharpness: FloatArray
+    ties_nu: FloatArray
+
+
+def write(path: str | os.PathLike[str], stored: Stored) -> None:
+    """Write a preference, in place of a file that is there. OSError where it cannot be written."""
+    target = Path(path)
+    if not target.parent.exists():
+        raise FileNotFoundError(errno.ENOENT, "the folder for the preference is not there; make it first", str(path))
+    with replacing(target) as file:
+        for piece in pieces(_document(stored)):
+            file.write(piece.encode())
+
+
+def read(path: str | os.PathLike[str]) -> Stored:
+    """Read and check a preference; StudyError for a file that is none, OSError for one that cannot be opened."""
+    try:
+        data = read_regular(path, SIZE_LIMIT)
+    except OSError as error:
+        if error.errno != errno.EFBIG:
+            raise
+        _refuse(path, f"a file of at most {SIZE_LIMIT} bytes", "a larger one")
+    try:
+        return _stored(parse(data))
+    except RecursionError:
+        _refuse(path, "a preference", "brackets nested too deeply")
+    except (StudyError, ValueError) as error:
+        _refuse(path, "a preference as `hpop prefer` writes it", str(error))
+
+
+def _refuse(path: str | os.PathLike[str], expected: str, found: str) -> NoReturn:
+    raise StudyError(
+        f"{os.fspath(path)}: expected {expected}; found: {found:.600}; ask again with `hpop prefer`"
+    ) from None
+
+
+def _document(stored: Stored) -> dict[str, Any]:
+    scale, prior = stored.scale, dataclasses.asdict(stored.prior)
+    return {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "question": stored.question,
+        "n": len(stored.answers),
+        "front": stored.front,
+        "criteria": [
+            {"name": name, "unit": unit, "ideal": ideal, "range": span}
+            for name, unit, ideal, span in zip(
+                scale.names, scale.units, scale.ideal.tolist(), scale.span.tolist(), strict=True
+            )
+        ],
+        "features": dict(scale.features),
+        "prior": prior | {"concentration": list(stored.prior.concentration)},
+        "ties": stored.ties,
+        "seed": stored.seed,
+        "answers": [answer._asdict() for answer in stored.answers],
+        "draws": {
+            "shares": {name: _rounded(stored.shares[:, j]) for j, name in enumerate(scale.columns)},
+            "sharpness": _rounded(stored.sharpness),
+            "ties": _rounded(stored.ties_nu),
+        },
+    }
+
+
+def _rounded(column: FloatArray) -> list[float]:
+    """Six digits, far more than so many draws tell."""
+    return [float(f"{value:.6g}") for value in column.tolist()]
+
+
+def _stored(given: Any) -> Stored:
+    schema, version, question, n, front, criteria, features, prior, ties, seed, answers, draws = parts(
+        given, "the file", _TOP
+    )
+    if (schema, version) != (SCHEMA, VERSION):
+        raise ValueError(f"the schema {shown(schema)} of version {version}, not {SCHEMA} {VERSION}")
+    if not 0 < len(criteria) <= MOST_CRITERIA:
+        raise ValueError(f"{len(criteria)} criteria, not from 1 to {MOST_CRITERIA}")
+    if not 0 <= seed <= MOST_SEED:
+        raise ValueError(f"the seed {seed}")
+    scale = _scale(criteria, features)
+    k = len(scale.names)
+    if not len(answers) == n <= MOST_ANSWERS:
+        raise ValueError(f"{len(answers)} answers, and n {n}")
+    return Stored(
+        scale,
+        question,
+        tuple(_answer(one, k) for one in answers),
+        _prior(prior),
+        ties,
+        seed,
+        front,
+        *_draws(draws, scale),
+    )
+
+
+def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
+    rows = [parts(one, "a criterion", _CRITERION) for one in criteria]
+    names, units, ideal, span = zip(*rows, strict=True)
+    if len(set(names)) < len(names):
+        raise ValueError(f"a criterion twice among {', '.join(names)}")
+    low, size = (numbers(list(column), what, len(names)) for column, what in ((ideal, "ideal"), (span, "range")))
+    if (size < 0).any():
+        raise ValueError("a negative range")
+    return Scale(names, units, low, size, features)
+
+
+def _prior(given: dict[str, Any]) -> Prior:
+    concentration, *rest = parts(given, "the prior", _PRIOR)
+    return Prior(tuple(numbers(concentration, "concentration", len(concentration)).tolist()), *map(float, rest))
+
+
+def _answer(given: Any, k: int) -> Answer:
+    first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
+    if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
+        raise ValueError("costs of an answer that are not those of two rows")
+    pair = tuple(tuple(numbers(one, "the costs of an answer", k).tolist()) for one in costs)
+    if min(first, second) < 0 or first == second or chosen not in (first, second, None) or not 0 < weight <= 1:
+        raise ValueError(f"an answer that makes no sense: {shown(given)}")
+    return Answer(first, second, chosen, (pair[0], pair[1]), float(weight))
+
+
+def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray, FloatArray]:
+    shares, sharpness, ties = parts(given, "draws", _DRAWS)
+    columns = parts(shares, "the shares", dict.fromkeys(scale.columns, list))
+    size = len(ties)
+    if not 0 < size <= 1_000_000:
+        raise ValueError(f"{size} draws")
+    table = np.column_stack([numbers(c, n, size) for c, n in zip(columns, scale.columns, strict=True)])
+    sharp, nu = numbers(sharpness, "sharpness", size), numbers(ties, "ties", size)
+    if (table < 0).any() or (table.sum(axis=1) <= 0).any() or (sharp < 0).any() or (nu <= 0).any():
+        raise ValueError("draws of negative shares, sharpness or ties")
+    table = np.maximum(table, 1e-250)
+    return table / table.sum(axis=1, keepdims=True), sharp, nu

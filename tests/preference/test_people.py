@@ -1,0 +1,96 @@
+"""Pooling: what earlier people tell of the next one, with and without profiles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.errors import StudyError
+from hpop.preference import People, Preference, Prior
+from tests import preferring as people
+
+FRONT = people.front(60)
+
+
+def those(n: int, toward: float = 0.0, *, questions: int = 12) -> tuple[list[Preference], list[dict[str, float]]]:
+    """People with Dirichlet shares; with ``toward`` the higher their "mssq" the more turns count."""
+    found, profiles = [], []
+    for i in range(n):
+        rng = np.random.default_rng([i, 8])
+        mssq = float(rng.normal(10, 4))
+        concentration = np.array([2.0, 6.0 * np.exp(toward * (mssq - 10) / 4), 2.0])
+        weights = 20.0 * rng.dirichlet(concentration)
+        choices = []
+        rows = (FRONT.costs - FRONT.costs.min(axis=0)) / np.ptp(FRONT.costs, axis=0)
+        for _ in range(questions):
+            a, b = rng.choice(len(rows), 2, replace=False).tolist()
+            chosen = people.answered(rng, a, b, rows, weights)
+            choices.append((chosen, b if chosen == a else a))
+        found.append(Preference.fit(FRONT, choices, seed=i, count=2_000))
+        profiles.append({"mssq": mssq})
+    return found, profiles
+
+
+@pytest.fixture(scope="module")
+def forty() -> People:
+    return People(*those(40, 0.8))
+
+
+def test_many_people_who_mind_turns_make_it_likely_of_the_next(forty: People) -> None:
+    expected = Preference.fit(FRONT, prior=forty.prior({"mssq": 10.0})).weights
+    assert expected["turns"] > 0.45 > 1 / 3 > max(expected["length"], expected["exposure"])
+
+
+def test_a_profile_tells_what_to_expect_of_enough_people(forty: People) -> None:
+    assert forty.uses_profile
+    low, middle, high = (Preference.fit(FRONT, prior=forty.prior({"mssq": m})).weights["turns"] for m in (2, 10, 18))
+    assert low + 0.1 < middle < high
+    unsaid = forty.prior()
+    assert unsaid.concentration == pytest.approx(
+        forty.prior({"mssq": np.mean([p["mssq"] for p in forty.profiles])}).concentration
+    )
+    found = {a.cost: a.correlation for a in forty.associations()}
+    assert found["turns"] > 0.3
+
+
+def test_of_few_people_the_profile_is_reported_and_not_used(forty: People) -> None:
+    few = People(forty.preferences[:19], forty.profiles[:19])
+    assert not few.uses_profile
+    assert few.prior({"mssq": 2.0}) == few.prior({"mssq": 18.0})
+    assert {(a.profile, a.cost, a.people) for a in few.associations()} == {("mssq", cost, 19) for cost in FRONT.names}
+
+
+def test_one_person_changes_little() -> None:
+    (one,), _ = those(1)
+    concentration = np.array(People([one]).prior().concentration)
+    assert (np.abs(np.log(concentration)) < 0.7).all()
+
+
+def test_a_prior_of_people_needs_fewer_answers_to_be_right(forty: People) -> None:
+    pooled = forty.prior({"mssq": 10.0})
+    errors: dict[str, list[float]] = {"pooled": [], "alone": []}
+    rows = (FRONT.costs - FRONT.costs.min(axis=0)) / np.ptp(FRONT.costs, axis=0)
+    for i in range(30):
+        rng = np.random.default_rng([i, 99])
+        shares = rng.dirichlet([2.0, 6.0, 2.0])
+        choices = []
+        for _ in range(3):
+            a, b = rng.choice(len(rows), 2, replace=False).tolist()
+            chosen = people.answered(rng, a, b, rows, 20 * shares)
+            choices.append((chosen, b if chosen == a else a))
+        for name, prior in (("pooled", pooled), ("alone", Prior())):
+            person = Preference.fit(FRONT, choices, prior=prior, seed=i, count=2_000)
+            errors[name].append(float(np.abs(np.array(list(person.weights.values())) - shares).sum()))
+    assert np.mean(errors["pooled"]) < 0.8 * np.mean(errors["alone"])
+
+
+def test_comfort_and_preference_are_not_pooled() -> None:
+    asked = [Preference.fit(FRONT, question=question) for question in ("prefer", "comfort")]
+    with pytest.raises(StudyError, match="one question about the same costs"):
+        People(asked)
+    with pytest.raises(StudyError, match="one a person, got 1"):
+        People(asked[:1] * 2, [{"mssq": 1.0}])
+    with pytest.raises(StudyError, match="no profile has 'age'; what theirs have: mssq"):
+        People(asked[:1], [{"mssq": 1.0}]).prior({"age": 3})
+    with pytest.raises(StudyError, match="at least one person"):
+        People([])
