@@ -121,10 +121,14 @@ hpop.search.timed.TimedGraph
 hpop.search.timed.timed_paths
 hpop.status.Progress
 hpop.status.Status
+hpop.study.Best
 hpop.study.Condition
 hpop.study.Design
 hpop.study.Form
 hpop.study.Participant
+hpop.study.People
+hpop.study.Preference
+hpop.study.Prior
 hpop.study.Protocol
 hpop.study.front_digest
 hpop.study.pick

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from hpop.preference import Best, People, Preference, Prior
     from hpop.study.conditions import Condition
     from hpop.study.design import Design
     from hpop.study.forms import Form
@@ -17,10 +18,14 @@ if TYPE_CHECKING:
     from hpop.study.scoring import score
 
 __all__ = [
+    "Best",
     "Condition",
     "Design",
     "Form",
     "Participant",
+    "People",
+    "Preference",
+    "Prior",
     "Protocol",
     "front_digest",
     "pick",
@@ -28,10 +33,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Best": "hpop.preference",
     "Condition": "hpop.study.conditions",
     "Design": "hpop.study.design",
     "Form": "hpop.study.forms",
     "Participant": "hpop.study.participants",
+    "People": "hpop.preference",
+    "Preference": "hpop.preference",
+    "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",

@@ -270,3 +270,25 @@ def test_rows_that_are_always_chosen_come_first_and_none_is_chosen_twice(Y, coun
     rows = differing(Y, count, always=always)
     assert rows[: len(always)] == always
     assert len(set(rows)) == len(rows) == max(len(always), min(count, len(Y)))
+
+
+class Third:
+    """Somebody who always prefers the third row."""
+
+    def row(self, front):
+        return 2
+
+
+def test_select_takes_the_row_that_somebody_prefers():
+    front = front_of([[1.0, 5.0], [2.0, 4.0], [3.0, 3.0]])
+    assert front.select(preference=Third()).index == 2
+
+
+def test_select_takes_weights_or_a_preference():
+    front = front_of([[1.0, 2.0], [2.0, 1.0]])
+    with pytest.raises(FrontError, match="by one of them"):
+        front.select()
+    with pytest.raises(FrontError, match="by one of them"):
+        front.select({"turns": 1}, preference=Third())
+    with pytest.raises(FrontError, match="no points"):
+        front_of(np.empty((0, 2))).select(preference=Third())

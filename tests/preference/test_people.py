@@ -47,7 +47,7 @@ def test_a_profile_tells_what_to_expect_of_enough_people(forty: People) -> None:
     assert low + 0.1 < middle < high
     unsaid = forty.prior()
     assert unsaid.concentration == pytest.approx(
-        forty.prior({"mssq": np.mean([p["mssq"] for p in forty.profiles])}).concentration
+        forty.prior({"mssq": float(np.mean([p["mssq"] for p in forty.profiles]))}).concentration
     )
     found = {a.cost: a.correlation for a in forty.associations()}
     assert found["turns"] > 0.3

@@ -13,7 +13,7 @@ from hpop.frontier import Front
 from hpop.preference import Preference, Prior
 from tests import preferring as people
 
-TRIANGLE = Front.of([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+TRIANGLE: Front[int] = Front.of([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["turns", "length"], quanta=[1e-6, 1e-6])
 
 
 def integrated(gains: FloatArray, prior: Prior) -> tuple[float, float]:
@@ -52,7 +52,7 @@ def test_many_answers_come_to_what_bradley_and_terry_say() -> None:
 
     def loss(worth: FloatArray) -> float:  # of rows 0 and 2 beside row 1
         of = np.array([worth[0], 0.0, worth[1]])
-        return -sum(times * -np.log1p(np.exp(of[b] - of[a])) for (a, b), times in counts.items())
+        return float(sum(times * np.log1p(np.exp(of[b] - of[a])) for (a, b), times in counts.items()))
 
     oracle = minimize(loss, np.zeros(2)).x
     mean = person.draws.probability() @ person.draws.weights
@@ -104,7 +104,9 @@ def test_the_order_of_a_pair_changes_nothing() -> None:
 def test_a_change_of_units_changes_nothing() -> None:
     front = people.front()
     factors = np.array([1000.0, 60.0, 1 / 3600])
-    other = Front.of(front.costs * factors, names=front.names, units=["mm", "1", "h"], quanta=factors * 1e-6)
+    other: Front[int] = Front.of(
+        front.costs * factors, names=front.names, units=["mm", "1", "h"], quanta=factors * 1e-6
+    )
     choices = [(3, 9), (8, 4), (1, 5), (2, 20), (40, 30)]
     here, there = Preference.fit(front, choices), Preference.fit(other, choices)
     assert here.weights == pytest.approx(there.weights, abs=1e-9)
@@ -121,7 +123,7 @@ def test_the_same_answers_give_the_same_preference_and_another_seed_nearly_the_s
 
 def test_a_cost_that_is_the_same_everywhere_keeps_its_prior() -> None:
     costs = np.column_stack([people.front(k=2).costs, np.full(60, 4.0)])
-    front = Front.of(costs, names=["length", "turns", "height"], quanta=[1e-6] * 3)
+    front: Front[int] = Front.of(costs, names=["length", "turns", "height"], quanta=[1e-6] * 3)
     person = Preference.fit(front, [(3, 9), (4, 20)])
     assert person.weights["height"] == pytest.approx(1 / 3, abs=0.05)
 

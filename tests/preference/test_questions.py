@@ -14,7 +14,7 @@ from hpop.preference.best import row_of
 from hpop.preference.questions import NOTICEABLE, information
 from tests import preferring as people
 
-THREE = Front.of([[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+THREE: Front[int] = Front.of([[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
 
 
 def test_of_three_rows_each_pair_is_asked_in_both_orders_and_then_none() -> None:
@@ -34,7 +34,7 @@ def test_what_nobody_can_tell_apart_is_never_asked() -> None:
         a, b = person.next_pair() or pytest.fail("a pair")
         assert (np.abs(front.costs[a] - front.costs[b]) / span).max() >= NOTICEABLE
         person = person.told(a, b, a)
-    alike = Front.of([[0.0, 1.0], [0.01, 0.99], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+    alike: Front[int] = Front.of([[0.0, 1.0], [0.01, 0.99], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
     assert {frozenset(pair) for pair in pairs_of(Preference.fit(alike))} == {frozenset((0, 2)), frozenset((1, 2))}
 
 
@@ -96,7 +96,7 @@ def test_who_has_a_preference_is_not_told_so() -> None:
 
 
 def test_telling_questions_find_the_best_sooner_than_random_ones() -> None:
-    regrets = {True: [], False: []}
+    regrets: dict[bool, list[float]] = {True: [], False: []}
     front = people.front(158)
     for i in range(8):
         shares, sharpness, _ = people.drawn(Prior(random=0.0), 3, i)
