@@ -121,7 +121,9 @@ hpop.search.timed.TimedGraph
 hpop.search.timed.timed_paths
 hpop.status.Progress
 hpop.status.Status
+hpop.study.Answers
 hpop.study.Best
+hpop.study.Choice
 hpop.study.Condition
 hpop.study.Design
 hpop.study.Form

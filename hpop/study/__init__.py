@@ -8,6 +8,7 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior
+    from hpop.study.answers import Answers, Choice
     from hpop.study.conditions import Condition
     from hpop.study.design import Design
     from hpop.study.forms import Form
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from hpop.study.scoring import score
 
 __all__ = [
+    "Answers",
     "Best",
+    "Choice",
     "Condition",
     "Design",
     "Form",
@@ -33,7 +36,9 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Answers": "hpop.study.answers",
     "Best": "hpop.preference",
+    "Choice": "hpop.study.answers",
     "Condition": "hpop.study.conditions",
     "Design": "hpop.study.design",
     "Form": "hpop.study.forms",

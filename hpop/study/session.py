@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints
@@ -29,6 +29,8 @@ MOST_EVENTS = 20_000
 MOST_REMARK = 2000
 """Characters of a remark."""
 MOST_KEYS = 20
+MOST_SLOW = 0.05
+"""Share of a ride's time in which fewer than 60 pictures a second may be shown."""
 NONE = "none"
 """Neither of a pair."""
 WORD = re.compile(r"[a-z][a-z_]{0,39}")
@@ -139,7 +141,7 @@ class Session:
             for key, value in stored.device.items():
                 if isinstance(value, str) and (len(value) > 400 or HARMFUL.search(value)):
                     raise StudyError(f"device.{key} must be at most 400 plain characters, got {shown(value)}")
-            check_events(design, person, stored.events)
+            standing_after(design, person, stored.events)
         except StudyError as error:
             raise StudyError(f"{path}: {error}") from None
         return cls(person, stored.device, tuple(stored.events))
@@ -155,9 +157,9 @@ class Session:
         return self._has("stop")
 
     @property
-    def last_place(self) -> int:
-        """Where the participant came to."""
-        return max((event.place for event in self.events if event.place is not None), default=0)
+    def reached(self) -> int:
+        """The last place whose stimulus began; 0 before the first."""
+        return max((event.place or 0 for event in self.events if event.kind == "stimulus"), default=0)
 
     @cached_property
     def answers(self) -> dict[Slot, Answer]:
@@ -195,24 +197,26 @@ class Session:
         return {item: self.answers[slot].value for item, slot in slots.items() if slot in self.answers}
 
     def lacking(self, design: Design) -> list[str]:
-        """Which items have no answer, in words; after a stop only up to the place where it was."""
-        last = min(self.last_place, len(design.letters)) if self.stopped else len(design.letters) + 1
+        """Which items have no answer, in words."""
         said = []
         for form in (form for form in design.questionnaires if form.kind == "ratings"):
             for place in asked_at(design, form):
                 given = self.values(place, form)
                 items = [item.id for item in form.items if item.id not in given]
-                if items and place <= last:
-                    what = "all of them" if len(items) == len(form.items) else ", ".join(items)
+                if items:
+                    what = "all" if len(items) == len(form.items) else ", ".join(items)
                     said.append(f"{form.id} at place {place} lacks {counted(len(items), 'answer')}: {what}")
         known = {(one.question, frozenset((one.first, one.second))) for one in self.comparisons}
-        questions = questions_of(design)
-        several = sum(
-            (name, frozenset(pair)) not in known for name in questions for pair in design.pairs(self.person.id)
-        )
-        if several and not self.stopped:
-            said.append(f"{counted(several, 'comparison')} of pairs are not answered")
+        asked = product(questions_of(design), map(frozenset, design.pairs(self.person.id)))
+        if several := sum(one not in known for one in asked):
+            said.append(f"{counted(several, 'comparison')} not answered")
         return said
+
+    @property
+    def jerky(self) -> list[tuple[str, float]]:
+        """Rides that were not drawn smoothly: the letter, and the share of the time with fewer than 60 pictures a s."""
+        told = {event.condition: event.value.get("slow", 0.0) for event in self.events if event.kind == "frames"}
+        return [(letter, slow) for letter, slow in told.items() if letter and slow >= MOST_SLOW]
 
     def _has(self, kind: str) -> bool:
         return any(event.kind == kind for event in self.events)
@@ -237,50 +241,58 @@ def questions_of(design: Design) -> tuple[str, ...]:
     return tuple(item.id for form in design.questionnaires if form.kind == "pairs" for item in form.items)
 
 
-def check_events(design: Design, person: Participant, events: Iterable[Event], *, after: float = 0.0) -> None:
-    """Check events in their order; StudyError for one that the design does not ask for.
+class Standing(NamedTuple):
+    """How a session stands after some events: s since its start, whether there was consent, and a stop."""
 
-    Parameters
-    ----------
-    after : s, of an event before them, and then consent was given before
-    """
-    consented = after > 0.0
+    t: float = 0.0
+    consented: bool = False
+    stopped: bool = False
+
+    def then(self, design: Design, person: Participant, event: Event) -> Standing:
+        """How it stands after one more event; StudyError for one that the design does not ask for."""
+        if event.t < self.t:
+            raise StudyError(f"time goes back, from {self.t:g} to {event.t:g} s")
+        if event.kind in ("answer", "compare", "remark") and not self.consented:
+            raise StudyError(f"{event.kind} before consent was given")
+        _check_place(person, event)
+        _check_value(design, event, stopped=self.stopped)
+        agreed = event.kind == "consent" and event.value is True
+        return Standing(event.t, self.consented or agreed, self.stopped or event.kind == "stop")
+
+
+def standing_after(design: Design, person: Participant, events: Iterable[Event]) -> Standing:
+    """How a session stands after all its events; StudyError for one that the design does not ask for."""
+    standing = Standing()
     for number, event in enumerate(events):
         try:
-            if event.t < after:
-                raise StudyError(f"time goes back, from {after:g} to {event.t:g} s")
-            if event.kind in ("answer", "compare", "remark") and not consented:
-                raise StudyError("an answer before consent was given")
-            consented |= event.kind == "consent" and event.value in (None, True)
-            check_event(design, person, event)
+            standing = standing.then(design, person, event)
         except StudyError as error:
             raise StudyError(f"events[{number}]: {error}") from None
-        after = event.t
+    return standing
 
 
-def check_event(design: Design, person: Participant, event: Event) -> None:
-    """Check what an event says by itself: its place, its letter, its item and its value."""
-    _check_place(design, person, event)
+def _check_value(design: Design, event: Event, *, stopped: bool) -> None:
+    """Check an event's item and its value."""
+    value = event.value
     match event.kind:
         case "answer":
-            _check_answer(design, event)
+            _check_answer(design, event, stopped=stopped)
         case "compare":
-            _check_comparison(design, event)
+            _check_comparison(design, value)
         case "remark":
-            text = event.value
-            if not isinstance(text, str) or len(text) > MOST_REMARK or HARMFUL.search(text.replace("\n", " ")):
-                raise StudyError(f"a remark is plain text of at most {MOST_REMARK:,} characters, got {shown(text)}")
+            if not isinstance(value, str) or len(value) > MOST_REMARK or HARMFUL.search(value.replace("\n", " ")):
+                raise StudyError(f"a remark is plain text of at most {MOST_REMARK:,} characters, got {shown(value)}")
         case "frames":
-            numbers = event.value
-            if not isinstance(numbers, dict) or len(numbers) > MOST_KEYS or not all(map(_is_number, numbers.values())):
-                raise StudyError(f"expected numbers of frames by name, got {shown(numbers)}")
-        case _:
-            word = isinstance(event.value, str) and WORD.fullmatch(event.value)
-            if not (event.value is None or word or isinstance(event.value, bool) or _is_number(event.value)):
-                raise StudyError(f"{event.kind} has a number, a word or nothing as its value, got {shown(event.value)}")
+            named = isinstance(value, dict) and len(value) <= MOST_KEYS and all(map(WORD.fullmatch, value))
+            if not named or not all(map(_is_number, value.values())):
+                raise StudyError(f"expected numbers of frames by name, got {shown(value)}")
+        case kind:
+            word = isinstance(value, str) and WORD.fullmatch(value)
+            if not (value is None or word or isinstance(value, bool) or _is_number(value)):
+                raise StudyError(f"{kind} has a number, a word or nothing as its value, got {shown(value)}")
 
 
-def _check_place(design: Design, person: Participant, event: Event) -> None:
+def _check_place(person: Participant, event: Event) -> None:
     last = len(person.order) + 1
     if event.place is None:
         if event.condition is not None:
@@ -296,31 +308,29 @@ def _check_place(design: Design, person: Participant, event: Event) -> None:
         )
 
 
-def _check_answer(design: Design, event: Event) -> None:
+def _check_answer(design: Design, event: Event, *, stopped: bool) -> None:
     form = design.form(event.form or "")
     item = form.item(event.item or "")
-    if form.kind != "ratings" or event.place not in asked_at(design, form):
+    places = asked_at(design, form) + [len(design.letters) + 1] * stopped  # how somebody feels who stopped
+    if form.kind != "ratings" or event.place not in places:
         raise StudyError(f"form {form.id} is not asked at place {event.place}")
     if event.value is not None and event.value not in (scale := form.scale_of(item)):
         raise StudyError(f"item {item.id} of form {form.id} is answered by {scale}, got {shown(event.value)}")
 
 
-def _check_comparison(design: Design, event: Event) -> None:
-    if not isinstance(event.value, dict):
-        raise StudyError(f"a comparison is an object of question, pair and chosen, got {shown(event.value)}")
+def _check_comparison(design: Design, value: Any) -> None:
     try:
-        value = Compared.model_validate(event.value)
+        compared = Compared.model_validate(value)
     except ValueError:
-        raise StudyError(
-            f"a comparison is a question, a pair of letters and one chosen, got {shown(event.value)}"
-        ) from None
+        raise StudyError(f"a comparison is an object of question, pair and chosen, got {shown(value)}") from None
     known = questions_of(design)
-    if value.question not in known:
-        raise StudyError(f"the study asks {', '.join(known) or 'nothing'} of pairs, got {shown(value.question)}")
-    for letter in value.pair:
-        design.condition(letter)
-    if value.pair[0] == value.pair[1] or value.chosen not in (*value.pair, NONE):
-        raise StudyError(f"of {' and '.join(value.pair)} one is chosen, or {NONE!r}, got {shown(value.chosen)}")
+    if compared.question not in known:
+        raise StudyError(f"the study asks {', '.join(known) or 'nothing'} of pairs, got {shown(compared.question)}")
+    first, second = compared.pair
+    if {design.condition(first).row, design.condition(second).row} & {None} or first == second:
+        raise StudyError(f"two rides are compared, got {first} and {second}")
+    if compared.chosen not in (first, second, NONE):
+        raise StudyError(f"of {first} and {second} one is chosen, or {NONE!r}, got {shown(compared.chosen)}")
 
 
 def _is_number(value: object) -> bool:

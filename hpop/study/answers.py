@@ -1,0 +1,269 @@
+"""The answers of a study: what all participants said, as tables, as matrices for statistics, and as choices."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.errors import StudyError
+from hpop.options import one_of
+from hpop.study.design import Design
+from hpop.study.documents import write_bytes
+from hpop.study.forms import Form
+from hpop.study.participants import unequal
+from hpop.study.scoring import score
+from hpop.study.session import Session, asked_at, questions_of
+from hpop.study.tables import Column, Contents, csv_bytes, sqlite_bytes
+from hpop.text import counted, shown
+
+FOLDER = "answers"
+MOST_FILES = 2000
+CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
+NOBODY = "no answers"
+
+
+class Row(NamedTuple):
+    """The last answer to an item at a place; ``seconds`` since the event before it, ``t`` since the session's start."""
+
+    participant: str
+    place: int
+    condition: str | None
+    form: str
+    item: str
+    value: float
+    seconds: float
+    t: float
+
+
+class ScoreRow(NamedTuple):
+    """A score of a form at a place; NaN where an answer lacks."""
+
+    participant: str
+    place: int
+    condition: str | None
+    form: str
+    score: str
+    value: float
+
+
+class Choice(NamedTuple):
+    """Which of two rows of the front somebody chose; None for neither. ``first_row`` stood left."""
+
+    participant: str
+    first_row: int
+    second_row: int
+    chosen_row: int | None
+
+
+class Matrix(NamedTuple):
+    """A score after each stimulus.
+
+    people      (n,)    ids
+    conditions  (K,)    letters
+    values      (n, K)  NaN where an answer lacks
+    places      (n, K)  at which each saw each
+    """
+
+    people: tuple[str, ...]
+    conditions: tuple[str, ...]
+    values: FloatArray
+    places: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """All sessions of a study; :meth:`load` reads them."""
+
+    design: Design
+    sessions: tuple[Session, ...]
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str], design: Design | None = None) -> Answers:
+        """Read the answers in a study's folder, all of them.
+
+        Raises StudyError where a file is none of this design's participants, or says what the design does not ask.
+        """
+        known = Design.load(folder) if design is None else design
+        sessions, refused = read_sessions(Path(folder), known)
+        if refused:
+            more = f"; and {len(refused) - 1:,} more, which `hpop study check` lists" if len(refused) > 1 else ""
+            raise StudyError(refused[0] + more)
+        return cls(known, tuple(sessions))
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Ids of those who answered."""
+        return tuple(session.person.id for session in self.sessions)
+
+    @cached_property
+    def table(self) -> tuple[Row, ...]:
+        """All answers, one row an item."""
+        return tuple(
+            Row(session.person.id, slot.place, _letter(session, slot.place), slot.form, slot.item, *answer)
+            for session in self.sessions
+            for slot, answer in sorted(session.answers.items())
+        )
+
+    @cached_property
+    def scores(self) -> tuple[ScoreRow, ...]:
+        """All scores of forms that were answered at all."""
+        found = []
+        for session in self.sessions:
+            for form in self._rated():
+                for place in range(len(self.design.letters) + 2):
+                    if values := session.values(place, form):
+                        about = (session.person.id, place, _letter(session, place), form.id)
+                        found += [ScoreRow(*about, name, value) for name, value in score(form, values).items()]
+        return tuple(found)
+
+    def matrix(self, form: str, score: str) -> Matrix:
+        """A score, or an item, of a form that is asked after each stimulus."""
+        asked = self._asked(form, score)
+        letters = self.design.letters
+        values = np.full((len(self.sessions), len(letters)), np.nan)
+        places = np.zeros(values.shape, dtype=np.int64)
+        for i, session in enumerate(self.sessions):
+            for j, letter in enumerate(letters):
+                places[i, j] = session.person.order.index(letter) + 1
+                if places[i, j] in asked_at(self.design, asked):
+                    values[i, j] = self._value(session, places[i, j], asked, score)
+        return Matrix(self.people, letters, values, places)
+
+    def before(self, form: str, score: str) -> FloatArray:
+        """A score, or an item, (n,) before the first stimulus, in the order of :attr:`people`; NaN where it lacks."""
+        asked = self._asked(form, score)
+        return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
+
+    def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
+        """What was chosen of pairs, of one participant or all, as rows of the front."""
+        one_of("question", question, questions_of(self.design), error=StudyError)
+        if participant is not None and participant not in self.people:
+            raise StudyError(
+                f"there are no answers of {shown(participant)}; there are of {', '.join(self.people) or 'nobody'}"
+            )
+        rows = {condition.id: condition.row or 0 for condition in self.design.conditions}
+        return [
+            Choice(
+                session.person.id, rows[one.first], rows[one.second], None if one.chosen is None else rows[one.chosen]
+            )
+            for session in self.sessions
+            if participant in (None, session.person.id)
+            for one in session.comparisons
+            if one.question == question
+        ]
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is not as it should be in answers that can be used: half sessions, missing items, jerky rides."""
+        said = []
+        for session in self.sessions:
+            name = session.person.id
+            if session.stopped:
+                said.append(f"{name} stopped the session at place {session.reached}")
+            elif not session.ended:
+                said.append(f"{name} has half a session: it came to place {session.reached} and has no end")
+            else:
+                said += [f"{name}: {lacking}" for lacking in session.lacking(self.design)]
+            for letter, slow in session.jerky:
+                said.append(f"{name} saw {letter} with fewer than 60 pictures a second for {slow:.0%} of its time")
+        return tuple(said)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the answers: who is still to come, orders that are short, devices that differ."""
+        expected = {person.id for person in self.design.expected}
+        ended = [session.person for session in self.sessions if session.ended and session.person.id in expected]
+        said = [f"{len(ended):,} of {counted(len(expected), 'session')} are complete"]
+        if short := unequal([person.order for person in ended], self.design.orders):
+            said.append(f"complete sessions by order are not equally many: {'; '.join(short)}")
+        worn = sum(session.device.get("headset") is True for session in self.sessions)
+        if 0 < worn < len(self.sessions):
+            said.append(
+                f"{worn} of {len(self.sessions)} saw it in a headset, the others on a screen: compare them apart"
+            )
+        return tuple(said)
+
+    def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks apart from them in remarks.csv.
+
+        Tables hold ids, letters, names of items and numbers, and no text that a participant wrote.
+        """
+        target = Path(folder)
+        tables = dict(zip(("answers", "scores", "choices"), self._contents(), strict=True))
+        for name, table in zip(CSV, tables.values(), strict=True):
+            write_bytes(target / name, csv_bytes(table))
+        write_bytes(target / SQLITE, sqlite_bytes(tables))
+        remarks = [(session.person.id, *remark) for session in self.sessions for remark in session.remarks]
+        columns = [Column("participant", "TEXT"), Column("place", "INTEGER"), Column("remark", "TEXT")]
+        write_bytes(target / REMARKS, csv_bytes(Contents(columns, remarks)))
+        return [target / name for name in (*CSV, SQLITE, REMARKS)]
+
+    def _contents(self) -> tuple[Contents, Contents, Contents]:
+        """Answers, scores and choices."""
+        who = [Column("participant", "TEXT"), Column("place", "INTEGER"), Column("condition", "TEXT")]
+        times = [Column("seconds", "REAL"), Column("t", "REAL")]
+        of_item = [Column("form", "TEXT"), Column("item", "TEXT"), Column("value", "REAL")]
+        of_score = [Column("form", "TEXT"), Column("score", "TEXT"), Column("value", "REAL")]
+        pair = [Column(name, "TEXT") for name in ("participant", "question", "first", "second", "chosen")]
+        chosen = [(session.person.id, *one[:4], *one[4:]) for session in self.sessions for one in session.comparisons]
+        return (
+            Contents([*who, *of_item, *times], self.table),
+            Contents([*who, *of_score], self.scores),
+            Contents([*pair, *times], chosen),
+        )
+
+    def _rated(self) -> list[Form]:
+        return [form for form in self.design.questionnaires if form.kind == "ratings"]
+
+    def _asked(self, form: str, score: str) -> Form:
+        asked = self.design.form(form)
+        one_of(
+            "score", score, dict.fromkeys([*asked.score_names, *(item.id for item in asked.items)]), error=StudyError
+        )
+        return asked
+
+    def _value(self, session: Session, place: int, form: Form, name: str) -> float:
+        values = session.values(place, form)
+        return score(form, values)[name] if name in form.score_names else values.get(name, np.nan)
+
+
+def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
+    """The sessions in a study's folder that can be used, by their ids, and why each of the other files cannot."""
+    files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
+    if len(files) > MOST_FILES:
+        raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
+    sessions: dict[str, Session] = {}
+    refused = []
+    for path in files:
+        try:
+            session = Session.load(path, design)
+            _check_file(path, session.person.id, design, sessions)
+            sessions[session.person.id] = session
+        except StudyError as error:
+            refused.append(str(error))
+    return sorted(sessions.values(), key=lambda session: int(session.person.id[1:])), refused
+
+
+def _check_file(path: Path, participant: str, design: Design, known: dict[str, Session]) -> None:
+    """Whether a file may hold the answers of a participant."""
+    if participant in design.withdrawn:
+        raise StudyError(f"{path}: {participant} withdrew; `hpop study withdraw` removes these answers as well")
+    own = path.with_name(f"{participant}.json")
+    if path != own and own.exists():
+        raise StudyError(
+            f"{path}: a second file of participant {participant}, beside {own.name}; keep the one that is whole, "
+            "and move the other one out of the folder"
+        )
+    if path != own:
+        raise StudyError(f"{path}: these are the answers of {participant}; call the file {own.name}")
+
+
+def _letter(session: Session, place: int) -> str | None:
+    """What somebody saw at a place."""
+    return session.person.order[place - 1] if 1 <= place <= len(session.person.order) else None
