@@ -101,7 +101,7 @@ class Execution:
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
         self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
         self.record: list[dict[str, Any]] = []
-        self._network = Network(problem, planner, ways)
+        self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
         self._lag = float(
             self.begin
@@ -109,13 +109,19 @@ class Execution:
         self._last = -np.inf  # s, when it was last told anything
         self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0)]
         self._latest: Options | None = None
-        if not self.surroundings.moving:
-            self._network.ways(self.surroundings)  # ahead of the first question
+        self._lay_out(self.begin)  # ahead of the first question
 
     def __repr__(self) -> str:
         plan = self._plan
         ends = "to the goal" if plan.stops is None else "to where it is closed"
         return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
+
+    def _lay_out(self, now: float) -> None:
+        """Make ready for questions from now on, in the world as it is now."""
+        if not self.surroundings.moving:
+            self._network.ways(self.surroundings)
+        elif not (commit := self.commit(now, 0.0)).arrives:
+            self._network.among(self.surroundings, commit)
 
     # Where it is
 
@@ -380,9 +386,8 @@ class Execution:
         times = plan.announced.times
         begins = float(times[min(int(np.searchsorted(times, t - SAME)), times.size - 1)])
         self._stretches.append(Stretch(after, begins))
-        if not after.moving:
-            self._network.ways(after)
         cut = self._cut(now)
+        self._lay_out(now)
         ways = [] if self._latest is None else self._latest.ways
         invalid = tuple(np.flatnonzero(closed_ways(ways, new)).tolist())
         whole = Plan(self._plan.announced)

@@ -8,18 +8,19 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.arrays import IntArray
-from hpop.drive.answers import candidates_from, described_candidates
+from hpop.criteria.base import make_criterion
 from hpop.drive.known import Known
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import Surroundings
+from hpop.drive.timed_ways import TimedPlan, TimedWays
 from hpop.drive.ways import Ways
 from hpop.errors import DriveError
-from hpop.options import LEAST
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import Roadmap
+from hpop.planners.timed.assembly import reading_time
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ class Found(NamedTuple):
 class Network:
     """The graph of a drive between its changes, and the ways that are known on it."""
 
-    def __init__(self, problem: Problem, planner: Planner, ways: Sequence[Trajectory]) -> None:
+    def __init__(self, problem: Problem, planner: Planner, ways: Sequence[Trajectory], begin: float = 0.0) -> None:
+        """Of a robot that leaves at a time of the drive, s."""
         self.problem, self.planner = problem, planner
         self.objectives = edge_objectives(problem.criteria, planner.name)
         self._given = tuple(ways)
@@ -51,6 +53,10 @@ class Network:
         self._arcs: list[IntArray] = []  # of the ways that were given
         self._known: Known | None = None
         self._last: list[IntArray] = []  # what was found last
+        self._began = float(begin)
+        self._without: Ways | None = None  # while people move: without costs that read the time
+        self._among: TimedWays | None = None
+        self._met: list[TimedPlan] = []  # what was found last among them
 
     def found(
         self,
@@ -68,21 +74,72 @@ class Network:
         """
         problem = now.at(commit.state, commit.time)
         if now.moving:
-            return self._in_time(problem, deadline, answer)
+            return self._in_time(now, problem, commit, kept, deadline, answer)
         return self._on_graph(now, problem, commit, kept, deadline, answer)
 
-    def _in_time(self, problem: Problem, deadline: float, answer: Mapping[str, Any] | None) -> Found:
-        """What the planner finds among people who move, from the very beginning."""
+    def _in_time(
+        self,
+        now: Surroundings,
+        problem: Problem,
+        commit: Commit,
+        kept: Trajectory | None,
+        deadline: float,
+        answer: Mapping[str, Any] | None,
+    ) -> Found:
+        """What a search on a clock finds among people who move, beside what is known."""
+        among = self.among(now, commit)
+        node = int(among.ways.nodes(commit.state)[0])
+        node = among.start if node < 0 else node
         if answer is None:
-            limited = replace(self.planner, time_limit=max(deadline, LEAST))  # type: ignore[type-var]
-            candidates = limited.solve(problem)
+            given = among.plans(self._given, self._began)
+            present = [] if kept is None else among.plans([kept], commit.time)
+            paths = among.rests(node, commit.time, [*present, *given, *self._met], deadline)
         else:
-            candidates = candidates_from(answer, problem, self.objectives)
-        final = candidates.status.is_final
-        gap = candidates.stats.get("gap", 0.0 if final else None)  # none is proved where nothing was searched
-        labels = int(candidates.stats.get("labels_generated", 0))
-        again = None if final else described_candidates(candidates)
-        return Found(candidates, math.inf if gap is None else gap, labels, again)
+            paths = among.told(node, commit.time, answer)
+        self._met = among.found(paths)
+        again = None if paths.status.is_final else among.described(paths)
+        candidates = among.candidates(self.planner.name, problem, commit, node, paths)
+        return Found(candidates, paths.gap, paths.stats.labels_generated, again)
+
+    def among(self, now: Surroundings, commit: Commit) -> TimedWays:
+        """The graph on a clock among the people of now, for questions from a commit on; kept while it serves them."""
+        problem, before = now.at(commit.state, commit.time), self._among
+        ways = self._plain(now)
+        node = int(ways.nodes(commit.state)[0])
+        if (
+            before is not None
+            and before.serves(now, node, commit.time, ways)
+            and (before.alone or not before.is_near(problem))
+        ):
+            return before
+        if node < 0:
+            ways = ways.from_beside(problem)
+            node = ways.query.start
+        options = self.planner.time_options  # type: ignore[attr-defined]
+        if options.arrive_by is not None:  # since the robot left
+            left = options.arrive_by - (now.since - self._began)
+            options = replace(options, arrive_by=max(left, options.tick))
+        asked = commit.time, now, problem, self.objectives, options
+        self._among = TimedWays.laid_out(ways, node, *asked, before)
+        _ = self._among.prepared  # ahead of the next question
+        return self._among
+
+    def _plain(self, now: Surroundings) -> Ways:
+        """The graph with the costs that read no time, among the people of now."""
+        world = now.problem.world
+        if self._without is not None and self._without.world is world:
+            return self._without
+        space = self._inner(now) if self._without is None else self._without.inner
+        timed = reading_time(self.objectives.optimised, space.costed_in(world))
+        criteria = tuple(c for j, c in enumerate(self.objectives.optimised) if j not in timed)
+        objectives = replace(self.objectives, optimised=criteria or (make_criterion("duration"),))
+        if self._without is None or self._without.query.objectives.optimised != objectives.optimised:
+            problem = now.problem.at(self.problem.start, 0.0)
+            self._without = Ways.laid_out(self.planner.name, space, problem, objectives, now.closed)
+        else:
+            others = self._without.world.content.people != now.people
+            self._without = self._without.changed(world, now.closed, people=others)
+        return self._without
 
     def _on_graph(
         self,

@@ -16,6 +16,8 @@ from hpop.text import shown
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
+
 
 def follow(
     problem: Problem,
@@ -72,7 +74,7 @@ def _point(front: Front, choice: Any) -> Point:
 
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:
-    """The planner that found a point, with the options that make its graph; no other options."""
+    """The planner that found a point, with the options that make its graph and those of time; no other options."""
     name = origin.get("planner")
     options = getattr(planners[name], "graph_options", None) if isinstance(name, str) and name in planners else None
     if options is None:
@@ -80,5 +82,5 @@ def _planner_of(origin: Mapping[str, Any]) -> Planner:
             f"{shown(name)} has no graph on which other ways can be looked for; give planner='lattice', or another one "
             "that has"
         )
-    given = {option: origin[option] for option in cast(tuple[str, ...], options) if option in origin}
+    given = {option: origin[option] for option in (*cast(tuple[str, ...], options), *OF_TIME) if option in origin}
     return make_planner({cast(str, name): given})

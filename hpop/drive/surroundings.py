@@ -31,7 +31,7 @@ class Surroundings:
     bare      the world without people and without closed areas that have names
     closings  what is closed
     known     areas by name, of the map and of those that were closed meanwhile
-    since     s, of the drive
+    since     s, of the drive: when its people were predicted
     bodies    of the people who stand, which are closed as well
     """
 
@@ -75,12 +75,12 @@ class Surroundings:
         """With an area closed, by a name that is known or as a polygon; DriveError where there is none."""
         closing = to_close(area, name, self.known, self.closings)
         known = {**self.known, closing.name: closing.area} if closing.name else self.known
-        return self._changed(now, (*self.closings, closing), self._people_at(now), known=known)
+        return self._changed(*self._as_predicted(now), closings=(*self.closings, closing), known=known)
 
     def open(self, now: float, area: Any) -> Surroundings:
         """Without a closing, by its name or its polygon; DriveError where nothing is closed there."""
         opened = to_open(area, self.known, self.closings)
-        return self._changed(now, tuple(c for c in self.closings if c not in opened), self._people_at(now))
+        return self._changed(*self._as_predicted(now), closings=tuple(c for c in self.closings if c not in opened))
 
     def with_people(self, now: float, people: Iterable[Person], groups: Iterable[Iterable[int]] = ()) -> Surroundings:
         """With other people, as they are and are predicted now, and their conversations, places in ``people``."""
@@ -89,14 +89,14 @@ class Surroundings:
             raise DriveError(f"people are a list of hpop.world.Person, all who are there now, got {shown(people)}")
         if not given and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
             given, groups = tuple(_gone(person) for person in self.people), self.problem.world.content.groups
-        return self._changed(now, self.closings, given, groups=groups)
+        return self._changed(now, given, groups=groups)
 
     def stop(self, now: float, person: Any) -> Surroundings:
         """With one person, by name or number, who stands from now on where the prediction has them."""
         place = self._place_of(person)
         people = list(self._people_at(now))
         people[place] = _standing(people[place])
-        return self._changed(now, self.closings, tuple(people))
+        return self._changed(now, tuple(people))
 
     def _place_of(self, person: Any) -> int:
         """The number of a person."""
@@ -112,6 +112,14 @@ class Surroundings:
             "a name that one of them has, or a number"
         )
 
+    def _as_predicted(self, now: float) -> tuple[float, tuple[Person, ...]]:
+        """Since when, and the people: as they were predicted, so that all that is known of them stays.
+
+        Where nobody moves any more, they are those who are still there.
+        """
+        people = self._people_at(now)
+        return (self.since, self.people) if any(person.moves for person in people) else (now, people)
+
     def _people_at(self, now: float) -> tuple[Person, ...]:
         """People as they are predicted to be by now; those who are gone stay gone."""
         people = (person.later(max(0.0, now - self.since)) for person in self.people)
@@ -119,14 +127,15 @@ class Surroundings:
 
     def _changed(
         self,
-        now: float,
-        closings: tuple[Closing, ...],
+        since: float,
         people: tuple[Person, ...],
         *,
+        closings: tuple[Closing, ...] | None = None,
         groups: Iterable[Iterable[int]] | None = None,
         known: dict[str, BaseGeometry] | None = None,
     ) -> Surroundings:
-        """Others, since now."""
+        """Others, people as they are predicted since some time."""
+        closings = self.closings if closings is None else closings
         content = self.problem.world.content
         zones = [zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name)]
         unnamed = [zone for zone in self.bare.content.zones if zone.kind == "keep-out"]
@@ -140,7 +149,7 @@ class Surroundings:
         problem = replace(self.problem, world=world)
         known = self.known if known is None else known
         return Surroundings(
-            problem, self.bare, closings, known, now, _bodies(problem.world.content.people, self.bodies)
+            problem, self.bare, closings, known, since, _bodies(problem.world.content.people, self.bodies)
         )
 
 

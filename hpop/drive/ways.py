@@ -216,6 +216,10 @@ class Ways:
 
     def ways_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
         """The last part of each trajectory that goes along arcs of the graph to a goal, as their numbers."""
+        return [arcs for arcs, _ in self.ways_with_places(trajectories)]
+
+    def ways_with_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
+        """The same, and of each arc the number of the state from which it leads on."""
         if not trajectories:
             return []
         names = self.inner.model.space.names
@@ -232,9 +236,10 @@ class Ways:
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
         return arcs if begins and not self.closed[arcs].any() else None
 
-    def _way(self, nodes: IntArray) -> IntArray:
-        """Arcs between the last of some nodes, to a goal; -1 among the nodes is none of the graph."""
-        nodes = nodes[np.append(True, nodes[1:] != nodes[:-1])]  # one who stands stays at a node
+    def _way(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Arcs between the last of some nodes, to a goal, and the places of their tails; -1 is no node of the graph."""
+        places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # one who stands stays at a node
+        nodes = nodes[places]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
         if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
             beside = [goal for goal in self.query.goals if goal >= self.inner.size]
@@ -244,10 +249,12 @@ class Ways:
                 if final.size and final[0] >= 0:
                     break
             else:
-                return np.zeros(0, np.int64)
+                return np.zeros(0, np.int64), np.zeros(0, np.int64)
         arcs = self._arcs(nodes[:last], nodes[1 : last + 1])
         breaks = np.flatnonzero(arcs < 0)
-        return np.concatenate([arcs[breaks[-1] + 1 if breaks.size else 0 :], final])
+        first = breaks[-1] + 1 if breaks.size else 0
+        arcs = np.concatenate([arcs[first:], final])
+        return arcs, places[first : first + arcs.size]
 
     def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Arcs (N,) of the graph between nodes, -1 where there is none."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
@@ -280,10 +279,14 @@ def test_a_mean_of_the_whole_drive_counts_the_time_for_which_it_stood_before_a_d
     assert option.reported["obstruction"] == pytest.approx(problem.evaluate(drive.plan)["obstruction"])
 
 
-def test_where_nothing_was_searched_no_gap_is_claimed() -> None:
-    problem = asked(two_doors(), "turns", "length")
-    drive = hpop.follow(problem, problem.solve("lattice", step=STEP), "least length")
+def test_where_nothing_was_searched_no_more_is_claimed_than_bounds_tell() -> None:
+    problem = asked(two_doors(), "turns", "length", "duration")
+    drive = hpop.follow(problem, problem.solve("lattice", step=STEP), "knee")
     drive.world(0.5, people=[Person(9.0, 5.0, velocity=(-0.5, 0.0), name="visitor")])
-    options = drive.options(0.5, deadline=0.0)  # among people who move a front is laid out first, which takes longer
+    options = drive.options(0.5, deadline=0.0)
     assert options.status is Status.TIME_LIMIT
-    assert options.gap == math.inf
+    assert options.labels == 0
+    exact = drive.options(0.5, deadline=0.2)
+    assert exact.status is Status.COMPLETE
+    missed = np.maximum(options.front.costs[None] / np.maximum(exact.front.costs[:, None], 1e-9) - 1, 0)
+    assert missed.max(axis=2).min(axis=1).max() <= options.gap + 1e-9

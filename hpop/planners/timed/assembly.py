@@ -47,6 +47,7 @@ class Timed:
     overlooked  (k,)  by how much costs may differ in what is not noticed: a second, or at the worst moment
     pairs       how many costs of an arc or a place at a tick were reckoned
     seconds     s that making it took
+    safety      what keeps the robot clear of people
     """
 
     graph: TimedGraph
@@ -59,6 +60,7 @@ class Timed:
     overlooked: FloatArray
     pairs: int
     seconds: float
+    safety: Safety
 
     @property
     def counts(self) -> dict[str, Any]:
@@ -71,12 +73,29 @@ class Timed:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class LaidOut:
+    """What is there of a graph already that is put on a clock again and again, while people change.
+
+    plain   its arcs, and what they cost by those criteria that do not read the time (:func:`reading_time`)
+    closed  (m,)  arcs that nobody takes
+    begin   tick at which the robot comes to the start; None: it is there at tick 0, and may leave who is near it
+    arcs    as they were timed before; None if never
+    """
+
+    plain: Graph
+    closed: BoolArray
+    begin: int | None
+    arcs: TimedArcs | None = None
+
+
 def timed_graph(
     space: StateGraph | JoinedEnds,
     criteria: Sequence[Criterion],
     start: int,
     options: TimeOptions,
     quanta: Collection[str] = (),
+    laid: LaidOut | None = None,
 ) -> Timed:
     """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
 
@@ -88,7 +107,13 @@ def timed_graph(
     quanta : names of criteria whose costs are compared in steps that the problem sets
     """
     began = time.perf_counter()
-    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta)).made(began)
+    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta), laid).made(began)
+
+
+def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
+    """Which of some criteria read the time, among the people of a graph's world."""
+    inner = space.inner if isinstance(space, JoinedEnds) else space
+    return [j for j, criterion in enumerate(criteria) if _reads_time(criterion, inner)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +125,7 @@ class _Assembly:
     start: int
     options: TimeOptions
     quanta: frozenset[str]
+    laid: LaidOut | None
 
     @cached_property
     def clock(self) -> Clock:
@@ -107,6 +133,8 @@ class _Assembly:
 
     @cached_property
     def arcs(self) -> TimedArcs:
+        if self.laid is not None and self.laid.arcs is not None:
+            return self.laid.arcs.costed_on(self.space)
         return TimedArcs.of(self.space, self.clock)
 
     @cached_property
@@ -129,7 +157,7 @@ class _Assembly:
     @cached_property
     def timed(self) -> list[int]:
         """Columns of criteria that read the time."""
-        return [j for j, criterion in enumerate(self.criteria) if _reads_time(criterion, self.arcs.inner)]
+        return reading_time(self.criteria, self.space)
 
     @cached_property
     def static(self) -> list[int]:
@@ -165,13 +193,21 @@ class _Assembly:
     @cached_property
     def plain(self) -> Graph:
         """The graph with those costs alone that depend on no time; with the duration if all do."""
+        if self.laid is not None:
+            return self.laid.plain
         return self.space.graph(self.some(self.static) or [make_criterion("duration")])
+
+    @cached_property
+    def closed(self) -> BoolArray:
+        """Arcs (m,) that nobody takes."""
+        return np.zeros(self.plain.arcs, dtype=bool) if self.laid is None else self.laid.closed
 
     @cached_property
     def safety(self) -> Safety:
         people = tuple(each for person in self.company.people for _, each in person.hypotheses)
         at = self.arcs.states.take([self.arcs.place[self.start]])
-        start = (float(at.x[0]), float(at.y[0]))
+        comes = self.laid is not None and self.laid.begin is not None
+        start = None if comes else (float(at.x[0]), float(at.y[0]))
         parts, margin = self.arcs.inner.model.parts, self.options.margin
         return Safety(parts, people, self.clock, self.horizon, margin, start, self.space.spending)
 
@@ -213,7 +249,7 @@ class _Assembly:
     @cached_property
     def stays(self) -> BoolArray:
         """Arcs in place that cost what standing there does, and are blocked where nobody may stand."""
-        stays = self.arcs.stays.copy()
+        stays = self.arcs.stays & ~self.closed
         if self.headed:
             stays[:] = False
         elif self.safety.about_start:  # from there one may leave, and turn to do so
@@ -230,7 +266,8 @@ class _Assembly:
         plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
         network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
         found = dijkstra(network, indices=np.array([self.start]))[0]
-        return np.where(np.isfinite(found), found, NEVER).astype(np.int64)
+        begin = 0 if self.laid is None else self.laid.begin or 0
+        return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
 
     def made(self, began: float) -> Timed:
         """The graph on the clock."""
@@ -238,13 +275,14 @@ class _Assembly:
         rows = np.flatnonzero(~self.stays)
         legs, tails = arcs.legs(rows), arcs.tails[rows]
         blocked = self.safety.blocked(legs)
-        wanted = np.zeros(rows.size, dtype=bool)
+        wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
         tables = Tables(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
         made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
+        closed[self.closed[rows[made.rows]]] = True
         first = np.full(states.size, NEVER)
         np.minimum.at(first, place, self.earliest)
         stood = tables.standing(states, first)
@@ -280,7 +318,17 @@ class _Assembly:
         overlooked[self.timed] = self.notices.overlooked
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
         return Timed(
-            graph, self.steps, self.lasting, self.start, arcs, self.clock, self.company, overlooked, pairs, seconds
+            graph,
+            self.steps,
+            self.lasting,
+            self.start,
+            arcs,
+            self.clock,
+            self.company,
+            overlooked,
+            pairs,
+            seconds,
+            self.safety,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -61,6 +61,10 @@ class TimedArcs:
     ticks: IntArray
     stays: BoolArray
     place: IntArray
+
+    def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
+        """The same arcs of the same states in another world."""
+        return replace(self, space=space, inner=space.inner if isinstance(space, JoinedEnds) else space)
 
     @classmethod
     def of(cls, space: StateGraph | JoinedEnds, clock: Clock) -> TimedArcs:

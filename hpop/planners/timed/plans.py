@@ -45,11 +45,13 @@ class Plans:
     """Plans of a graph on a clock.
 
     timed
-    steps  of each
+    steps   of each
+    begins  s, on the clock, when they really begin
     """
 
     timed: Timed
     steps: Sequence[Steps]
+    begins: float = 0.0
 
     @cached_property
     def driven(self) -> tuple[Driven, ...]:
@@ -58,7 +60,7 @@ class Plans:
 
     def _driven(self, steps: Steps) -> Driven:
         tick, durations = self.timed.clock.tick, self.timed.arcs.durations
-        times = np.zeros(steps.arcs.size + 1)
+        times = np.full(steps.arcs.size + 1, self.begins)
         for i, arc in enumerate(steps.arcs.tolist()):
             if arc == HELD:
                 times[i + 1] = max(times[i], steps.departures[i + 1] * tick)
@@ -128,11 +130,11 @@ class Plans:
         for i, (steps, driven) in enumerate(zip(self.steps, self.driven, strict=True)):
             low, high, rounds = _Between(self.timed, steps, driven).bounds()
             off[i] = np.maximum(high - costs[i], costs[i] - low)
-            duration = driven.times[-1]
+            duration = driven.times[-1] - self.begins
             overlooked = np.where(self._worst, 1.0, duration) * self.timed.overlooked
             off[i] = (np.maximum(off[i], 0.0) + rounds) * self.timed.quanta + overlooked
             if self.timed.lasting is not None:
-                off[i, self.timed.lasting] += abs(driven.off[-1])
+                off[i, self.timed.lasting] += abs(driven.off[-1] - driven.off[0])
         return off
 
     @property

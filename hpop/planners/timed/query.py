@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +44,8 @@ class TimedQuery:
     start, goals   state ids
     build_seconds  s
     max_turns      paths with more turns do not count
+    begins         s, on the clock, when they really leave the start
+    closed         (m,) edges that nobody takes; None for none
     """
 
     problem: Problem
@@ -54,18 +56,13 @@ class TimedQuery:
     goals: list[int]
     build_seconds: float
     max_turns: int | None = None
+    begins: float = 0.0
+    closed: BoolArray | None = None
 
     @property
     def names(self) -> str:
         """The optimised criteria, in words."""
         return ", ".join(criterion.name for criterion in self.objectives.optimised)
-
-    @property
-    def _rounded(self) -> str:
-        """How costs are rounded, in words."""
-        own = zip(self.objectives.optimised, self.timed.quanta.tolist(), strict=True)
-        steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
-        return "edge costs rounded to their quanta" + f", on the clock those of {', '.join(steps)}" * bool(steps)
 
     def exact(
         self,
@@ -97,9 +94,7 @@ class TimedQuery:
             at_most=self._at_most(),
             checkpoint=checkpoint,
         )
-        where = f"{self.timed.arcs.space.words}, {self._in_time}, for ({self.names})"
-        if self.max_turns is not None:
-            where += f" and at most {self.max_turns} turns"
+        where = self.where
         factor = within(eps, tolerance or {})
         if not paths.status.is_final:
             each = f"points are within {factor} of optimal" if factor else "every point is optimal"
@@ -108,12 +103,25 @@ class TimedQuery:
             claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(paths.gap, tolerance or {})}"
         elif factor:
             claim = (
-                f"every optimal cost vector on {where} is covered within {factor}, {self._rounded}; "
+                f"every optimal cost vector on {where} is covered within {factor}, {self.rounded}; "
                 "points need not be optimal themselves"
             )
         else:
-            claim = f"exact on {where}, {self._rounded}"
+            claim = f"exact on {where}, {self.rounded}"
         return self.candidates(name, paths, claim, {"stage": "first points"} if stage else {})
+
+    @property
+    def where(self) -> str:
+        """On what something is claimed, in words."""
+        where = f"{self.timed.arcs.space.words}, {self._in_time}, for ({self.names})"
+        return where if self.max_turns is None else f"{where} and at most {self.max_turns} turns"
+
+    @property
+    def rounded(self) -> str:
+        """How costs are rounded, in words."""
+        own = zip(self.objectives.optimised, self.timed.quanta.tolist(), strict=True)
+        steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
+        return "edge costs rounded to their quanta" + f", on the clock those of {', '.join(steps)}" * bool(steps)
 
     @property
     def _in_time(self) -> str:
@@ -144,12 +152,12 @@ class TimedQuery:
 
     def candidates(self, name: str, paths: TimedPaths, claim: str, origin: Mapping[str, Any]) -> Candidates:
         """Paths as the candidates of the planner ``name``, with more of their origin."""
-        plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))])
+        plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))], self.begins)
         kept = np.flatnonzero(~self._in_contact(plans))
         if kept.size < len(paths):
             claim += f", without {len(paths) - kept.size} that are so far off the clock that they are in people's way"
         return self._candidates(
-            name, paths, kept, Plans(self.timed, [plans.steps[i] for i in kept.tolist()]), claim, origin
+            name, paths, kept, replace(plans, steps=[plans.steps[i] for i in kept.tolist()]), claim, origin
         )
 
     def _in_contact(self, plans: Plans) -> BoolArray:
@@ -204,6 +212,8 @@ class TimedQuery:
         if paths.status is not Status.NO_PATH:
             return ()
         graph = self.timed.graph.graph
+        if self.closed is not None:
+            graph = graph.without(self.closed)
         alone = pareto_paths(graph, self.start, self.goals, budget=Budget(max_labels=10**6), eps=1.0)
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)

@@ -70,7 +70,7 @@ class Safety:
     clock
     horizon  H
     margin   m
-    start    (x, y) m  where the robot is at tick 0
+    start    (x, y) m  where the robot is at tick 0; None if it is under way then
     """
 
     parts: Sequence[Part]
@@ -78,7 +78,7 @@ class Safety:
     clock: Clock
     horizon: int
     margin: float
-    start: tuple[float, float]
+    start: tuple[float, float] | None
     spending: Spending
 
     @cached_property
@@ -106,6 +106,8 @@ class Safety:
 
         Raises QueryError where it would be in contact with somebody.
         """
+        if self.start is None:
+            return ()
         found = []
         x, y = self.start
         for person in self.people:

@@ -22,11 +22,11 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.options import MOST, real
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least, costs_to_go
+from hpop.search.machinery.deadline import Deadline
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.methods import chosen_method, chosen_order
 from hpop.search.prepared.closings import Closings
-from hpop.search.prepared.deadline import Deadline
 from hpop.search.prepared.known import known_paths, least_way
 from hpop.search.prepared.outlook import Outlook
 from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head

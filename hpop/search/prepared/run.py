@@ -17,10 +17,10 @@ from hpop.arrays import IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.machinery.deadline import Deadline
+from hpop.search.machinery.gap import proven_gap
 from hpop.search.machinery.slices import N_GENERATED, Search
 from hpop.search.methods import Question
-from hpop.search.prepared.deadline import Deadline
-from hpop.search.prepared.gap import proven_gap
 from hpop.search.prepared.known import KnownPaths
 from hpop.search.queries import ParetoPaths, SearchStats
 from hpop.search.staircase.search import Staircase

@@ -85,9 +85,17 @@ class JointBounds:
     """Tables of joint bounds, and the seeds that come with them."""
 
     def __init__(
-        self, graph: TimedGraph, tables: Tables, ways: Ways, source: int, targets: IntArray, known: Iterable[Seed] = ()
+        self,
+        graph: TimedGraph,
+        tables: Tables,
+        ways: Ways,
+        source: int,
+        targets: IntArray,
+        known: Iterable[Seed] = (),
+        begin: int = 0,
     ) -> None:
-        """Begin with solutions that are known."""
+        """Begin with solutions that are known; a query leaves the source at a tick."""
+        self.begin = begin
         self.graph, self.tables, self.ways, self.source, self.targets = graph, tables, ways, source, targets
         n = graph.graph.nodes
         is_target = np.zeros(n, np.uint8)
@@ -123,10 +131,21 @@ class JointBounds:
             work = self._swept(prices, self.layout, clock)
             if work is None:
                 return
-            self.weights.append(weights)
-            self.rows.append(work.rows)
-            self.sweeps.append(work)
+            self._keep(weights, work)
             self._seed(work, clock)
+
+    def make_for_all(self, clock: Clock) -> None:
+        """Make the first table for whoever comes from the source, whichever way; it tells no solutions."""
+        if len(self.summed):
+            weights, self.shift = lone_weights(self.summed, self._typical())
+            work = self._swept(self._prices(weights, clock), self.layout, clock)
+            if work is not None:
+                self._keep(weights, work)
+
+    def _keep(self, weights: FloatArray, work: Sweep) -> None:
+        self.weights.append(weights)
+        self.rows.append(work.rows)
+        self.sweeps.append(work)
 
     def joint(self) -> Joint:
         """All tables, as kernels read them."""
@@ -235,7 +254,7 @@ class JointBounds:
         start = np.zeros(self.graph.graph.criteria, np.int64)
         for lane in range(LANES if work is not None else 0):
             assert work is not None
-            seed = self._followed(work, lane, self.source, 0, start, clock)
+            seed = self._followed(work, lane, self.source, self.begin, start, clock)
             if seed is not None:
                 self.seeds.append(seed)
         self._report(clock)

@@ -17,7 +17,7 @@ from hpop.search.timed.walks import cost_of_walk
 
 
 @kernel
-def gather_holds(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
+def gather_holds(tables: Tables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
     """Make two holds one while the path costs the same (k,); leaves (s,) are changed; returns how many are left."""
     total = np.empty(len(costs), np.int64)
     tried = leaves.copy()
@@ -25,7 +25,7 @@ def gather_holds(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, 
     again = True
     while again:
         again = False
-        ready = np.int64(0)
+        ready = np.int64(begin)
         for i in range(len(arcs)):
             waits[i] = leaves[i] - ready
             ready = leaves[i] + np.int64(tables.durations[arcs[i]])
@@ -36,7 +36,7 @@ def gather_holds(tables: Tables, source: int, arcs: IntArray, leaves: IntArray, 
                 for later in (waits[j], -waits[i]):  # all at the first place, or all at the second
                     for between in range(len(arcs)):
                         tried[between] = leaves[between] + (later if i <= between < j else 0)
-                    if cost_of_walk(tables, source, arcs, tried, total) >= 0 and (total == costs).all():
+                    if cost_of_walk(tables, source, begin, arcs, tried, total) >= 0 and (total == costs).all():
                         leaves[:] = tried
                         again = True
                         break

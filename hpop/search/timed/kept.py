@@ -63,7 +63,7 @@ class KeptSolutions:
         self, tables: Tables, source: int, targets: IntArray, arcs: IntArray, leaves: IntArray, clock: Clock, path: Path
     ) -> Seed:
         total = np.zeros(self.graph.graph.criteria, np.int64)
-        end = clock.call(cost_of_walk, tables, source, arcs, leaves, total)
+        end = clock.call(cost_of_walk, tables, source, 0, arcs, leaves, total)
         late = self.graph.arrive_by is not None and leaves[-1] + self.graph.durations[arcs[-1]] > self.graph.arrive_by
         if end not in targets or late:
             raise not_kept(path, "a solution is none")

@@ -37,6 +37,7 @@ class TimedPaths:
     stats   what the search did
     gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
     asked   what is claimed beside completeness, in words: tolerance and bounds, if there were any
+    begin   tick at which the source is left, or held at
     """
 
     costs: IntArray
@@ -47,18 +48,24 @@ class TimedPaths:
     _paths: tuple[tuple[IntArray, IntArray], ...]
     gap: float = field(default=0.0, kw_only=True)
     asked: str = field(default="", kw_only=True)
+    begin: int = field(default=0, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.costs)
+
+    @property
+    def places(self) -> tuple[tuple[IntArray, IntArray], ...]:
+        """Of each path the places of its arcs in the graph, and the ticks at which they are left for."""
+        return self._paths
 
     def steps(self, i: int) -> Steps:
         """The arcs and holds of path i."""
         arcs, leaves = self._paths[i]  # the arcs without holds, and when each is left for
         source = np.array([self._source], np.int64)
         ends = leaves + self._graph.durations[arcs]
-        ready = np.append(0, ends[:-1])[: len(arcs)]
+        ready = np.append(self.begin, ends[:-1])[: len(arcs)]
         held = np.flatnonzero(leaves > ready)
-        arrival = ends[-1:] if len(arcs) else np.zeros(1, np.int64)
+        arrival = ends[-1:] if len(arcs) else np.array([self.begin], np.int64)
         nodes = np.concatenate([source, self._graph.graph.heads[arcs].astype(np.int64)])
         return Steps(
             np.insert(nodes, held, nodes[held]),

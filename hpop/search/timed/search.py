@@ -23,7 +23,6 @@ from hpop.search.machinery.slices import (
     N_OPEN,
     ROWS,
     SLICE,
-    WORK,
     Clock,
 )
 from hpop.search.timed.bounds import JointBounds, Seed
@@ -74,8 +73,9 @@ class TimedSearch:
         joint: Joint,
         seeds: Sequence[Seed],
         before: tuple[int, int] = (0, 0),
+        begin: int = 0,
     ) -> None:
-        """Begin with solutions known; `before` are labels generated and expanded to find them."""
+        """Begin at a tick with solutions known; `before` are labels generated and expanded to find them."""
         self.bounds, self.joint = bounds, joint
         self.lane = 0  # of the next way that is followed
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
@@ -106,11 +106,12 @@ class TimedSearch:
         self.cut: set[tuple[int, ...]] = set()
         self.seeds: list[Seed] = []
         for seed in seeds:
-            self._plant(seed)
-        self.tops[0], self.below[0], self.state[USED], self.counters[N_OPEN] = 0, -1, 1, 1
+            self.plant(seed)
+        self.tops[begin & (ring - 1)], self.state[NOW] = 0, begin
+        self.below[0], self.state[USED], self.counters[N_OPEN] = -1, 1, 1
         self.counters[[N_GENERATED, N_EXPANDED]] = before
 
-    def _plant(self, seed: Seed) -> None:
+    def plant(self, seed: Seed) -> None:
         """Enter a solution known before the search, if it is one, and nothing covers it yet."""
         if self.counters[N_FRONT] == len(self.solutions):
             self._room(FRONT)[1]()
@@ -139,7 +140,7 @@ class TimedSearch:
             if rest is None or is_covered(self._goal(), int(self.counters[N_FRONT]), rest.costs):
                 continue
             arcs, leaves = self._way(value, int(self.state[NOW]) - int(self.graph.durations[arc]))
-            self._plant(Seed(rest.costs, np.concatenate([arcs, rest.arcs]), np.concatenate([leaves, rest.leaves])))
+            self.plant(Seed(rest.costs, np.concatenate([arcs, rest.arcs]), np.concatenate([leaves, rest.leaves])))
 
     def _take_corners(self) -> None:
         """Cut the corners that new solutions cover."""
@@ -176,7 +177,7 @@ class TimedSearch:
             if enough is not None and generated >= enough:
                 return None
             limits = [limit - generated for limit in (clock.budget.max_labels, enough) if limit is not None]
-            code = self.advance(clock, max(1, min([WORK, *limits])))
+            code = self.advance(clock, max(1, min([clock.work, *limits])))
             if code == DONE:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
             clock.report("search", self.counters, self.memory())

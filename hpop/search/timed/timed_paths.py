@@ -198,7 +198,7 @@ class _TimedRun:
                 costs = np.array([seed.costs for seed in known], np.int64).reshape(-1, k)
                 paths = [(seed.arcs, seed.leaves) for seed in known]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
-                clock.call(gather_holds, self.tables, self.source, arcs, leaves, row)
+                clock.call(gather_holds, self.tables, self.source, 0, arcs, leaves, row)
             if not status.is_final and self.search is not None:
                 gap = min(gap, max(self.search.eps, proven_gap(costs, self.search.estimates())))
             elif not status.is_final:

@@ -7,8 +7,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from hpop.search.machinery import slices
 from hpop.search.timed import TimedPaths, bounds, timed_paths
-from hpop.search.timed import search as timed_search
 from hpop.status import Budget, Progress, Status
 from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
@@ -53,7 +53,7 @@ def test_after_any_number_of_labels_on_a_lattice(seed):
 
 @pytest.mark.seeds(1, of=20)
 def test_after_ctrl_c_at_any_report(monkeypatch, seed):
-    monkeypatch.setattr(timed_search, "WORK", 500)
+    monkeypatch.setattr(slices, "WORK", 500)
     monkeypatch.setattr(bounds, "MANY", -1)
     monkeypatch.setattr(bounds, "STEPS", 1000)
     query = timed_lattice(seed, 6, duration=True)
@@ -85,7 +85,7 @@ def test_with_nothing_to_spend_it_says_so(budget):
 
 @pytest.mark.seeds(2, of=30)
 def test_from_its_file_it_comes_to_the_same_front(monkeypatch, tmp_path, seed):
-    monkeypatch.setattr(timed_search, "WORK", 500)
+    monkeypatch.setattr(slices, "WORK", 500)
     query, options = timed_lattice(seed, 6, duration=True), {"eps": 0.1} if seed % 3 == 2 else {}
     left = 0
 

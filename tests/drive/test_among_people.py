@@ -1,0 +1,114 @@
+"""Among people who move, options are what a search finds that is put on a clock anew, at the moment they begin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.drive import Execution, Options
+from hpop.drive.plan import between
+from hpop.planners import Lattice
+from hpop.planners.timed.assembly import LaidOut, reading_time, timed_graph
+from hpop.planners.timed.clock import TICK
+from hpop.search.timed import timed_paths
+from hpop.status import Status
+from hpop.world import Person
+from tests.drive.rooms import START, two_doors
+from tests.drive.test_fresh_search import covered
+
+CRITERIA = ("turns", "duration", "hall_zones")
+QUANTA = {"hall_zones": 0.01}  # s
+SLACK = np.array([0, 0, 10])  # counts: what standing costs is a difference of two that are rounded, each time
+CLOSED = shapely.box(7.2, 2.2, 7.6, 2.6)
+
+
+def among(*people: Person, margin: float = 0.0) -> tuple[hpop.Problem, hpop.Front, Lattice]:
+    """A hall of 11 x 6 m, a wall across it with two openings, and people; the front of ways through it."""
+    robot = hpop.DifferentialDrive(radius=0.3)
+    world = two_doors(people=people)
+    problem = hpop.Problem(world, robot, START, (9.5, 2.0, None), list(CRITERIA), quanta=QUANTA)
+    planner = Lattice(step=0.5, headings=4, margin=margin)
+    return problem, problem.solve(planner), planner
+
+
+def walkers(rng: np.random.Generator, now: float = 0.0) -> tuple[Person, ...]:
+    """Two people who come towards the robot, somehow, and are gone some seconds later."""
+    x, y = rng.uniform((8.0, 1.0), (10.0, 5.0), (2, 2)).T
+    return tuple(
+        Person(x[i], y[i], velocity=(-rng.uniform(0.4, 1.0), rng.uniform(-0.2, 0.2)), until=6.0, name=f"{i}, {now}")
+        for i in range(2)
+    )
+
+
+def fresh(drive: Execution, options: Options) -> np.ndarray:
+    """What a search finds, in counts, on a graph that was put on a clock anew, at the tick next to the commit."""
+    known, commit = drive._network._among, options.commit
+    assert known is not None
+    surroundings, space = drive.surroundings, known.ways.query.space
+    tick = round((commit.time - surroundings.since) / TICK)
+    then = surroundings.problem.at(surroundings.problem.start, tick * TICK)
+    space = space.costed_in(then.world)
+    timed = reading_time(known.objectives.optimised, space)
+    plain = space.graph([c for j, c in enumerate(known.objectives.optimised) if j not in timed])
+    node = int(known.ways.nodes(commit.state)[0])
+    laid = LaidOut(plain, known.ways.closed, None)
+    graph = timed_graph(space, known.objectives.optimised, node, known.options, then.quanta, laid).graph
+    paths = timed_paths(graph, node, known.ways.query.goals)
+    assert paths.status is Status.COMPLETE
+    return paths.costs
+
+
+def counts(drive: Execution, options: Options) -> np.ndarray:
+    """What the drive's own search found, in counts."""
+    known, commit = drive._network._among, options.commit
+    assert known is not None
+    node = int(known.ways.nodes(commit.state)[0])
+    return known.rests(node, commit.time, drive._network._met, None).costs
+
+
+@pytest.mark.seeds(1, of=60)
+def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem, front, planner = among(*walkers(rng), margin=[0.0, 0.1][seed % 2])
+    drive = hpop.follow(problem, front, int(rng.integers(len(front))), planner=planner)
+    now = 0.0
+    for event in ("none", "close", "people", "open"):
+        now += float(rng.uniform(0.2, 1.2))
+        if event == "people":
+            drive.world(now, people=walkers(rng, now))
+        elif event == "close":
+            drive.world(now, close=CLOSED, name="wet floor")
+        elif event == "open":
+            drive.world(now, open="wet floor")
+        graph = drive._network._among
+        options = drive.options(now, 0.2)
+        assert drive._network._among is graph  # it was made ready when the world changed
+        if options.commit.arrives or options.status is not Status.COMPLETE:
+            continue
+        mine, theirs = counts(drive, options), fresh(drive, options)
+        assert covered(mine, theirs, SLACK)
+        assert covered(theirs, mine, SLACK)
+        if len(options) and rng.random() < 0.7:
+            drive.take(int(rng.integers(len(options))))
+
+
+def test_what_is_known_among_people_takes_no_search() -> None:
+    problem, front, planner = among(Person(9.0, 4.0, velocity=(-0.6, 0.0), until=8.0))
+    drive = hpop.follow(problem, front, "knee", planner=planner)
+    exact = drive.options(0.5, 1.0)
+    assert exact.status is Status.COMPLETE
+    later = drive.options(1.0, 0.0)  # of those that pass the place where options begin by now
+    assert later.labels == 0
+    assert later.keep_on is not None
+    rest = between(drive.announced, later.commit.time, drive.announced.duration)
+    assert later[later.keep_on].item.duration == pytest.approx(rest.duration)
+
+
+def test_a_drive_keeps_the_margin_with_which_it_was_planned() -> None:
+    problem, front, planner = among(Person(9.0, 2.0, velocity=(-0.6, 0.0), until=8.0), margin=0.2)
+    drive = hpop.follow(problem, front, "knee")
+    assert drive.planner == replace(planner, clock=TICK)
