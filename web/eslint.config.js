@@ -24,4 +24,6 @@ export default tseslint.config(
       "@typescript-eslint/restrict-template-expressions": ["error", { allowNumber: true }],
     },
   },
+  // Answers go to the study's own computer, which serves the page; nothing else fetches.
+  { files: ["src/study/recorder.ts"], rules: { "no-restricted-globals": ["error", "localStorage", "sessionStorage", "indexedDB", "XMLHttpRequest"] } },
 );

@@ -14,7 +14,7 @@ import html
 import json
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -24,7 +24,7 @@ from hpop.errors import OptionError
 from hpop.text import printable, shown
 
 PAGE = """<!doctype html>
-<html lang="en">
+<html lang="{language}">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -63,25 +63,44 @@ def page_file(path: str | os.PathLike[str]) -> Path:
 
 @cache
 def bundle(name: str) -> str:
-    """The script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "widget.js"."""
+    """The script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "study.js", "widget.js"."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 
-def single_page(script: str, title: str, payload: Mapping[str, Any], *, connect: str = "'none'") -> str:
+def single_page(
+    script: str,
+    title: str,
+    payload: Mapping[str, Any],
+    *,
+    connect: str = "'none'",
+    frames: Iterable[str] = (),
+    language: str = "en",
+) -> str:
     """The text of a page: the bundle called ``script`` with its payload.
 
-    connect  what the page may connect to, as a policy says it; nothing unless a server of ours serves the page
+    connect   what the page may connect to, as a policy says it; nothing unless a server of ours serves the page
+    frames    scripts of pages that stand in this one, as a policy names them: a page of which the text is in this one
+              is held to the policies of both
+    language  of its texts, as HTML writes it
     """
     code = bundle(script).encode()
+    scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))
     policy = (
-        f"default-src 'none'; script-src {_hash_of(LOADER.encode())} {_hash_of(code)}; style-src 'unsafe-inline'; "
+        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; "
         f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
     )
     data = (
         json.dumps(payload, allow_nan=False, separators=(",", ":")).replace("</", "<\\/").replace("<!--", "<\\u0021--")
     )
     deflated = base64.b64encode(zlib.compress(code, LEVEL)).decode()
-    return PAGE.format(policy=policy, title=html.escape(printable(title)), payload=data, bundle=deflated, loader=LOADER)
+    return PAGE.format(
+        language=html.escape(language),
+        policy=policy,
+        title=html.escape(printable(title)),
+        payload=data,
+        bundle=deflated,
+        loader=LOADER,
+    )
 
 
 def _hash_of(script: bytes) -> str:

@@ -94,7 +94,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
             _track(problem, front, name, row, told, blind=blind) for name, row in zip(NAMES, chosen, strict=False)
         ],
         "notes": [] if blind else list(scene.notes),
-        "licence": _licence(),
+        "licence": licence(),
     }
 
 
@@ -114,7 +114,7 @@ def _track(
     }
 
 
-def _licence() -> str:
+def licence() -> str:
     """That of three.js, parts of which are in the page: it goes where they go."""
     return resources.files("hpop.view").joinpath("web", "three_license.txt").read_text(encoding="utf-8")
 

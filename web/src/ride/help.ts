@@ -1,5 +1,5 @@
 // What the page can do, in words, and its options: those that change what is seen are off, and the log tells of them.
-import { button, element } from "./dom";
+import { button, element } from "../shared/dom";
 
 export interface Option {
   readonly label: string;

@@ -1,17 +1,21 @@
-// The ride: what the viewer would see along trajectories of a front, on a desktop, a phone, a headset.
-import { addStyle } from "../shared/payload";
-import { element } from "./dom";
-import { given } from "./model";
+// The ride: what the viewer would see along trajectories of a front, on a desktop, a phone, a headset; or a
+// stimulus of a study, which is ridden once and tells nothing.
+import { addStyle, schemaOfPayload } from "../shared/payload";
+import { element } from "../shared/dom";
+import { ride, stimulus } from "./model";
 import { Page } from "./page";
+import { StimulusPage, tell } from "./stimulus";
 import css from "./style.css";
 
 addStyle(css);
 try {
-  new Page(given());
+  if (schemaOfPayload() === "hpop-stimulus") new StimulusPage(stimulus());
+  else new Page(ride());
 } catch (error) {
   const reason = error instanceof Error ? error.message : String(error);
   const text = /webgl/i.test(reason)
     ? "This browser draws no WebGL, with which the ride is drawn. Another browser, or hardware acceleration in its settings, may."
     : reason;
   document.body.replaceChildren(element("p", "", text));
+  tell({ kind: "failed", reason: text });
 }

@@ -144,15 +144,19 @@ export interface Criterion {
   readonly group: string;
 }
 
-export interface Ride {
-  /** Whether the page was made without numbers and names of criteria: they are not in the file. */
-  readonly blind: boolean;
+/** What stands round the viewer, and what of it the robot's camera sees. */
+export interface Surroundings {
   readonly scene: Scene;
   readonly solids: readonly Mesh[];
   /** Shapes of the links, each in its own frame. */
   readonly links: readonly Mesh[];
   /** rad, horizontal and vertical, or null for all round. */
   readonly field_of_view: Point | null;
+}
+
+export interface Ride extends Surroundings {
+  /** Whether the page was made without numbers and names of criteria: they are not in the file. */
+  readonly blind: boolean;
   readonly criteria: readonly Criterion[];
   readonly tracks: readonly TrackData[];
   readonly notes: readonly string[];
@@ -175,7 +179,23 @@ export function whereIs(person: Person, t: number): Vector | null {
   return before === undefined ? null : [before[1], before[2], before[3]];
 }
 
-/** The data of this page. */
-export function given(): Ride {
+/** A stimulus of a study, `hpop-stimulus` version 1: hpop/study/stimuli.py writes it. It holds no name but its letter. */
+export interface Stimulus extends Surroundings {
+  readonly name: string;
+  /** Whether nothing moves: the view from the start, at rest. */
+  readonly still: boolean;
+  readonly track: TrackData;
+  /** What the page says, by name; gaps are written {seconds}. */
+  readonly words: Readonly<Record<string, string>>;
+  readonly licence: string;
+}
+
+/** The data of a page of a ride. */
+export function ride(): Ride {
   return payloadOf("hpop-ride", 1) as Ride;
+}
+
+/** The data of a stimulus. */
+export function stimulus(): Stimulus {
+  return payloadOf("hpop-stimulus", 1) as Stimulus;
 }

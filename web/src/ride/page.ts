@@ -2,7 +2,7 @@
 import { type Checks, checks } from "./check";
 import { Clock, SPEEDS } from "./clock";
 import { colourOfTrack } from "./colours";
-import { button, element } from "./dom";
+import { button, element } from "../shared/dom";
 import { GazeButtons } from "./gaze";
 import { Headset } from "./headset";
 import { helpDialog } from "./help";

@@ -1,7 +1,7 @@
 // How the criteria arise along the way: a line a trajectory over time, or over the share of the way, and a cursor.
 import type { Clock } from "./clock";
 import { colourOfTrack, dashesOfTrack } from "./colours";
-import { element } from "./dom";
+import { element } from "../shared/dom";
 import type { Criterion, Rates as Values } from "./model";
 import { fitted } from "./sheets";
 import { placed, type Track } from "./track";

@@ -15,7 +15,7 @@ import {
   Vector3,
 } from "three";
 import { bodyToThree, positionToThree } from "./axes";
-import { type Cells, type Landmark, type Person, type Point, type Prism, type Ride, whereIs } from "./model";
+import { type Cells, type Landmark, type Person, type Point, type Prism, type Surroundings, whereIs } from "./model";
 import { plateOf } from "./plates";
 import { type Look, Triangles } from "./shapes";
 import { Materials } from "./surfaces";
@@ -37,7 +37,7 @@ export class Scenery {
   private readonly from = new Vector3();
   private readonly turned = new Quaternion();
 
-  constructor(ride: Ride) {
+  constructor(ride: Surroundings) {
     const { scene } = ride;
     this.materials = new Materials(scene.surfaces);
     const { floor, zones, solids, people } = this.materials;
@@ -100,7 +100,7 @@ export class Scenery {
   }
 }
 
-function outside({ scene }: Ride): BufferGeometry {
+function outside({ scene }: Surroundings): BufferGeometry {
   const far: readonly Point[] = [[-BEYOND, -BEYOND], [BEYOND, -BEYOND], [BEYOND, BEYOND], [-BEYOND, BEYOND]];
   const [x, y] = scene.floor[0]?.[0]?.[0] ?? [0, 0];
   const made = new Triangles();
@@ -109,17 +109,17 @@ function outside({ scene }: Ride): BufferGeometry {
   return made.geometry();
 }
 
-function floorLook({ scene }: Ride): Look {
+function floorLook({ scene }: Surroundings): Look {
   return { contrast: scene.surfaces.contrast.floor, grid: scene.surfaces.grid.floor, skirting: false };
 }
 
-function floors(ride: Ride): BufferGeometry {
+function floors(ride: Surroundings): BufferGeometry {
   const made = new Triangles();
   for (const rings of ride.scene.floor) made.level(rings, 0, true, ride.scene.surfaces.floor, floorLook(ride), 0);
   return made.geometry();
 }
 
-function areas(ride: Ride): BufferGeometry {
+function areas(ride: Surroundings): BufferGeometry {
   const made = new Triangles();
   for (const zone of ride.scene.zones) {
     for (const rings of zone.polygons) made.level(rings, 0, true, zone.colour, floorLook(ride), 0);
@@ -128,7 +128,7 @@ function areas(ride: Ride): BufferGeometry {
 }
 
 /** Prisms, cells and what is not upright, in one piece. */
-function obstacles(ride: Ride): BufferGeometry {
+function obstacles(ride: Surroundings): BufferGeometry {
   const made = new Triangles();
   const { contrast, grid } = ride.scene.surfaces;
   for (const prism of ride.scene.prisms) {

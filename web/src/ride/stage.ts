@@ -12,7 +12,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { cameraToThree, levelled, positionToThree } from "./axes";
-import type { Point, Ride } from "./model";
+import type { Point, Surroundings } from "./model";
 import { Scenery } from "./scenery";
 import type { Track } from "./track";
 
@@ -22,7 +22,7 @@ const FAR = 4000;
 const TALL = 1.2;
 const LEAST_WIDE = 1.15;
 /** s from black to the full view, and back. */
-const FADE = 0.5;
+export const FADE = 0.5;
 const OVERLAY = 0.05;
 
 const COVER_VERTEX = /* glsl */ `
@@ -62,7 +62,7 @@ export class Stage {
 
   constructor(
     readonly canvas: HTMLCanvasElement,
-    private readonly ride: Ride,
+    private readonly ride: Surroundings,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true });
     this.renderer.xr.enabled = true;

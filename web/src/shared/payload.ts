@@ -1,9 +1,18 @@
 // What the page was given: strict JSON in a script element that no browser runs.
 
+function parsed(): { schema?: unknown; version?: unknown } {
+  const text = document.getElementById("payload")?.textContent ?? "";
+  return JSON.parse(text) as { schema?: unknown; version?: unknown };
+}
+
+/** What the page's data say that they are. */
+export function schemaOfPayload(): unknown {
+  return parsed().schema;
+}
+
 /** The page's data, or an error that says what is wrong with the file. */
 export function payloadOf(schema: string, version: number): unknown {
-  const text = document.getElementById("payload")?.textContent ?? "";
-  const payload = JSON.parse(text) as { schema?: unknown; version?: unknown };
+  const payload = parsed();
   if (payload.schema !== schema || payload.version !== version) {
     throw new Error(`this page reads ${schema} version ${version}; its data are something else`);
   }

@@ -1,0 +1,175 @@
+"""The page of one participant's session: consent, forms, rides, rests, comparisons, in one file that needs no other.
+
+It holds what a design makes public of the session, the stimuli as they lie in the study's folder, and ways on a map that
+are hidden until the participant asks for them. What it records are events: opened as a file it keeps them and hands
+them over as a file, served by `hpop.study.server` it sends each at once.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from hpop.errors import StudyError
+from hpop.frontier.strict_json import parse
+from hpop.regular_file import read_regular
+from hpop.study import stimuli
+from hpop.study.words import words
+from hpop.text import shown
+from hpop.view.single_page import single_page
+
+SCHEMA, VERSION = "hpop-session", 1
+MOST_BYTES = 64 * 2**20
+"""Of a stimulus."""
+PAYLOAD = re.compile(r'<script type="application/json" id="payload">(.*?)</script>', re.DOTALL)
+BUNDLE = re.compile(r'(?<=<script type="text/plain" id="bundle">)[A-Za-z0-9+/=]+(?=</script>)')
+SCRIPTS = re.compile(r"script-src ((?:&#x27;|')sha256-[A-Za-z0-9+/=' &#x;-]*?);")
+SCRIPT = re.compile(r"sha256-[A-Za-z0-9+/]{43}=")
+TOLERANCE = 0.05
+"""m, to which ways are drawn on small maps."""
+MOST_WALLS = 2000
+"""Rings of a map."""
+
+
+class Ride(NamedTuple):
+    """A stimulus, taken apart.
+
+    text     of its page, without its bundle
+    bundle   deflated, base64, as it stands in the page
+    scripts  that its policy allows
+    payload  `hpop-stimulus`
+    """
+
+    text: str
+    bundle: str
+    scripts: tuple[str, ...]
+    payload: dict[str, Any]
+
+
+class Rides(NamedTuple):
+    """The stimuli of a study, as the pages of all participants hold them, by letter."""
+
+    bundle: str
+    scripts: tuple[str, ...]
+    texts: dict[str, str]
+    plan: dict[str, Any] | None
+
+
+def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
+    """Read the stimuli that are rides from a study's folder.
+
+    Raises StudyError for a file that is missing or is no stimulus of hpop's, is that of another letter, or was made by
+    another version than the others.
+    """
+    found: dict[str, Ride] = {}
+    for place in public["places"]:
+        if place["kind"] != "video":
+            found[place["condition"]] = _ride(folder / place["stimulus"], place["condition"])
+    bundles = {ride.bundle for ride in found.values()}
+    if len(bundles) > 1:
+        raise StudyError(f"stimuli in {folder} were made by different versions of hpop; make all of them again")
+    return Rides(
+        next(iter(bundles), ""),
+        tuple(dict.fromkeys(script for ride in found.values() for script in ride.scripts)),
+        {name: base64.b64encode(zlib.compress(ride.text.encode(), 9)).decode() for name, ride in found.items()},
+        _plan({name: ride.payload for name, ride in found.items()}),
+    )
+
+
+def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = False, rides: Rides | None = None) -> str:
+    """The text of a participant's page.
+
+    Parameters
+    ----------
+    public : what :meth:`Design.public` tells of the session
+    folder : the study's, with ``stimuli/``
+    served : whether `hpop.study.server` serves it, to which it may connect
+    rides : what `rides_of` read, for pages of several participants
+
+    Raises StudyError for stimuli and texts that are not there or not what they should be.
+    """
+    shown_rides = rides_of(public, folder) if rides is None else rides
+    payload = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "form": public,
+        "words": words(public["language"], folder),
+        "bundle": shown_rides.bundle,
+        "rides": shown_rides.texts,
+        "plan": shown_rides.plan,
+        "served": served,
+    }
+    return single_page(
+        "study.js",
+        public["participant"],
+        payload,
+        connect="'self'" if served else "'none'",
+        frames=shown_rides.scripts,
+        language=public["language"],
+    )
+
+
+def _ride(path: Path, name: str) -> Ride:
+    """A stimulus as `hpop.study.stimuli` wrote it."""
+    try:
+        text = read_regular(path, MOST_BYTES).decode()
+        payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]
+        (bundle,) = BUNDLE.findall(text)
+        scripts = tuple(f"'{script}'" for script in SCRIPT.findall(SCRIPTS.search(text)[1]))  # type: ignore[index]
+    except OSError as error:
+        raise StudyError(f"the stimulus {path} cannot be read: {error.strerror or error}; make the stimuli") from None
+    except (ValueError, TypeError, RecursionError):
+        raise StudyError(f"{path} is no stimulus that hpop wrote; make it again") from None
+    if not isinstance(payload, dict) or (payload.get("schema"), payload.get("version")) != (
+        stimuli.SCHEMA,
+        stimuli.VERSION,
+    ):
+        raise StudyError(f"{path} is no stimulus of this version of hpop; make it again")
+    if payload.get("name") != name:
+        raise StudyError(f"{path} shows condition {shown(payload.get('name'))}, not {name}; make the stimuli again")
+    return Ride(BUNDLE.sub("", text), bundle, scripts, payload)
+
+
+def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Walls and ways in the plane, for small maps; None where there is no ride."""
+    if not payloads:
+        return None
+    scene = next(iter(payloads.values()))["scene"]
+    rings = [ring for prism in scene["prisms"] for ring in prism["rings"]]
+    if scene["cells"] is not None:
+        rings += _cells(scene["cells"])
+    corners = np.array([point for polygon in scene["floor"] for ring in polygon for point in ring])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return {
+        "extent": [round(float(value), 3) for value in (*low, *high)],
+        "walls": [np.round(ring, 2).tolist() for ring in rings[:MOST_WALLS]],
+        "ways": {name: _way(payload["track"]["positions"]) for name, payload in payloads.items()},
+    }
+
+
+def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
+    """Outlines of the boxes of a raster, taken together, m."""
+    boxes = np.array(cells["boxes"], dtype=np.float64)
+    together = shapely.union_all(shapely.box(*boxes.T)).simplify(0.5)
+    x, y, yaw = cells["origin"]
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    return [
+        (shapely.get_coordinates(ring) * cells["resolution"] @ turn.T + (x, y)).tolist()
+        for part in shapely.get_parts(together)
+        for ring in (part.exterior, *part.interiors)
+    ]
+
+
+def _way(packed: Mapping[str, Any]) -> list[list[float]]:
+    """Corners of a way from its packed positions, m."""
+    x, y = (np.cumsum(np.cumsum(column)) * packed["scale"] for column in packed["columns"][:2])
+    points = np.stack([x, y], axis=1)
+    simple = shapely.LineString(points).simplify(TOLERANCE) if len(points) > 1 else shapely.Point(points[0])
+    return np.round(shapely.get_coordinates(simple), 2).tolist()  # type: ignore[no-any-return]

@@ -1,0 +1,163 @@
+"""Stimuli: what participants see of a condition, and nothing that tells which it is.
+
+A stimulus is a page in one file that rides once along a trajectory, as it is executed, from rest to rest. It has the
+letter of its condition and no other name, no numbers, no map and no controls but its start; it ends by itself and tells
+the page in which it stands how smoothly it was drawn. Or it is a video all round, for a headset's own player.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Protocol
+
+from hpop.errors import OutputError, StudyError
+from hpop.front import Front
+from hpop.frontier.atomic import replacing
+from hpop.models.field_of_view import FieldOfView
+from hpop.options import real
+from hpop.problem import Problem
+from hpop.status import ProgressCallback
+from hpop.study.words import Words, words
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+from hpop.view.ride.bodies import links_of, tilted_solids
+from hpop.view.ride.page import licence
+from hpop.view.ride.scene import Scene
+from hpop.view.ride.track import track
+from hpop.view.ride.video import save_video
+from hpop.view.single_page import single_page
+
+SCHEMA, VERSION = "hpop-stimulus", 1
+LETTER = re.compile(r"[A-Z]")
+SHORTEST, LONGEST = 1.0, 3600.0
+"""Seconds of a still view."""
+SAID = ("ride_begin", "ride_headset", "ride_about", "view_about", "ride_over", "ride_failed", "stop")
+
+
+class Shown(Protocol):
+    """What a condition of a design says of its stimulus.
+
+    id        its letter
+    row       of the front; None for the still view
+    kind      "ride", "view" or "video"
+    duration  s, of a still view
+    """
+
+    @property
+    def id(self) -> str: ...
+    @property
+    def row(self) -> int | None: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def duration(self) -> float: ...
+
+
+def save_stimuli(
+    problem: Problem,
+    front: Front,
+    conditions: Iterable[Shown],
+    folder: str | os.PathLike[str],
+    *,
+    language: str = "en",
+    study: Path | None = None,
+    progress: ProgressCallback | bool | None = None,
+) -> dict[str, Path]:
+    """Write the stimulus of each condition into a folder, which is made: its files by letter.
+
+    A ride and the still view are pages, ``A.html``; a video, all round, is ``A.mp4``, which needs hpop[video].
+
+    Parameters
+    ----------
+    study : a study's folder, with words of languages that hpop does not bring
+    progress : of videos: True shows a line on the terminal; a function is called with each frame
+
+    Raises StudyError for letters that are none or come twice, OutputError where a file cannot be written.
+    """
+    target, written = Path(folder), dict[str, Path]()
+    said = words(language, study)
+    for condition in conditions:
+        name = condition.id
+        if not LETTER.fullmatch(name) or name in written:
+            raise StudyError(f"conditions are called by capital letters, each once, got {shown(name)}")
+        trajectory = front.trajectories[condition.row or 0]
+        if condition.kind == "video":
+            written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", progress)
+            continue
+        if condition.row is None:
+            page = view_page(problem, trajectory, name, condition.duration, said=said)
+        else:
+            page = ride_page(problem, trajectory, name, said=said)
+        path = target / f"{name}.html"
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+            with replacing(path) as file:
+                file.write(page.encode())
+        except OSError as error:
+            raise OutputError(f"the stimulus cannot be written to {path}: {error.strerror or error}") from None
+        written[name] = path
+    return written
+
+
+def _save_video(problem: Problem, trajectory: Trajectory, path: Path, progress: ProgressCallback | bool | None) -> Path:
+    """A video without the file beside it, which names the costs."""
+    save_video(problem, trajectory, path, progress=progress)
+    path.with_name(f"{path.name}.json").unlink()
+    return path
+
+
+def ride_page(problem: Problem, trajectory: Trajectory, name: str, *, said: Words | None = None) -> str:
+    """The text of a page that rides along a trajectory once; ``name`` is a capital letter."""
+    return _page(problem, trajectory, name, track(trajectory), said, is_still=False)
+
+
+def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
+    """The text of a page that shows for some seconds what is seen at the start of a trajectory; nothing moves."""
+    duration = real("seconds", seconds, SHORTEST, LONGEST, "seconds of a still view")
+    ridden = track(trajectory)
+    still = {part: _held(ridden[part]) for part in ("positions", "quaternions", "links")}
+    return _page(
+        problem, trajectory, name, {"duration": duration, "rate": 1.0 / duration, **still}, said, is_still=True
+    )
+
+
+def _held(packed: dict[str, Any]) -> dict[str, Any]:
+    """The first of packed values, twice: differenced twice, v and v are v and -v."""
+    return {"scale": packed["scale"], "columns": [[column[0], -column[0]] for column in packed["columns"]]}
+
+
+def _page(
+    problem: Problem,
+    trajectory: Trajectory,
+    name: str,
+    ridden: dict[str, Any],
+    said: Words | None,
+    *,
+    is_still: bool,
+) -> str:
+    scene = Scene.of(problem)
+    fov: FieldOfView | None = getattr(problem.model, "field_of_view", None)
+    texts = words("en") if said is None else said
+    payload = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "name": name,
+        "still": is_still,
+        "scene": _unnamed(scene.description()),
+        "solids": tilted_solids(scene),
+        "links": links_of(trajectory.model, trajectory.states),
+        "field_of_view": None if fov is None else list(fov),
+        "track": {"name": name, "label": "", "rates": None, "costs": [], **ridden},
+        "words": {key: texts[key] for key in SAID},
+        "licence": licence(),
+    }
+    return single_page("ride.js", name, payload)
+
+
+def _unnamed(scene: dict[str, Any]) -> dict[str, Any]:
+    """A scene without names that nobody sees in it: only those on plates are read."""
+    bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
+    return {**scene, **bare, "notes": []}

@@ -1,0 +1,77 @@
+"""What the participant's pages say, by language: data, so that another language is a file and no code."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from pathlib import Path
+from string import Formatter
+
+from hpop.errors import StudyError
+from hpop.frontier.strict_json import parse
+from hpop.regular_file import read_regular
+from hpop.text import shown
+
+FOLDER = "words"
+"""Of a study, with files for languages that hpop does not bring."""
+MOST_BYTES = 200_000
+LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Z]{2})?")
+Words = dict[str, str]
+
+
+def words(language: str, study: Path | None = None) -> Words:
+    """The texts of the pages in a language, by name: a file ``words/LANGUAGE.json`` of the study, or one of hpop's.
+
+    A file must have the texts of hpop's ``en.json``, no fewer and no others, with the same ``{names}`` in them.
+
+    Raises StudyError for a language of which there is none, and for a file that lacks something.
+
+    >>> words("en")["stop"]
+    'Stop'
+    """
+    shipped = resources.files("hpop.study").joinpath("words")
+    english = _read(shipped.joinpath("en.json").read_bytes(), "en.json")
+    if not LANGUAGE.fullmatch(language):
+        raise StudyError(f"a language is written as in 'en', 'de' or 'pt-BR', got {shown(language)}")
+    name = f"{language}.json"
+    own = None if study is None else study / FOLDER / name
+    if own is not None and own.is_file():
+        try:
+            return _checked(_read(read_regular(own, MOST_BYTES), str(own)), english, str(own))
+        except OSError as error:
+            raise StudyError(f"{own}: {error.strerror or error}") from None
+    if not shipped.joinpath(name).is_file():
+        raise StudyError(
+            f"hpop brings no texts in {shown(language)}: translate its hpop/study/words/en.json, and put it into the "
+            f"study's folder as {FOLDER}/{name}"
+        )
+    return _checked(_read(shipped.joinpath(name).read_bytes(), name), english, name)
+
+
+def _read(data: bytes, file: str) -> Words:
+    try:
+        read = parse(data)
+    except (ValueError, RecursionError) as error:
+        raise StudyError(f"{file}: expected texts as JSON: {error}") from None
+    if not isinstance(read, dict) or not all(isinstance(text, str) for text in read.values()):
+        raise StudyError(f'{file}: expected an object of texts, such as {{"stop": "Stop"}}')
+    return read
+
+
+def _checked(texts: Words, english: Words, file: str) -> Words:
+    lacking, others = sorted(english.keys() - texts.keys()), sorted(texts.keys() - english.keys())
+    if lacking or others:
+        said = f"lacks {', '.join(lacking)}" if lacking else f"has {shown(', '.join(others))}, which no page says"
+        raise StudyError(f"{file} {said}; write the texts of hpop's en.json, all of them")
+    for name, text in texts.items():
+        if _gaps(text) != _gaps(english[name]):
+            raise StudyError(f"{file}: {name} must hold the gaps of the English text, {english[name]!r}")
+    return texts
+
+
+def _gaps(text: str) -> set[str] | None:
+    """Names between braces; None where braces do not match."""
+    try:
+        return {field for _, field, _, _ in Formatter().parse(text) if field is not None}
+    except ValueError:
+        return None

@@ -1,0 +1,170 @@
+// Where events go: into the page, which hands them over as a file; or at once to the study's own computer, one by one, in
+// order, tried again until they have arrived. What has not arrived is said on the page and stays in it.
+import { type Device, type Event, type Happening, dated, device } from "./events";
+import type { Design } from "./model";
+
+/** What the page says of its events. */
+export type Standing =
+  | { readonly kind: "file" }
+  | { readonly kind: "saved" }
+  | { readonly kind: "saving" }
+  | { readonly kind: "waiting"; readonly count: number }
+  | { readonly kind: "elsewhere" }
+  | { readonly kind: "refused"; readonly reason: string };
+
+/** ms until what did not arrive is sent again, and until a request counts as one that did not */
+const AGAIN = 2000;
+const PATIENCE = 10000;
+
+export abstract class Recorder {
+  events: Event[] = [];
+  readonly device: Device = device();
+  changed: () => void = () => undefined;
+
+  constructor(protected readonly design: Design) {}
+
+  abstract get standing(): Standing;
+  /** Whether events would be lost with the page. */
+  abstract get isUnsaved(): boolean;
+  /** The events of an earlier visit are there, once this is done. */
+  abstract open(): Promise<void>;
+  protected abstract keep(event: Event): void;
+
+  /** Whether events can still be added. */
+  get isOpen(): boolean {
+    return true;
+  }
+
+  add(happening: Happening): void {
+    if (!this.isOpen) return;
+    const event = dated(happening, this.events);
+    this.events.push(event);
+    this.keep(event);
+    this.changed();
+  }
+
+  get file(): string {
+    return `${this.design.participant}.json`;
+  }
+
+  /** Hands all events over as a file. */
+  save(): void {
+    const { design, participant } = this.design;
+    const answers = { schema: "hpop-answers", version: 1, design, participant, device: this.device, events: this.events };
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([JSON.stringify(answers)], { type: "application/json" }));
+    link.download = this.file;
+    link.click();
+    URL.revokeObjectURL(link.href);
+    this.changed();
+  }
+}
+
+/** Of a page that was opened as a file. */
+export class InPage extends Recorder {
+  private saved = 0;
+
+  get standing(): Standing {
+    return { kind: "file" };
+  }
+
+  get isUnsaved(): boolean {
+    return this.saved < this.events.length;
+  }
+
+  get isHandedOver(): boolean {
+    return this.saved > 0;
+  }
+
+  override save(): void {
+    this.saved = this.events.length;
+    super.save();
+  }
+
+  async open(): Promise<void> {
+    // nothing is known of an earlier visit
+  }
+
+  protected keep(): void {
+    // it is in the page
+  }
+}
+
+interface Reply {
+  readonly events?: Event[];
+  readonly error?: string;
+  /** "elsewhere" where another window has taken over. */
+  readonly why?: string;
+}
+
+/** Of a page that the study's own computer serves. */
+export class Posted extends Recorder {
+  private readonly waiting: Event[] = [];
+  private readonly tab = crypto.randomUUID();
+  private isSending = false;
+  private failures = 0;
+  private over: Standing | null = null;
+
+  get standing(): Standing {
+    if (this.over !== null) return this.over;
+    if (this.failures > 0) return { kind: "waiting", count: Math.max(this.waiting.length, 1) };
+    return this.waiting.length > 0 ? { kind: "saving" } : { kind: "saved" };
+  }
+
+  get isUnsaved(): boolean {
+    return this.waiting.length > 0;
+  }
+
+  override get isOpen(): boolean {
+    return this.over === null;
+  }
+
+  async open(): Promise<void> {
+    const reply = await this.post({});
+    this.events = reply?.events ?? [];
+  }
+
+  protected keep(event: Event): void {
+    this.waiting.push(event);
+    void this.send();
+  }
+
+  private async send(): Promise<void> {
+    if (this.isSending) return;
+    this.isSending = true;
+    for (let event = this.waiting[0]; event !== undefined && this.over === null; event = this.waiting[0]) {
+      if ((await this.post({ event })) !== null) this.waiting.shift();
+      this.changed();
+    }
+    this.isSending = false;
+  }
+
+  /** What the study's computer replies, in the end; null where it never will take what it was sent. */
+  private async post(what: { readonly event?: Event }): Promise<Reply | null> {
+    const { design, participant } = this.design;
+    const body = JSON.stringify({ design, tab: this.tab, device: this.device, ...what });
+    for (;;) {
+      try {
+        const reply = await fetch(`answers/${participant}`, {
+          method: "POST",
+          headers: { "Content-Type": "application/json" },
+          body,
+          signal: AbortSignal.timeout(PATIENCE),
+        });
+        const said = (await reply.json()) as Reply;
+        if (reply.status < 500) {
+          this.failures = 0;
+          if (reply.ok) return said;
+          this.over = said.why === "elsewhere" ? { kind: "elsewhere" } : { kind: "refused", reason: said.error ?? "" };
+          this.changed();
+          return null;
+        }
+      } catch {
+        // no connection, or a reply that is none: again
+      }
+      this.failures += 1;
+      this.changed();
+      await new Promise((done) => setTimeout(done, AGAIN));
+    }
+  }
+}

@@ -1,0 +1,207 @@
+// Screens that show: a ride in a frame of its own, a video that is seen elsewhere, a rest, the end.
+import type { Told } from "../ride/stimulus";
+import { type Context, title } from "./asking";
+import { button, element } from "./dom";
+import type { Place } from "./model";
+import { InPage } from "./recorder";
+
+/** What is on the page during a step. */
+export interface Screen {
+  readonly root: HTMLElement;
+  /** Whether it takes all of the page below the bar. */
+  readonly isWide?: boolean;
+  /** Ends what runs in it, when the step ends or is stopped. */
+  readonly leave?: () => void;
+}
+
+/** A page of a ride, and what draws it, which is held once for all. */
+export interface RidePage {
+  readonly text: string;
+  readonly bundle: string;
+}
+
+const BUNDLE = '<script type="text/plain" id="bundle">';
+
+async function inflated(text: string): Promise<string> {
+  const deflated = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([deflated]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).text();
+}
+
+/** A ride: what its page tells is recorded. */
+export function ride({ voice, recorder }: Context, at: Place, page: RidePage, done: () => void): Screen {
+  const { place, condition } = at;
+  const screen = element("section", "ride");
+  const frame = element("iframe");
+  frame.title = voice.say("ride_title", { name: condition });
+  frame.allow = "xr-spatial-tracking; accelerometer; gyroscope";
+  const over = element("div", "over");
+  over.hidden = true;
+  let isRunning = false;
+  let isLeft = false;
+
+  const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
+  const again = (said: string, label: string, press: () => void): void => {
+    const go = button(label, "", press);
+    go.className = "main";
+    over.replaceChildren(element("p", "", said), go);
+    over.hidden = false;
+    go.focus();
+  };
+  const show = async (): Promise<void> => {
+    over.hidden = true;
+    const text = (await inflated(page.text)).replace(BUNDLE, (found) => found + page.bundle);
+    if (!isLeft) frame.srcdoc = text;
+  };
+  const hear = (event: MessageEvent): void => {
+    const told = event.data as (Told & { hpop?: string }) | null;
+    if (event.source !== frame.contentWindow || told?.hpop !== "stimulus") return;
+    if (told.kind === "begin") {
+      isRunning = true;
+      recorder.device.headset = told.headset;
+      record("begin");
+    } else if (told.kind === "failed") {
+      record("failed");
+      over.replaceChildren(element("p", "", voice.say("ride_failed", { reason: told.reason })));
+      over.hidden = false;
+    } else if (told.kind === "end" || told.kind === "broken") {
+      if (!isRunning) return;
+      isRunning = false;
+      const { frames } = told;
+      const rate = frames.seconds > 0 ? Math.round((frames.count - 1) / frames.seconds) : 0;
+      recorder.device.refresh_hz = Math.max(recorder.device.refresh_hz ?? 0, rate);
+      const { flagged, ...value } = frames;
+      recorder.add({ kind: "frames", place, condition, value });
+      record(told.kind);
+      if (told.kind === "broken") again(voice.say("ride_broken"), voice.say("ride_again"), () => { void show(); });
+      else if (flagged) again(voice.say("ride_frames"), voice.say("continue"), done);
+      else done();
+    }
+  };
+  window.addEventListener("message", hear);
+  frame.addEventListener("load", () => { frame.focus(); });
+  screen.append(frame, over);
+  void show();
+  return {
+    root: screen,
+    isWide: true,
+    leave() {
+      isLeft = true;
+      window.removeEventListener("message", hear);
+      frame.remove();
+      if (isRunning) record("broken");
+      isRunning = false;
+    },
+  };
+}
+
+/** A video that is seen elsewhere: who sees it, or whoever shows it, says when it begins and ends. */
+export function video({ voice, recorder }: Context, at: Place, served: boolean, done: () => void): Screen {
+  const { place, condition } = at;
+  const screen = element("section");
+  const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
+  const row = element("div", "row");
+  const begin = button(voice.say("ride_begin"), "", () => {
+    isRunning = true;
+    record("begin");
+    const ended = button(voice.say("video_ended"), "", () => {
+      isRunning = false;
+      record("end");
+      done();
+    });
+    ended.className = "main";
+    row.replaceChildren(ended);
+    ended.focus();
+  });
+  begin.className = "main";
+  let isRunning = false;
+  row.append(begin);
+  const gaps = { name: condition, seconds: Math.round(at.seconds) };
+  screen.append(title(voice.say("video_title", gaps)), element("p", "", voice.say("video_about", gaps)));
+  if (served) {
+    const link = element("a", "", voice.say("video_open"));
+    link.href = at.stimulus;
+    link.target = "_blank";
+    link.rel = "noopener";
+    const line = element("p");
+    line.append(link);
+    screen.append(line);
+  }
+  screen.append(row);
+  return {
+    root: screen,
+    leave() {
+      if (isRunning) record("broken");
+    },
+  };
+}
+
+/** A rest of at least so many seconds; a reload does not begin it anew. */
+export function rest({ voice, recorder }: Context, { place, condition }: Place, least: number, done: () => void): Screen {
+  const screen = element("section");
+  const isThis = (value: string) => recorder.events.find((e) => e.kind === "pause" && e.place === place && e.value === value);
+  if (isThis("begin") === undefined) recorder.add({ kind: "pause", place, condition, value: "begin" });
+  const until = Date.parse(isThis("begin")!.at) + 1000 * least;
+  const left = element("p", "left");
+  const ready = element("p", "left");
+  ready.setAttribute("role", "status");
+  const go = button(voice.say("continue"), "", () => {
+    recorder.add({ kind: "pause", place, condition, value: "end" });
+    done();
+  });
+  go.className = "main";
+  go.id = "continue";
+  go.disabled = true;
+  const row = element("div", "row");
+  row.append(go);
+  screen.append(title(voice.say("rest_title")), element("p", "", voice.say("rest_about")), left, ready, row);
+  const tick = (): void => {
+    const seconds = Math.ceil((until - Date.now()) / 1000);
+    if (seconds > 0) {
+      const time = `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
+      left.textContent = voice.say("rest_left", { time });
+      return;
+    }
+    clearInterval(timer);
+    left.textContent = "";
+    ready.textContent = voice.say("rest_over");
+    go.disabled = false;
+  };
+  const timer = window.setInterval(tick, 500);
+  tick();
+  return { root: screen, leave: () => { clearInterval(timer); } };
+}
+
+/** The end: where the answers are, and that they are safe. */
+export function end({ voice, recorder }: Context, isStopped: boolean): Screen {
+  const screen = element("section");
+  const said = element("p", "ask");
+  const row = element("div", "row");
+  const save = button(voice.say("save_file"), "", () => { recorder.save(); });
+  save.className = "main";
+  save.id = "save";
+  row.append(save);
+  const show = (): void => {
+    const gaps = { file: recorder.file };
+    if (recorder instanceof InPage) {
+      said.textContent = voice.say(recorder.isHandedOver ? "end_saved_file" : "end_file", gaps);
+      save.textContent = voice.say(recorder.isHandedOver ? "save_again" : "save_file");
+    } else {
+      said.textContent = recorder.standing.kind === "saved" ? voice.say("end_saved") : "";
+      row.hidden = recorder.standing.kind === "saved";
+    }
+  };
+  show();
+  const before = recorder.changed;
+  recorder.changed = () => { before(); show(); };
+  const heading = voice.say(isStopped ? "stopped_title" : "end_title");
+  screen.append(title(heading), element("p", "", voice.say("end_about")), said, row);
+  return { root: screen, leave: () => { recorder.changed = before; } };
+}
+
+/** What there is to say to who does not take part. */
+export function declined({ voice }: Context): Screen {
+  const screen = element("section");
+  screen.append(title(voice.say("end_title")), element("p", "", voice.say("declined")));
+  return { root: screen };
+}
