@@ -1,7 +1,7 @@
 """The page of one participant's session: consent, forms, rides, rests, comparisons, in one file that needs no other.
 
-It holds what a design makes public of the session, the stimuli as they lie in the study's folder, and ways on a map that
-are hidden until the participant asks for them. What it records are events: opened as a file it keeps them and hands
+It holds what a design makes public of the session, the stimuli as they lie in the study's folder, and ways on a map,
+hidden until the participant asks for them. What it records are events: opened as a file it keeps them and hands
 them over as a file, served by `hpop.study.server` it sends each at once.
 """
 

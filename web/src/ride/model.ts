@@ -187,7 +187,6 @@ export interface Stimulus extends Surroundings {
   readonly track: TrackData;
   /** What the page says, by name; gaps are written {seconds}. */
   readonly words: Readonly<Record<string, string>>;
-  readonly licence: string;
 }
 
 /** The data of a page of a ride. */

@@ -77,9 +77,7 @@ export class StimulusPage {
     worn.hidden = true;
     const row = element("p");
     row.append(start, " ", worn);
-    const terms = element("details");
-    terms.append(element("summary", "", "three.js"), element("pre", "", this.given.licence));
-    this.card.replaceChildren(element("h1", "", name), element("p", "", about), row, terms);
+    this.card.replaceChildren(element("h1", "", name), element("p", "", about), row);
     void this.headset.isThere().then((is) => {
       worn.hidden = !is;
       tell({ kind: "ready", headset: is });

@@ -94,7 +94,7 @@ export function form(
 ): HTMLElement {
   const { voice, recorder } = context;
   const screen = element("section");
-  screen.append(title(voice.of(form.title)), element("p", "ask", voice.of(form.ask)));
+  screen.append(title(voice.of(form.ask))); // its title may say what is looked for
   const groups = form.items.map((item) => {
     const answer = answerTo(recorder.events, place, form.id, item.id);
     return question(voice, form, item, typeof answer === "number" ? answer : undefined, (value) => {
@@ -110,15 +110,18 @@ export function form(
 
 export function compare(
   context: Context,
-  { form, pair, number }: { readonly form: Form; readonly pair: readonly [string, string]; readonly number: number },
+  { form, pair }: { readonly form: Form; readonly pair: readonly [string, string] },
   done: () => void,
 ): HTMLElement {
   const { voice, recorder, plan, design } = context;
   const [first, second] = pair;
+  const placeOf = (name: string): number => design.places.find((at) => at.condition === name)?.place ?? 0;
   const screen = element("section");
   screen.append(
     title(voice.say("compare_title")),
-    element("p", "ask", voice.say("compare_of", { first, second, number, count: design.comparisons.length })),
+    element("p", "ask", voice.say("compare_of", {
+      first, second, first_place: placeOf(first), second_place: placeOf(second), count: design.places.length,
+    })),
   );
   const ways = pair.map((name) => plan?.ways[name]);
   if (plan !== null && ways.every((way) => way !== undefined)) {

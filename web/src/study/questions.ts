@@ -4,6 +4,8 @@ import { type Form, type Item, type Scale, valuesOf } from "./model";
 
 /** Choices that are shown as buttons; of more a number is typed. */
 const MOST_CHOICES = 21;
+const MOST_IN_ROW = 11;
+const MOST_ON_PHONE = 7;
 
 let names = 0;
 
@@ -58,6 +60,8 @@ export function choices(
   const group = element("fieldset", "question");
   group.append(element("legend", "", legend));
   const row = element("div", "choices");
+  row.style.setProperty("--count", String(Math.min(options.length, MOST_IN_ROW)));
+  row.style.setProperty("--few", String(Math.min(options.length, MOST_ON_PHONE)));
   names += 1;
   for (const { value, text, spoken } of options) {
     const label = element("label");

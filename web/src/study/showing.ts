@@ -34,7 +34,7 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
   const screen = element("section", "ride");
   const frame = element("iframe");
   frame.title = voice.say("ride_title", { name: condition });
-  frame.allow = "xr-spatial-tracking; accelerometer; gyroscope";
+  frame.allow = "xr-spatial-tracking *; accelerometer *; gyroscope *";
   const over = element("div", "over");
   over.hidden = true;
   let isRunning = false;

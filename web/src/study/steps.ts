@@ -7,7 +7,7 @@ export type Step =
   | { readonly kind: "form"; readonly form: Form; readonly place: number; readonly condition: string | null }
   | { readonly kind: "ride"; readonly at: Place }
   | { readonly kind: "rest"; readonly after: Place }
-  | { readonly kind: "compare"; readonly form: Form; readonly pair: readonly [string, string]; readonly number: number }
+  | { readonly kind: "compare"; readonly form: Form; readonly pair: readonly [string, string] }
   | { readonly kind: "remarks" }
   | { readonly kind: "end" };
 
@@ -30,7 +30,7 @@ export function plan(design: Design): Step[] {
   });
   for (const form of rated(design, "after_all")) steps.push({ kind: "form", form, place: after, condition: null });
   for (const form of Object.values(design.forms).filter((one) => one.kind === "pairs")) {
-    design.comparisons.forEach((pair, i) => steps.push({ kind: "compare", form, pair, number: i + 1 }));
+    for (const pair of design.comparisons) steps.push({ kind: "compare", form, pair });
   }
   steps.push({ kind: "remarks" }, { kind: "end" });
   return steps;
