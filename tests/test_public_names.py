@@ -134,7 +134,9 @@ hpop.study.Prior
 hpop.study.Protocol
 hpop.study.front_digest
 hpop.study.pick
+hpop.study.save_stimuli
 hpop.study.score
+hpop.study.session_page
 hpop.sweep.Sweep
 hpop.sweep.dask
 hpop.testing.check_criterion

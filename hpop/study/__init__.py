@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from hpop.study.design import Design
     from hpop.study.forms import Form
     from hpop.study.identity import front_digest
+    from hpop.study.page import session_page
     from hpop.study.participants import Participant
     from hpop.study.picking import pick
     from hpop.study.protocol import Protocol
     from hpop.study.scoring import score
+    from hpop.study.stimuli import save_stimuli
 
 __all__ = [
     "Answers",
@@ -32,7 +34,9 @@ __all__ = [
     "Protocol",
     "front_digest",
     "pick",
+    "save_stimuli",
     "score",
+    "session_page",
 ]
 
 _HOMES = {
@@ -49,7 +53,9 @@ _HOMES = {
     "Protocol": "hpop.study.protocol",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",
+    "save_stimuli": "hpop.study.stimuli",
     "score": "hpop.study.scoring",
+    "session_page": "hpop.study.page",
 }
 
 __getattr__ = on_first_use(__name__, _HOMES)

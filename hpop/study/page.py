@@ -30,8 +30,7 @@ MOST_BYTES = 64 * 2**20
 """Of a stimulus."""
 PAYLOAD = re.compile(r'<script type="application/json" id="payload">(.*?)</script>', re.DOTALL)
 BUNDLE = re.compile(r'(?<=<script type="text/plain" id="bundle">)[A-Za-z0-9+/=]+(?=</script>)')
-SCRIPTS = re.compile(r"script-src ((?:&#x27;|')sha256-[A-Za-z0-9+/=' &#x;-]*?);")
-SCRIPT = re.compile(r"sha256-[A-Za-z0-9+/]{43}=")
+SCRIPTS = re.compile(r"script-src ((?:'sha256-[A-Za-z0-9+/]{43}=' ?)+);")
 TOLERANCE = 0.05
 """m, to which ways are drawn on small maps."""
 MOST_WALLS = 2000
@@ -122,7 +121,7 @@ def _ride(path: Path, name: str) -> Ride:
         text = read_regular(path, MOST_BYTES).decode()
         payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]
         (bundle,) = BUNDLE.findall(text)
-        scripts = tuple(f"'{script}'" for script in SCRIPT.findall(SCRIPTS.search(text)[1]))  # type: ignore[index]
+        scripts = tuple(SCRIPTS.search(text)[1].split())  # type: ignore[index]
     except OSError as error:
         raise StudyError(f"the stimulus {path} cannot be read: {error.strerror or error}; make the stimuli") from None
     except (ValueError, TypeError, RecursionError):

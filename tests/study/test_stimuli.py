@@ -1,0 +1,156 @@
+"""Claims: a stimulus rides as the trajectory is executed, and tells nothing of its row; pages hold no more."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop import study
+from hpop.errors import StudyError
+from hpop.study.page import rides_of
+from hpop.study.words import words
+from hpop.world.content import Landmark, Person
+from tests.study.conftest import CONSENT
+
+
+@pytest.fixture(scope="module")
+def design(front: hpop.Front) -> study.Design:
+    """Two rows and the still view."""
+    return study.Design.of(front, ["knee", "least turns", "view"], participants=6, consent=CONSENT, seed=3)
+
+
+@pytest.fixture(scope="module")
+def folder(front: hpop.Front, design: study.Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a study whose world has names: of a person, whom nobody reads, and of a plate."""
+    made = tmp_path_factory.mktemp("study")
+    problem = hpop.Problem.from_description(front.problem or {})
+    world = problem.world.with_content(
+        people=[Person(4.5, 3.5, name="Ada")], landmarks=[Landmark(4.9, 1, z=1.2, name="exit")]
+    )
+    named = hpop.Problem(world, problem.model, problem.start, problem.goal, problem.criteria)
+    study.save_stimuli(named, front, design.conditions, made / "stimuli")
+    return made
+
+
+def payload(page: str) -> Any:
+    """What a page is given."""
+    (text,) = re.findall(r'<script type="application/json" id="payload">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
+
+
+def positions(stimulus: Any) -> np.ndarray:
+    packed = stimulus["track"]["positions"]
+    return np.stack([np.cumsum(np.cumsum(column)) for column in packed["columns"]], axis=1) * float(packed["scale"])
+
+
+def test_a_ride_is_the_executed_trajectory_and_the_view_stays_at_its_start(
+    front: hpop.Front, design: study.Design, folder: Path
+) -> None:
+    for condition in design.conditions:
+        stimulus = payload((folder / condition.stimulus).read_text())
+        assert stimulus["name"] == condition.id
+        assert stimulus["still"] == (condition.row is None)
+        assert stimulus["track"]["duration"] == pytest.approx(condition.duration)
+        seen = positions(stimulus)
+        if condition.row is None:
+            assert seen.shape == (2, 3)
+            assert np.allclose(seen, [0.5, 2.0, seen[0, 2]])
+        else:
+            run = front.trajectories[condition.row].execution()
+            there = run.at(np.minimum(np.arange(len(seen)) / 20.0, run.duration))
+            assert np.allclose(seen[:, :2], np.stack([there.x, there.y], axis=1), atol=1e-4)
+
+
+def test_a_stimulus_names_nothing_but_its_letter_and_what_is_read_in_it(
+    front: hpop.Front, design: study.Design, folder: Path
+) -> None:
+    for condition in design.conditions:
+        page = (folder / condition.stimulus).read_text()
+        assert f"<title>{condition.id}</title>" in page
+        stimulus = payload(page)
+        del stimulus["licence"], stimulus["words"]
+        text = json.dumps(stimulus)
+        for told in ("Ada", "knee", "least", "row ", *front.names, *map(str, condition.costs.values())):
+            assert f'"{told}' not in text, told
+        assert text.count("exit") == 1
+        assert stimulus["track"]["rates"] is None
+        assert stimulus["track"]["costs"] == []
+
+
+def test_the_page_holds_what_is_public_the_rides_and_their_ways(
+    front: hpop.Front, design: study.Design, folder: Path
+) -> None:
+    public = design.public("p02")
+    page = study.session_page(public, folder)
+    given = payload(page)
+    assert given["form"] == public
+    assert set(given["rides"]) == set(design.letters)
+    for condition in design.conditions:
+        way = np.array(given["plan"]["ways"][condition.id])
+        if condition.row is not None:
+            states = front.trajectories[condition.row].states
+            corners = {(x, y) for x, y in np.round(np.stack([states.x, states.y], axis=1), 2).tolist()}
+            assert {tuple(point) for point in np.round(way, 1).tolist()} <= {
+                (round(x, 1), round(y, 1)) for x, y in corners
+            }
+        else:
+            assert np.ptp(way, axis=0).max() == 0.0
+    assert "connect-src 'none'" in page
+    assert "connect-src 'self'" in study.session_page(public, folder, served=True)
+    assert len(page) < 400_000
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "said"),
+    [
+        (lambda text: text.replace("hpop-stimulus", "hpop-stimulant"), "no stimulus of this version"),
+        (lambda text: text.replace('"name":"A"', '"name":"B"', 1), "shows condition"),
+        (lambda text: text.replace("sha256-", "sha256-x"), "no stimulus that hpop wrote"),
+        (lambda text: text.replace('id="bundle">', 'id="bundle">AAAA'), "different versions"),
+        (lambda _: "<p>A</p>", "no stimulus that hpop wrote"),
+        (lambda text: text.replace('{"schema"', '{"schema":1,"schema"'), "no stimulus that hpop wrote"),
+        (None, "cannot be read"),
+    ],
+    ids=["schema", "letter", "policy", "bundle", "no page", "twice", "missing"],
+)
+def test_what_is_no_stimulus_is_refused(
+    spoilt: Any, said: str, design: study.Design, folder: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "stimuli").mkdir()
+    for file in (folder / "stimuli").iterdir():
+        text = file.read_text()
+        if file.stem == "A":
+            if spoilt is None:
+                continue
+            text = spoilt(text)
+        (tmp_path / "stimuli" / file.name).write_text(text)
+    with pytest.raises(StudyError, match=said):
+        rides_of(design.public("p01"), tmp_path)
+
+
+def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> None:
+    english = words("en")
+    (tmp_path / "words").mkdir()
+    file = tmp_path / "words" / "de.json"
+    file.write_text(json.dumps({**english, "stop": "Halt"}))
+    assert words("de", tmp_path)["stop"] == "Halt"
+    for wrong, said in (
+        ({**english, "hello": "?"}, "hello"),
+        ({key: text for key, text in english.items() if key != "stop"}, "lacks stop"),
+        ({**english, "step": "Schritt {step}"}, "step must hold the gaps"),
+        ({**english, "step": "Schritt {step"}, "step must hold the gaps"),
+        ({**english, "stop": 1}, "object of texts"),
+    ):
+        file.write_text(json.dumps(wrong))
+        with pytest.raises(StudyError, match=said):
+            words("de", tmp_path)
+    with pytest.raises(StudyError, match="no texts in 'fr'"):
+        words("fr", tmp_path)
+    with pytest.raises(StudyError, match="a language is written"):
+        words("../en", tmp_path)
