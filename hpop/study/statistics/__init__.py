@@ -12,6 +12,7 @@ from hpop.study.statistics.corrections import adjusted
 from hpop.study.statistics.describing import Described, describe
 from hpop.study.statistics.independent import Comparison, Independent, dunn, kruskal
 from hpop.study.statistics.pairs import Pair, wilcoxon
+from hpop.study.statistics.power import Power, power
 from hpop.study.statistics.related import Related, cochran, friedman
 from hpop.study.statistics.shares import Multinomial, Share, multinomial, share
 
@@ -21,6 +22,7 @@ __all__ = [
     "Independent",
     "Multinomial",
     "Pair",
+    "Power",
     "Related",
     "Share",
     "Strengths",
@@ -32,6 +34,7 @@ __all__ = [
     "friedman",
     "kruskal",
     "multinomial",
+    "power",
     "share",
     "wilcoxon",
 ]

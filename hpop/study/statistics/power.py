@@ -1,0 +1,231 @@
+"""How many people a study needs: the power of a test by simulation, asked before the study.
+
+Answers are simulated as a normal variable with one part of the person's and one of the answer's, shifted for each
+stimulus, and cut into the steps of a scale where a pilot shows how its answers lie. Or people of a pilot are drawn
+again and again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy import stats
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.options import MOST_SEED, one_of, real, whole
+from hpop.study.statistics.pairs import exact_p, signed_ranks
+from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
+from hpop.study.statistics.shares import share
+from hpop.text import shown
+
+Test = Literal["friedman", "wilcoxon", "kruskal"]
+TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")
+MOST_PEOPLE = 2000
+MOST_SIMULATED = 200_000
+AT_ONCE = 2_000_000
+"""Scores that are simulated at once."""
+FEW = 25
+"""People up to whom Wilcoxon's p is counted out; beyond, its normal approximation decides alike."""
+OBSERVED = (
+    "the power of a study that was made, for the effect that it found, follows from its p alone and adds nothing: where "
+    "p is .05 it is about one half (Hoenig and Heisey 2001, The American Statistician 55, 19-24). Report the effect "
+    "with its interval; for a next study give another n, or the least effect that would matter"
+)
+Draw = Callable[[np.random.Generator, int, int], FloatArray]
+"""Scores (s, n, k) of s studies of n people."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """How often studies of so many people find a difference.
+
+    power        share of the simulated studies with p below ``alpha``
+    low          lower end of its 95 % interval, of the simulation alone
+    high         upper end
+    people       in each study
+    test         that was made
+    alpha        below which p is called a difference
+    simulations  studies that were simulated
+    seed         of their random numbers
+    """
+
+    power: float
+    low: float
+    high: float
+    people: int
+    test: Test
+    alpha: float
+    simulations: int
+    seed: int
+
+    def text(self) -> str:
+        """The figures in a sentence."""
+        return (
+            f"With {self.people:,} people the {self.test.title()} test finds the difference (p < {self.alpha:g}) in "
+            f"{100 * self.power:.1f} % of studies ({100 * self.low:.1f} to {100 * self.high:.1f} % by the "
+            f"{self.simulations:,} simulated ones, seed {self.seed})."
+        )
+
+
+def power(
+    effect: float | Sequence[float] | None = None,
+    *,
+    n: int | None = None,
+    k: int = 3,
+    correlation: float = 0.5,
+    test: str | None = None,
+    like: Any = None,
+    pilot: Any = None,
+    target: float = 0.8,
+    alpha: float = 0.05,
+    simulations: int = 4000,
+    seed: int = 0,
+) -> Power:
+    """The power of a study of n people, or the least n whose power reaches ``target``.
+
+    effect       shift of each of the k stimuli, in standard deviations of an answer; one number is the shift of the
+                 last, the others lie evenly between
+    n            people who answer to all stimuli; None asks for the least number
+    correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
+                 differences, "dz"
+    test         "friedman" for three stimuli or more, "wilcoxon" for two, or "kruskal", as the paper did
+    like         scores of a pilot, of any shape: the simulated ones are cut into as many steps, as frequent as these
+    pilot        scores (people, stimuli), in the place of an effect: people are drawn from it, with replacement
+    simulations  studies that are simulated for each n
+
+    Raises StudyError for "observed power": that of a pilot for its own n, or ``effect="observed"``.
+
+    >>> power(0.5, n=35, k=2, simulations=1000, seed=1).power
+    0.808
+    """
+    if isinstance(effect, str) and effect == "observed":
+        raise StudyError(f"observed power is not given: {OBSERVED}")
+    whole("simulations", simulations, 100, MOST_SIMULATED, error=StudyError)
+    whole("seed", seed, 0, MOST_SEED, error=StudyError)
+    draw, k = _from_pilot(pilot, n) if pilot is not None else _from_effect(effect, k, correlation, like)
+    default = "wilcoxon" if k == 2 else "friedman"
+    made = one_of("test", default if test is None else test, TESTS, error=StudyError)
+    if made != "kruskal" and made != default:
+        raise StudyError(f"of {k} stimuli the test is {default!r} or 'kruskal', got {made!r}")
+    real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
+    real("target", target, 0.01, 0.999, "a share", error=StudyError)
+
+    def of(people: int) -> Power:
+        found = _found(draw, people, k, made, alpha, simulations, np.random.default_rng([seed, people]))
+        interval = share(found, simulations)
+        return Power(interval.share, interval.low, interval.high, people, made, alpha, simulations, seed)
+
+    if n is not None:
+        return of(whole("n", n, 2, MOST_PEOPLE, "a number of people", error=StudyError))
+    return _least(of, target)
+
+
+def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
+    """Simulated answers, and how many stimuli there are."""
+    if effect is None:
+        raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
+    if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
+        shifts = np.array([real("effect", one, -100, 100, "a shift", error=StudyError) for one in effect])
+    else:
+        whole("k", k, 2, 26, "a number of stimuli", error=StudyError)
+        shifts = np.linspace(0.0, real("effect", effect, -100, 100, "a shift", error=StudyError), k)
+    if len(shifts) < 2:
+        raise StudyError(f"effect gives the shifts of two stimuli or more, got {shown(effect)}")
+    own = np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError))
+    cuts = _cuts(like)
+
+    def draw(rng: np.random.Generator, studies: int, people: int) -> FloatArray:
+        person = own * rng.standard_normal((studies, people, 1))
+        answer = np.sqrt(1 - own**2) * rng.standard_normal((studies, people, len(shifts)))
+        values: FloatArray = person + answer + shifts
+        return values if cuts is None else np.searchsorted(cuts, values).astype(float)
+
+    return draw, len(shifts)
+
+
+def _cuts(like: Any) -> FloatArray | None:
+    """Where a normal variable is cut so that its pieces are as frequent as the steps of these scores."""
+    if like is None:
+        return None
+    scores = np.asarray(like, dtype=float).ravel()
+    steps, counts = np.unique(scores[~np.isnan(scores)], return_counts=True)
+    if len(steps) < 2:
+        raise StudyError("like takes scores of a pilot that differ, NaN where one is missing")
+    cuts: FloatArray = stats.norm.ppf(np.cumsum(counts)[:-1] / counts.sum())
+    return cuts
+
+
+def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
+    """People of a pilot drawn with replacement, and how many stimuli there are."""
+    scores = checked(pilot)
+    scores = scores[complete_rows(scores)]
+    if len(scores) < 2 or scores.shape[1] < 2:
+        raise StudyError(f"a pilot has two people or more with all of two scores or more, got {scores.shape}")
+    if n == len(scores):
+        raise StudyError(f"the pilot has {n} people, as the study asked about has: {OBSERVED}")
+
+    def draw(rng: np.random.Generator, studies: int, people: int) -> FloatArray:
+        drawn: FloatArray = scores[rng.integers(len(scores), size=(studies, people))]
+        return drawn
+
+    return draw, scores.shape[1]
+
+
+def _found(
+    draw: Draw, people: int, k: int, test: Test, alpha: float, simulations: int, rng: np.random.Generator
+) -> int:
+    """How many of the simulated studies find a difference."""
+    most, found = max(1, AT_ONCE // (people * k)), 0
+    for begin in range(0, simulations, most):
+        values = draw(rng, min(most, simulations - begin), people)
+        found += int((_p_values(values, test) < alpha).sum())
+    return found
+
+
+def _p_values(values: FloatArray, test: Test) -> FloatArray:
+    """P values (s,) of studies (s, n, k)."""
+    if test == "friedman":
+        p = stats.chi2.sf(friedman_statistics(values), values.shape[2] - 1)
+    elif test == "kruskal":
+        p = stats.chi2.sf(_kruskal_statistics(values), values.shape[2] - 1)
+    else:
+        differences = np.round(values[:, :, 1] - values[:, :, 0], 9)
+        if values.shape[1] <= FEW:
+            return np.array([exact_p(signed_ranks(one)) for one in differences])
+        ranks = stats.rankdata(np.abs(differences), axis=1) * np.sign(differences)
+        size = np.sqrt((ranks**2).sum(axis=1))
+        p = 2 * stats.norm.sf(np.abs(ranks.sum(axis=1)) / np.where(size > 0, size, 1.0))
+    return np.asarray(p)
+
+
+def _kruskal_statistics(values: FloatArray) -> FloatArray:
+    """Kruskal and Wallis' statistics (s,) of many studies at once (s, n, k), with ties."""
+    studies, people, stimuli = values.shape
+    total = people * stimuli
+    ranks = stats.rankdata(values.reshape(studies, total), axis=1) - (total + 1) / 2
+    between = people * (ranks.reshape(values.shape).mean(axis=1) ** 2).sum(axis=1)
+    variance = (ranks**2).sum(axis=1) / (total - 1)
+    statistics: FloatArray = between / np.where(variance > 0, variance, 1.0)
+    return statistics
+
+
+def _least(of: Callable[[int], Power], target: float) -> Power:
+    """The least number of people whose power reaches the target: doubled until it does, then halved between."""
+    low, high = 3, 6
+    while (reached := of(high)).power < target:
+        if high == MOST_PEOPLE:
+            raise StudyError(
+                f"{MOST_PEOPLE:,} people have a power of {reached.power:.2f}, below {target:g}: the effect is too small"
+            )
+        low, high = high, min(2 * high, MOST_PEOPLE)
+    while high - low > 1:
+        middle = of((low + high) // 2)
+        if middle.power >= target:
+            high, reached = middle.people, middle
+        else:
+            low = middle.people
+    return reached
