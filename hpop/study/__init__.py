@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hpop.study.picking import pick
     from hpop.study.protocol import Protocol
     from hpop.study.scoring import score
+    from hpop.study.statistics import Power, power
     from hpop.study.stimuli import save_stimuli
 
 __all__ = [
@@ -29,11 +30,13 @@ __all__ = [
     "Form",
     "Participant",
     "People",
+    "Power",
     "Preference",
     "Prior",
     "Protocol",
     "front_digest",
     "pick",
+    "power",
     "save_stimuli",
     "score",
     "session_page",
@@ -48,11 +51,13 @@ _HOMES = {
     "Form": "hpop.study.forms",
     "Participant": "hpop.study.participants",
     "People": "hpop.preference",
+    "Power": "hpop.study.statistics",
     "Preference": "hpop.preference",
     "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",
+    "power": "hpop.study.statistics",
     "save_stimuli": "hpop.study.stimuli",
     "score": "hpop.study.scoring",
     "session_page": "hpop.study.page",
