@@ -97,7 +97,10 @@ def test_people_of_a_pilot_are_drawn():
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"effect": "observed", "n": 20}, "observed power is not given: .* it follows from its p alone"),
+        (
+            {"effect": "observed", "n": 20},
+            "observed power is not given: the power of a study .* follows from its p alone",
+        ),
         ({"pilot": np.eye(12, 3), "n": 12}, "the pilot has 12 people, as the study asked about has"),
         ({}, "give the least effect that would matter"),
         ({"effect": 0.5, "test": "wilcoxon"}, "of 3 stimuli the test is 'friedman' or 'kruskal', got 'wilcoxon'"),
