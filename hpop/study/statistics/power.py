@@ -32,8 +32,8 @@ FEW = 25
 """People up to whom Wilcoxon's p is counted out; beyond, its normal approximation decides alike."""
 OBSERVED = (
     "the power of a study that was made, for the effect that it found, follows from its p alone and adds nothing: "
-    "where p is .05 it is about one half (Hoenig and Heisey 2001, The American Statistician 55, 19-24). Report the effect "
-    "with its interval; for a next study give another n, or the least effect that would matter"
+    "where p is .05 it is about one half (Hoenig and Heisey 2001, The American Statistician 55, 19-24). Report the "
+    "effect with its interval; for a next study give another n, or the least effect that would matter"
 )
 Draw = Callable[[np.random.Generator, int, int], FloatArray]
 """Scores (s, n, k) of s studies of n people."""
