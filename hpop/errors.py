@@ -119,6 +119,10 @@ class DriveError(HpopError, ValueError):
     exit_code = 16
 
 
+class CoversRobot(DriveError):
+    """What is closed on a drive covers the robot, from where nothing could be planned then."""
+
+
 class StudyError(HpopError, ValueError):
     """A study's design, its answers or a questionnaire are not what they should be, or contradict one another."""
 

@@ -59,7 +59,7 @@ def named_rows(front: Front, asked: Sequence[int | str]) -> tuple[NamedRow, ...]
         if row is not None:
             found.setdefault(row, NamedRow(front[row], ""))
         else:
-            name = _name(names, one)
+            name = name_meant(names, one)
             point = names[name]
             found.setdefault(point.index, NamedRow(point, name))
     return tuple(found.values())
@@ -79,8 +79,8 @@ def _number(front: Front, one: object) -> int | None:
     return row
 
 
-def _name(names: Iterable[str], one: object) -> str:
-    """The name of a point that is meant: as it is, or a criterion's."""
+def name_meant(names: Iterable[str], one: object) -> str:
+    """The name of a point that is meant: as it is, or a criterion's; UnknownName where there is none."""
     several = list(names)
     meant = str(one).strip()
     for known in several:

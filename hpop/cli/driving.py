@@ -69,9 +69,9 @@ def drive(
     from hpop.scenario.events import load_events
 
     user_code.register(imports)
-    script = load_events(events)
     path, front = loaded(folder)
     problem = problem_of(path, front)
+    script = load_events(events, problem, front.names)
     (chosen,) = named_rows(front, [script.choice if row is None else row])
     target = out or path.with_name("drive")
     results.check_writable(target)

@@ -27,7 +27,7 @@ from hpop.drive.plan import SAME, Plan, between, held, joined, part, until
 from hpop.drive.rest import front_of_rest
 from hpop.drive.surroundings import Surroundings
 from hpop.drive.wishes import Wish, wished
-from hpop.errors import DriveError
+from hpop.errors import CoversRobot, DriveError
 from hpop.front import Point
 from hpop.motions import States
 from hpop.motions.space import StateSpec
@@ -374,7 +374,7 @@ class Execution:
         here = self._plan.driven.at(self._planned(now))
         for closing in closings:
             if not closing.collision(self.problem.model).states_free(here)[0]:
-                raise DriveError(
+                raise CoversRobot(
                     f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
                     "planned; close an area beside it"
                 )

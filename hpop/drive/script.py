@@ -14,7 +14,7 @@ from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Change, Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
-from hpop.errors import DriveError
+from hpop.errors import CoversRobot, DriveError, OptionError
 from hpop.named_rows import named_rows
 from hpop.options import MOST, real
 from hpop.text import shown
@@ -70,11 +70,11 @@ class Event:
 class Happening:
     """An event, and what became of it.
 
-    change   of the plan, by a change of the world; None of other events
+    change   of the plan, by a change of the world; None of other events, and where it could not be
     options  that there were then
     taken    the option that is driven from their commit on; None where the robot keeps its plan
     asked    whether somebody took it, or the robot did by itself
-    words    what is said of it
+    words    what is said of it: what was chosen, or why nothing could be done
     driven   until then
     before   the plan before it, from the beginning to the goal
     closed   what is closed then
@@ -117,16 +117,21 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
             "s; leave it out, or let it happen before"
         )
     driven, before = until(moment.plan, moment.planned), drive.announced
-    change = None
+    change, words = None, ""
     if event.kind in WORLD:
-        change = drive.world(event.at, name=event.name, **{event.kind: event.value})
+        try:
+            change = drive.world(event.at, name=event.name, **{event.kind: event.value})
+        except CoversRobot as error:  # only now is it known where the robot is
+            words = str(error)
     closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
-    taken, words = _chosen(drive, options, event) if event.kind in ASKED else (None, "")
+    taken = None
+    if event.kind in ASKED:
+        taken, words = _chosen(drive, options, event)
     asked = taken is not None
     if asked:
         drive.take(taken)  # type: ignore[arg-type]
-    elif event.kind in WORLD:
+    elif change is not None:
         taken = drive.adapt(options)
     there = drive.surroundings
     people = tuple(person.later(event.at - there.since) for person in there.people)
@@ -140,7 +145,10 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
         wish = drive.wish(**value) if isinstance(value, Mapping) else drive.wish(value)
         return wish.option, wish.words
     if not len(options):
-        raise DriveError(f"at {event.at:g} s there is nothing to take: {options.certificate}")
-    (row,) = named_rows(options.front, [event.value])
+        return None, f"there is nothing to take: {options.certificate}"
+    try:
+        (row,) = named_rows(options.front, [event.value])
+    except OptionError as error:  # only now is it known how many there are
+        return None, str(error)
     option: Option = options[row.number]
     return option, str(row)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,23 +44,38 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
     A loss is what costs grow by over the rest of the plan, each as a part of its range over the options. Raises
     DriveError for a wish for a cost that is none of the front's, and for what is no wish.
     """
+    asked = checked_wish(wish, shares, options.front.names)
     if options.keep_on is None:
-        raise DriveError(
-            "a wish is measured by the rest of the plan, which is closed; choose among the options, such as "
-            "options.knee(), and take that"
-        )
-    names = options.front.names
+        return Wish(None, "a wish is measured by the rest of the plan, which is closed; take one of the options")
+    if asked.name is not None:
+        return _less(options, asked.name)
+    return _within(options, asked.shares) if wish is None else _hurry(options, asked.shares)
+
+
+class _Asked(NamedTuple):
+    """A wish that makes sense.
+
+    name    of the cost of which there is to be less, None where none is named
+    shares  by which costs may grow at most
+    """
+
+    name: str | None
+    shares: dict[str, float]
+
+
+def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> _Asked:
+    """A wish as :func:`wished` takes it, for one of the costs of these names; raises DriveError for what is none."""
     limits = {name: real(f"the wish for {name}", share, -1, 100, "a share") for name, share in shares.items()}
     for name in limits:
         _check(name, names)
     if wish is None:
         if not limits:
             raise DriveError("a wish is words, such as 'fewer turns' or 'hurry', or a cost and a share: duration=-0.2")
-        return _within(options, limits)
+        return _Asked(None, limits)
     if not isinstance(wish, str):
         raise DriveError(f"a wish is words, such as 'fewer turns', got {shown(wish)}")
     if wish == HURRY:
-        return _hurry(options, limits)
+        return _Asked(None, limits)
     match = LESS.fullmatch(wish.strip())
     if match is None:
         raise DriveError(
@@ -71,10 +86,10 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
         raise DriveError(f"{shown(wish)} takes no shares; say duration=-0.2 alone, or 'hurry' with them")
     name = match.group(1)
     _check(name, names)
-    return _less(options, name)
+    return _Asked(name, {})
 
 
-def _check(name: str, names: tuple[str, ...]) -> None:
+def _check(name: str, names: Sequence[str]) -> None:
     if name not in names:
         raise DriveError(
             f"there is no cost {shown(name)} to wish for.{did_you_mean(name, names)} The front's are "
@@ -101,7 +116,8 @@ def _within(options: Options, limits: Mapping[str, float]) -> Wish:
 
 def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
     names = options.front.names
-    _check("duration", names)
+    if "duration" not in names:
+        return Wish(None, "'duration' is no cost of the front, so nothing tells what is quicker; plan with it as well")
     counts, plan = _counts(options)
     able = np.ones(len(counts), dtype=np.bool_)
     for j, name in enumerate(names):

@@ -18,18 +18,26 @@ Times are seconds since the robot left, in order.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import BaseModel, Field
 from shapely.geometry import Polygon
 
 from hpop.drive.script import KINDS, Event
+from hpop.drive.surroundings import Surroundings
+from hpop.drive.wishes import checked_wish
+from hpop.errors import HpopError
+from hpop.named_rows import name_meant
 from hpop.scenario.faults import Faults
 from hpop.scenario.people import people_of
 from hpop.scenario.schema import STRICT, Entry, Point
 from hpop.scenario.yaml_lines import Document, Place
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
 
 
 class EventEntry(BaseModel):
@@ -66,8 +74,11 @@ class Script(NamedTuple):
     events: tuple[Event, ...]
 
 
-def load_events(path: str | Path) -> Script:
-    """Read and check an events file; ScenarioError, or another error of hpop, with all that is wrong, by line."""
+def load_events(path: str | Path, problem: Problem | None = None, names: Sequence[str] = ()) -> Script:
+    """Read and check an events file; ScenarioError, or another error of hpop, with all that is wrong, by line.
+
+    With a problem, and the names of its front's costs, also what a drive of it does not know: doors, people, costs.
+    """
     document = Document(Path(path))
     faults = Faults(document)
     file = faults.validated(EventsFile, document.values, ())
@@ -82,7 +93,34 @@ def load_events(path: str | Path) -> Script:
                 f"{events[i].at:g} s comes before the event above, at {events[i - 1].at:g} s; list them in order",
             )
     faults.raise_all()
+    if problem is not None:
+        _know(faults, events, problem, names)
+        faults.raise_all()
     return Script(file.choice, tuple(events))
+
+
+def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:
+    """Note doors, people and costs that a drive does not know when they are told."""
+    there = Surroundings.of(problem, 0.0)
+    for i, event in enumerate(events):
+        place = ("events", i, event.kind)
+        try:
+            match event.kind:
+                case "close":
+                    there = there.close(event.at, event.value, event.name)
+                case "open":
+                    there = there.open(event.at, event.value)
+                case "people":
+                    there = there.with_people(event.at, event.value)
+                case "stop":
+                    there = there.stop(event.at, event.value)
+                case "wish":
+                    shares = event.value if isinstance(event.value, Mapping) else {}
+                    checked_wish(None if shares else event.value, shares, names)
+                case "take" if isinstance(event.value, str) and not event.value.isdigit():
+                    name_meant(["knee", *(f"least {name}" for name in names)], event.value)
+        except HpopError as error:
+            faults.add(place, str(error), type(error))
 
 
 def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:

@@ -55,7 +55,10 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
         _draw_robot(axes, problem, happening)
         axes.set_title(f"{number}  {happening.event.at:.1f} s: {printable(str(happening.event))}", fontsize=NORMAL)
     last = panels[len(shown)]
-    _draw_map(last, problem, view, drive.plan, drive.surroundings.closings, ())
+    there = drive.surroundings
+    ended = max(0.0, drive.begin + drive.plan.duration - there.since)
+    people = [person.later(ended) for person in there.people]
+    _draw_map(last, problem, view, drive.plan, there.closings, people)
     last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4, gid="driven")
     arrives = drive.plan.duration >= drive.announced.duration
     end = f"driven in {drive.plan.duration:.1f} s" if arrives else "it stands before what is closed"
@@ -69,9 +72,11 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
         Line2D([], [], color=DRIVEN, label="robot", **disc),  # type: ignore[arg-type]
         Line2D([], [], color=DRIVEN, linewidth=2.4, label="driven"),
         Line2D([], [], color=PLANNED, linewidth=1.6, linestyle=(0, (4, 2)), label="plan until then"),
-        Line2D([], [], color=POINT, linewidth=0.8, label="option"),
-        Line2D([], [], color=TAKEN, linewidth=2.4, label="option taken"),
     ]
+    if any(len(happening.options) for happening in shown):
+        handles.append(Line2D([], [], color=POINT, linewidth=0.8, label="option"))
+    if any(happening.taken is not None for happening in shown):
+        handles.append(Line2D([], [], color=TAKEN, linewidth=2.4, label="option taken"))
     if any(happening.closed for happening in shown):
         handles.append(Patch(facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", label="closed"))
     if any(happening.people for happening in shown):
@@ -92,8 +97,10 @@ def _draw_map(
         patch.set_gid("closed")
         axes.add_patch(patch)
     for person in people:
-        if person.moves or person.until is None:
-            axes.add_patch(Circle((person.x, person.y), person.radius, facecolor=SKIN, edgecolor=INK, zorder=6))
+        if bool(np.any(np.asarray(person.there(np.zeros(1))) > 0)):
+            body = Circle((person.x, person.y), person.radius, facecolor=SKIN, edgecolor=INK, zorder=6)
+            body.set_gid("person")
+            axes.add_patch(body)
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
     axes.tick_params(labelsize=SMALL)
 

@@ -82,7 +82,7 @@ def test_a_mistake_is_one_message(folder: Path, tmp_path: Path, text: str, words
 
 
 def test_what_happened_before_a_mistake_is_kept(folder: Path, tmp_path: Path) -> None:
-    done = drive(folder, tmp_path, "events: [{at: 1, close: north}, {at: 2, close: west}]")
+    done = drive(folder, tmp_path, "events: [{at: 1, close: north}, {at: 900, options: true}]")
     assert done.exit_code != 0
     assert hpop.drive.load(tmp_path / "drive.json").record[0]["event"] == "close"
     assert (tmp_path / "drive.png").exists()

@@ -152,7 +152,6 @@ def test_a_wish_with_a_share_keeps_it_and_hurry_is_quicker() -> None:
     ("words", "shares", "said"),
     [
         ("fewer turnns", {}, "no cost 'turnns' to wish for. Did you mean 'turns'"),
-        ("hurry", {}, "no cost 'duration' to wish for"),
         (None, {"rotation": -0.1}, "no cost 'rotation'"),
         (None, {"turns": float("nan")}, "the wish for turns"),
         ("please", {}, "a wish is 'hurry'"),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.drive.script import Event, Happening, performed
 from hpop.errors import DriveError
-from tests.drive.rooms import NORTH, planned, through
+from tests.drive.rooms import NORTH, SOUTH, planned, through
 
 
 def north() -> hpop.drive.Execution:
@@ -78,6 +79,31 @@ def test_options_are_looked_at_without_a_change() -> None:
 def test_what_cannot_be_is_told(events: list[Event], words: str) -> None:
     with pytest.raises(DriveError, match=words):
         list[Happening](performed(north(), events))
+
+
+def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee")
+    x, y = (float(getattr(drive.at(2.0).state, name)[0]) for name in ("x", "y"))
+    events = [
+        Event(0.5, "wish", "hurry"),  # no duration among the costs
+        Event(1.0, "take", 999),
+        Event(2.0, "close", shapely.box(x - 0.1, y - 0.1, x + 0.1, y + 0.1)),
+        Event(2.0, "close", NORTH, name="one"),
+        Event(2.0, "close", SOUTH, name="other"),
+        Event(2.5, "wish", "fewer turns"),  # of a plan that is closed
+        Event(2.5, "take", "knee"),
+        Event(3.0, "open", "one"),
+    ]
+    hurry, row, on_robot, _, _, fewer, none, opened = performed(drive, events)
+    assert "duration" in hurry.words
+    assert "999" in row.words
+    assert "covers the robot" in on_robot.words
+    assert on_robot.change is None
+    assert "which is closed" in fewer.words
+    assert "nothing to take" in none.words
+    assert [h.taken for h in (hurry, row, on_robot, fewer, none)] == [None] * 5
+    assert opened.change is not None
 
 
 @pytest.mark.parametrize("at", [-1.0, float("nan"), "soon"])

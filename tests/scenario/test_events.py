@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 import shapely
 
+import hpop
 from hpop.errors import HpopError
 from hpop.scenario.events import load_events
+from hpop.world import Person, World
+from hpop.world.content import Zone
 
 GOOD = """\
 choice: least turns
@@ -76,6 +79,59 @@ def test_what_is_wrong_is_told_by_line(tmp_path: Path, old: str, new: str, words
 def test_all_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
     with pytest.raises(HpopError, match=r"(?s)line 3.*line 5"):
         read(tmp_path, GOOD.replace("at: 1,", "at: soon,").replace("stop: Ada", "stop: [Ada]"))
+
+
+DOORS = [Zone("keep-out", shapely.box(9, 4, 9.5, 6), name="east door"), Zone("speed", shapely.box(1, 1, 2, 2), limit=1)]
+HALL = World.from_polygons([], extent=shapely.box(0, 0, 12, 8)).with_content(
+    people=[Person(6, 4, name="Ada"), Person(7, 4, name="Ben", velocity=(0.1, 0), until=5)], zones=DOORS
+)
+ASKED = hpop.Problem(HALL, hpop.DifferentialDrive(radius=0.3), (1, 4, 0), (8, 4, 0), ["turns", "duration"])
+PLAIN = """\
+events:
+  - {at: 1, open: east door}
+  - {at: 2, stop: Ben}
+  - {at: 3, people: [{name: Cleo, x: 5, y: 7}]}
+  - {at: 4, close: [[3, 2], [4, 2], [4, 3]], name: wet floor}
+  - {at: 5, stop: Cleo}
+  - {at: 6, open: wet floor}
+  - {at: 7, wish: {duration: -0.2}}
+  - {at: 8, wish: hurry}
+  - {at: 9, take: least turns}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("open: east door", "close: east door", "line 2.*'east door' is closed already"),
+        ("open: east door", "open: west door", "line 2.*no door.*'west door'.*Did you mean 'east door'"),
+        ("open: wet floor", "open: east door", "line 7.*'east door' is not closed"),
+        ("stop: Ben", "stop: Bne", "line 3.*nobody is called 'Bne'.*Did you mean 'Ben'"),
+        ("stop: Ben", "stop: 2", "line 3.*nobody is called 2"),
+        ("stop: Cleo", "stop: Ada", "line 6.*nobody is called 'Ada'"),
+        ("wish: {duration", "wish: {turn", "line 8.*no cost 'turn' to wish for.*Did you mean 'turns'"),
+        ("wish: hurry", "wish: fewer tunrs", "line 9.*no cost 'tunrs'.*Did you mean 'turns'"),
+        ("wish: hurry", "wish: slower", "line 9.*a wish is 'hurry'"),
+        ("take: least turns", "take: least tunrs", "line 10.*least tunrs.*Did you mean 'least turns'"),
+        ("[4, 2], [4, 3]]", "[4, 2], [3, 2]]", "line 5"),
+    ],
+)
+def test_what_a_drive_does_not_know_is_told_by_line_before_it_begins(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    (tmp_path / "events.yaml").write_text(PLAIN)
+    names = ("turns", "duration")
+    assert len(load_events(tmp_path / "events.yaml", ASKED, names).events) == 9
+    assert old in PLAIN
+    (tmp_path / "events.yaml").write_text(PLAIN.replace(old, new))
+    with pytest.raises(HpopError, match=f"(?s){words}"):
+        load_events(tmp_path / "events.yaml", ASKED, names)
+
+
+def test_all_that_a_drive_does_not_know_is_told_at_once(tmp_path: Path) -> None:
+    (tmp_path / "events.yaml").write_text(PLAIN.replace("east door", "west door").replace("stop: Ben", "stop: Bo"))
+    with pytest.raises(HpopError, match=r"(?s)line 2.*line 3"):
+        load_events(tmp_path / "events.yaml", ASKED, ("turns", "duration"))
 
 
 @pytest.mark.parametrize("text", ["", "[1, 2]", "events: 3", "a: &a [*a]"])

@@ -69,3 +69,16 @@ def test_a_drive_that_does_not_arrive_is_not_called_driven_and_only_what_is_draw
     assert figure.axes[-1].get_title() == "in the end: it stands before what is closed"
     assert {"robot", "closed"} < set(legend(figure))
     assert "person" not in legend(figure)
+    assert "option taken" not in legend(draw_drive(drive, free))
+    assert "option" in legend(draw_drive(drive, free))
+
+
+def test_who_is_there_in_the_end_is_on_the_last_map():
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee")
+    stands = hpop.world.Person(10.2, 5.2, name="Ada")
+    goes = hpop.world.Person(10.2, 5.6, velocity=(-0.1, 0.0), until=1.0, name="Ben")
+    happened = list(performed(drive, [Event(0.5, "people", (stands, goes))]))
+    first, last = draw_drive(drive, happened).axes
+    shown = [[patch.center for patch in axes.patches if patch.get_gid() == "person"] for axes in (first, last)]
+    assert shown == [[(10.2, 5.2), (10.2, 5.6)], [(10.2, 5.2)]]

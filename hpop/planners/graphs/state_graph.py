@@ -166,7 +166,7 @@ class StateGraph(TrajectoryGraph):
 
         So what people who come and go, or a door that closes, make of the costs is had without laying out the graph.
         """
-        _ = self.arcs
+        _ = self.arcs, self.size  # which states there are is known of this world, not of the other
         own = {field.name for field in fields(self)} | {"collision"}
         other = replace(self, world=world)
         vars(other).update({name: part for name, part in vars(self).items() if name not in own}, key=None)

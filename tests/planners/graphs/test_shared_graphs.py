@@ -4,11 +4,13 @@ import gc
 import weakref
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 import shapely
 
 import hpop
 from hpop.planners.lattice import Lattice
+from hpop.world import Person, World
 from tests.watched import watched
 
 CRITERIA = ({"watched": {"weight": 1.0}}, "length", "turns")
@@ -136,3 +138,15 @@ def test_what_is_kept_is_bounded_in_bytes(monkeypatch):
         problem = asked(room, start=(x, 1.0, 0.0), goal=(7.0, 1.0, None))
         problem.solve("lattice", step=0.25)
         assert room.cache.size + room.ground.cache.size <= 400_000
+
+
+def test_states_costed_in_another_world_stay_the_same_states() -> None:
+    """Also of a lattice whose arcs another one has laid out: who stands in the other world takes none of them away."""
+    world = World.from_polygons([], extent=shapely.box(0, 0, 4, 3))
+    robot = hpop.DifferentialDrive(radius=0.3)
+    problem = hpop.Problem(world, robot, (1, 1, 0), (3, 1, None), ["length", "turns"])
+    size = Lattice(step=0.5).lattice(problem).arcs.start.size - 1
+    among = world.with_content(people=[Person(2.0, 1.5)])
+    other = Lattice(step=0.5).lattice(problem).costed_in(among)
+    assert other.size == size
+    assert other.states(np.arange(size)).x.size == size
