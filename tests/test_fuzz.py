@@ -72,14 +72,16 @@ def test_what_nobody_should_be_shown_is_a_failure(harness: ModuleType, text: str
 def test_an_input_is_the_same_whenever_it_is_made(targets: ModuleType, harness: ModuleType, mutations: Any) -> None:
     one, other = (harness.generator(0, targets.TARGETS["plan"], 7) for _ in range(2))
     for _ in range(20):
-        assert repr(mutations.bent_tree(targets.ROOM, one)) == repr(mutations.bent_tree(targets.ROOM, other))
+        assert repr(mutations.bent_tree(targets.given.ROOM, one)) == repr(
+            mutations.bent_tree(targets.given.ROOM, other)
+        )
 
 
 def test_mutations_change_a_tree_and_leave_the_original(mutations: ModuleType, targets: ModuleType) -> None:
-    before = repr(targets.ROOM)
+    before = repr(targets.given.ROOM)
     rng = np.random.default_rng(0)
-    bent = [repr(mutations.bent_tree(targets.ROOM, rng)) for _ in range(200)]
-    assert repr(targets.ROOM) == before
+    bent = [repr(mutations.bent_tree(targets.given.ROOM, rng)) for _ in range(200)]
+    assert repr(targets.given.ROOM) == before
     assert sum(one != before for one in bent) > 150
     assert len(set(bent)) > 150
 

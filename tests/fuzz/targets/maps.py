@@ -1,0 +1,185 @@
+"""Readers of maps, drawings, scenes and tracks."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import shapely
+from mutations import Rng, bent_bytes, hostile
+from PIL import Image
+from verdicts import asked, verdict
+
+import hpop
+from hpop.apart import child
+from hpop.world import Person
+from hpop.world.predictions import bounded
+from targets.given import BLOCK, as_json, as_yaml, written
+from tests import plans
+
+GEOJSON = {
+    "type": "FeatureCollection",
+    "features": [
+        {
+            "type": "Feature",
+            "properties": {"name": "case", "height": 2},
+            "geometry": {"type": "Polygon", "coordinates": [c]},
+        }
+        for c in ([[0, 0], [9, 0], [9, 7], [0, 7], [0, 0]], [[2, 2], [3, 2], [3, 3], [2, 3], [2, 2]])
+    ]
+    + [
+        {"type": "Feature", "properties": {"landmark": True}, "geometry": {"type": "Point", "coordinates": [4, 4]}},
+        {"type": "Feature", "properties": None, "geometry": {"type": "LineString", "coordinates": [[1, 1], [5, 5]]}},
+    ],
+}
+ROS_MAP = {
+    "image": "map.pgm",
+    "resolution": 0.1,
+    "origin": [-1.0, -2.0, 0.0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+    "mode": "trinary",
+}
+SCENE = {
+    "robot_state": {"attached_collision_objects": []},
+    "world": {
+        "octomap": {"octomap": {"data": []}},
+        "collision_objects": [
+            {
+                "id": "table",
+                "header": {"frame_id": "world"},
+                "primitives": [
+                    {"type": "box", "dimensions": [2, 1, 0.1]},
+                    {"type": "cylinder", "dimensions": [1, 0.1]},
+                ],
+                "primitive_poses": [{"position": [0, 0, z], "orientation": [0, 0.3, 0, 1]} for z in (0.75, 0.35)],
+                "pose": {"position": {"x": 1, "y": 2, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}},
+            },
+            {"id": "ball", "header": {"frame_id": "world"}, "primitives": [{"type": 2, "dimensions": [0.2]}]},
+            {"id": "block", "header": {"frame_id": "world"}, "meshes": [BLOCK], "operation": 0},
+        ],
+    },
+}
+
+
+def _looked_at(world: hpop.World) -> None:
+    """What everybody does with a world first."""
+    x0, y0, x1, y1 = world.bounds
+    world.clearance(np.linspace(x0, x1, 5), np.linspace(y0, y1, 5))
+    json.dumps(world.describe(), allow_nan=False)
+    repr(world)
+    asked(lambda: world.bodies)
+
+
+def geojson(rng: Rng, folder: Path) -> str:
+    path = written(folder / "plan.geojson", GEOJSON, rng, as_json)
+    meaning = ("obstacles", "free", "outline")[rng.integers(3)]
+    options = {("units", "wall_width", "origin")[rng.integers(3)]: hostile(rng)} if rng.random() < 0.3 else {}
+    wide = {"wall_width": 0.1, **options}
+    return verdict(lambda: _looked_at(hpop.World.from_geojson(path, polygons=meaning, **wide)))  # type: ignore[arg-type]
+
+
+def ros_map(rng: Rng, folder: Path) -> str:
+    pixels = rng.choice([0, 205, 254], size=(20, 30)).astype(np.uint8)
+    picture = b"P5\n# map\n30 20\n255\n" + pixels.tobytes()
+    (folder / "map.pgm").write_bytes(bent_bytes(picture, rng) if rng.random() < 0.5 else picture)
+    path = written(folder / "map.yaml", ROS_MAP, rng, as_yaml)
+    return verdict(lambda: _looked_at(hpop.World.from_ros_map(path)))
+
+
+def movingai(rng: Rng, folder: Path) -> str:
+    rows = "\n".join("".join(row) for row in rng.choice(list(".@GTW"), size=(12, 16)))
+    path = folder / "grid.map"
+    path.write_bytes(bent_bytes(f"type octile\nheight 12\nwidth 16\nmap\n{rows}\n".encode(), rng))
+    return verdict(lambda: _looked_at(hpop.World.from_movingai(path)))
+
+
+TRACKS = (
+    "# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"
+    + "".join(f"{i % 3} {i} {10 * i} 150.5 176\n" for i in range(30)),
+    "id,t,x [mm],y [mm]\n" + "".join(f"{'Ada' if i % 2 else 7},{0.1 * i:.1f},{40 * i},1500\n" for i in range(30)),
+    "".join(f"{6.0 * i:.7e} {1.0 + i % 3} {0.5 * i} 0.0 3.5 1.2 0.0 0.1\n" for i in range(30)),
+)
+
+
+def tracks(rng: Rng, folder: Path) -> str:
+    path = folder / "people.txt"
+    path.write_bytes(bent_bytes(TRACKS[rng.integers(len(TRACKS))].encode(), rng))
+    options = {("frame_rate", "unit", "format", "ids")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
+
+    def walk() -> None:
+        people = [Person.along(track) for track in hpop.read_tracks(path, **options).values()]
+        world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 20, 5)).with_content(people=people)
+        cut, _ = bounded(world, horizon=3.0)
+        for person in cut:
+            json.dumps(person.later(1.0).way().tolist(), allow_nan=False)
+        json.dumps(world.describe(), allow_nan=False)
+
+    return verdict(walk)
+
+
+def moveit_scene(rng: Rng, folder: Path) -> str:
+    path = written(folder / "scene.yaml", SCENE, rng, as_yaml)
+    return verdict(lambda: _looked_at(hpop.World.from_moveit_scene(path)))
+
+
+def image(rng: Rng, folder: Path) -> str:
+    buffer = io.BytesIO()
+    kind = ("PNG", "PPM", "BMP", "GIF")[rng.integers(4)]
+    Image.fromarray(rng.choice([0, 255], size=(16, 20)).astype(np.uint8)).save(buffer, kind)
+    path = folder / "plan.png"
+    path.write_bytes(bent_bytes(buffer.getvalue(), rng))
+    resolution = hostile(rng) if rng.random() < 0.3 else 0.1
+    options = {("smallest_obstacle", "inside")[rng.integers(2)]: hostile(rng)} if rng.random() < 0.3 else {}
+    return verdict(lambda: _looked_at(hpop.World.from_image(path, resolution, **options)))
+
+
+def dxf(rng: Rng, folder: Path) -> str:
+    """A drawing with bent bytes, or hostile options; read here, where memory and time are bounded as well."""
+    path = folder / "plan.dxf"
+    path.write_bytes(bent_bytes(plans.dxf(_drawn), rng))
+    options = {("scale", "layers", "wall_width", "inside")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
+    with _read_here():
+        return verdict(lambda: _looked_at(hpop.World.from_file(path, **options)))
+
+
+def _drawn(drawing: Any) -> None:
+    space = drawing.modelspace()
+    space.add_lwpolyline([(0, 0, 0.3), (6, 0, 0), (6, 4, 0), (0, 4, -1)], format="xyb", close=True)
+    space.add_circle((3, 2), 0.5, dxfattribs={"layer": "COLUMNS"})
+    space.add_spline([(1, 1), (2, 2), (3, 1)])
+    space.add_hatch().paths.add_polyline_path([(4, 1), (5, 1), (5, 2)], is_closed=True)
+    drawing.blocks.new("TABLE").add_ellipse((0, 0), (0.4, 0), 0.5)
+    space.add_blockref("TABLE", (1, 3), dxfattribs={"rotation": 30, "column_count": 2, "column_spacing": 1})
+
+
+def pdf(rng: Rng, folder: Path) -> str:
+    """A page with bent bytes, in the process that is meant to break down where pdfium does."""
+    form = plans.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
+    content = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s q 2 0 0 2 90 90 cm /X Do Q 0.2 g 100 200 30 30 re f"
+    path = folder / "plan.pdf"
+    path.write_bytes(bent_bytes(plans.pdf(content, resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng))
+    return verdict(lambda: _looked_at(hpop.World.from_file(path, ratio=100)))
+
+
+def ros_bag(rng: Rng, folder: Path) -> str:
+    storage = ("ros1", "mcap", "sqlite3")[rng.integers(3)]
+    cells = rng.choice([-1, 0, 50, 100], size=(12, 16))
+    name = "walk.bag" if storage == "ros1" else "walk"
+    path = plans.bag(folder / name, {"/map": [plans.grid(cells, storage=storage)]}, storage=storage)
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    bent = files[rng.integers(len(files))]
+    bent.write_bytes(bent_bytes(bent.read_bytes(), rng))
+    topic = hostile(rng) if rng.random() < 0.2 else None
+    with _read_here():
+        return verdict(lambda: _looked_at(hpop.World.from_file(path, topic=topic)))
+
+
+def _read_here() -> Any:
+    """Half a second less for each; pdfium alone may bring down whoever reads."""
+    return patch("hpop.world.reading_apart._said", lambda asked, data, path: child.said(asked, data))
