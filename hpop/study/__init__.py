@@ -8,6 +8,7 @@ from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior
+    from hpop.study.analysis import Analysis, analyse
     from hpop.study.answers import Answers, Choice
     from hpop.study.conditions import Condition
     from hpop.study.design import Design
@@ -18,10 +19,12 @@ if TYPE_CHECKING:
     from hpop.study.picking import pick
     from hpop.study.protocol import Protocol
     from hpop.study.scoring import score
+    from hpop.study.simulating import simulate
     from hpop.study.statistics import Power, power
     from hpop.study.stimuli import save_stimuli
 
 __all__ = [
+    "Analysis",
     "Answers",
     "Best",
     "Choice",
@@ -34,15 +37,18 @@ __all__ = [
     "Preference",
     "Prior",
     "Protocol",
+    "analyse",
     "front_digest",
     "pick",
     "power",
     "save_stimuli",
     "score",
     "session_page",
+    "simulate",
 ]
 
 _HOMES = {
+    "Analysis": "hpop.study.analysis",
     "Answers": "hpop.study.answers",
     "Best": "hpop.preference",
     "Choice": "hpop.study.answers",
@@ -55,12 +61,14 @@ _HOMES = {
     "Preference": "hpop.preference",
     "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
+    "analyse": "hpop.study.analysis",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",
     "power": "hpop.study.statistics",
     "save_stimuli": "hpop.study.stimuli",
     "score": "hpop.study.scoring",
     "session_page": "hpop.study.page",
+    "simulate": "hpop.study.simulating",
 }
 
 __getattr__ = on_first_use(__name__, _HOMES)

@@ -151,6 +151,7 @@ class Form(_Part):
     source  who made it, and where it is published
     when    asked before the first stimulus, after each, or after all: one or more of these
     kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
+    better  which end of its scores is the better one, "low" (sickness) or "high" (comfort)
     ask     what is asked, above the items
     scale   of all items that have none of their own
     """
@@ -160,6 +161,7 @@ class Form(_Part):
     source: Words
     when: Annotated[tuple[When, ...], Strict(False), Field(min_length=1)]
     kind: Literal["ratings", "pairs"] = "ratings"
+    better: Literal["low", "high"] = "low"
     ask: Text
     scale: Scale | None = None
     items: Annotated[tuple[Item, ...], Strict(False), Field(min_length=1, max_length=MOST_ITEMS)]

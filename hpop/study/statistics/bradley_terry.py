@@ -63,6 +63,7 @@ def bradley_terry(
     people: Sequence[Any] | None = None,
     reference: int | None = None,
     side: bool = False,
+    names: Sequence[str] | None = None,
 ) -> Strengths:
     """Fit strengths to comparisons (m,) of stimuli 0 to k - 1 by greatest likelihood.
 
@@ -71,6 +72,7 @@ def bradley_terry(
                each comparison counts as another person's
     reference  stimulus whose strength is 0; the mean is where there is none
     side       fit too what being named first adds
+    names      of the stimuli, for errors; their numbers where there are none
 
     Raises StudyError where no finite strengths exist: some stimuli were never chosen over, nor tied with, the others.
 
@@ -80,7 +82,7 @@ def bradley_terry(
     """
     pairs = np.array([first, second], dtype=np.int64).reshape(2, -1).T  # (m, 2)
     outcome = np.array([_outcome(pair, one) for pair, one in zip(pairs, chosen, strict=True)], dtype=np.int64)
-    _check(pairs, outcome, stimuli)
+    _check(pairs, outcome, [str(i) for i in range(stimuli)] if names is None else names)
     tied = bool((outcome == 2).any())
     features = _features(pairs, stimuli, tied, side)  # (m, outcomes, parameters)
     estimate, chances, information = _fitted(features, outcome)
@@ -112,8 +114,9 @@ def _outcome(pair: IntArray, chosen: int | None) -> int:
     return int(chosen == pair[1])
 
 
-def _check(pairs: IntArray, outcome: IntArray, stimuli: int) -> None:
+def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
     """Raise StudyError where the likelihood has no greatest value (Ford 1957, American Mathematical Monthly 64, 28)."""
+    stimuli = len(names)
     if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
         raise StudyError(f"expected comparisons of two different ones of {stimuli} stimuli, counted from 0")
     if (outcome == 2).all():
@@ -123,10 +126,10 @@ def _check(pairs: IntArray, outcome: IntArray, stimuli: int) -> None:
     graph = coo_array((np.ones(len(over)), (over[:, 0], over[:, 1])), shape=(stimuli, stimuli))
     parts, part = csgraph.connected_components(graph, directed=True, connection="strong")
     if parts > 1:
-        groups = "; ".join(", ".join(map(str, np.flatnonzero(part == one))) for one in range(parts))
+        groups = "; ".join(", ".join(names[int(i)] for i in np.flatnonzero(part == one)) for one in range(parts))
         raise StudyError(
-            f"the choices order groups of stimuli without exception, or never compare them: {groups} (counted from 0). "
-            "Their strengths differ beyond all bounds; report the counts, or ask more people"
+            f"the choices order groups of stimuli without exception, or never compare them: {groups}. Their strengths "
+            "differ beyond all bounds; report the counts, or ask more people"
         )
 
 

@@ -95,4 +95,5 @@ def checked(values: Any, dimensions: int = 2) -> FloatArray:
     if table.ndim != dimensions or np.isinf(table).any():
         shape = "(people, stimuli)" if dimensions == 2 else "(people,)"
         raise StudyError(f"expected finite scores {shape}, NaN where one is missing, got shape {table.shape}")
-    return table
+    rounded: FloatArray = np.round(table, 9)  # sums that are equal but for rounding are ties
+    return rounded

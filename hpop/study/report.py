@@ -1,0 +1,205 @@
+"""The report of a study: tables as text and CSV, figures, a page that names every choice, and the code to repeat it."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from math import isinf, isnan
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+import hpop
+from hpop.errors import StudyError
+from hpop.html import table_html
+from hpop.study.documents import write_bytes
+from hpop.study.figures import draw, figures
+from hpop.study.results import Cell, Row
+from hpop.study.tables import Column, Contents, csv_bytes
+from hpop.text import printable
+from hpop.view.canvas import png_of
+
+if TYPE_CHECKING:
+    from hpop.study.analysis import Analysis
+
+PAGE, SCRIPT = "report.html", "repeat.py"
+DPI = 130
+TITLES = {
+    "scores": "Scores",
+    "test": "Do the stimuli differ?",
+    "pairs": "Which stimuli differ? (positive: the second scores higher)",
+    "against before": "Against the answers before (positive: the stimulus scores higher)",
+    "places": "Scores by place",
+    "carry-over": "Order and carry-over",
+    "balance": "Complete scores by stimulus and place",
+    "choices": "Choices of pairs",
+    "favourites": "Favourites: chosen over each other stimulus",
+    "strengths": "Strengths (Bradley and Terry; logarithms, mean 0)",
+}
+CAPTIONS = {
+    "scores": "The scores of each person, by stimulus",
+    "order": "The scores of each person, by place",
+    "choices": "The choices of pairs",
+}
+P_COLUMNS = ("p", "adjusted p")
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
+h1 { font-size: 1.6rem } h2 { font-size: 1.15rem; margin-top: 2.2rem }
+.scroll { overflow-x: auto } .scroll td { white-space: nowrap } table { border-collapse: collapse; font-size: .9rem }
+th, td { padding: .3rem .7rem; border-bottom: 1px solid #d8dee2; text-align: right; vertical-align: top }
+th:first-child, td:first-child { text-align: left } thead th { border-bottom: 2px solid #7d8b94 }
+.choices th { white-space: nowrap } .choices td { text-align: left }
+.mark { background: #b00020; color: white; font-weight: bold; padding: .6rem 1rem; position: sticky; top: 0 }
+img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; overflow-x: auto }
+"""
+
+
+def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
+    """Write the report into a folder, which is made; StudyError where it cannot be written. Gives the page's path."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"cannot make the folder {target}: {error.strerror or error}") from None
+    for name, rows in analysis.tables.items():
+        write_bytes(target / f"{name.replace(' ', '_')}.csv", csv_bytes(_contents(rows, analysis.mark)))
+    pictures = {name: png_of(draw(analysis, name), DPI) for name in figures(analysis)}
+    for name, png in pictures.items():
+        write_bytes(target / f"{name}.png", png)
+    write_bytes(target / SCRIPT, code(analysis).encode())
+    write_bytes(target / PAGE, page(analysis, pictures).encode())
+    return target / PAGE
+
+
+def as_text(analysis: Analysis) -> str:
+    """All tables and choices as plain text."""
+    parts = [_heading(analysis), *([analysis.mark] if analysis.mark else [])]
+    for name, rows in analysis.tables.items():
+        parts.append("\n".join([TITLES[name], *_aligned(rows)]))
+    parts.append("\n".join(["Choices of the analysis", *(f"  {k}: {v}" for k, v in analysis.choices.items())]))
+    return printable("\n\n".join(parts) + "\n", newlines=True)
+
+
+def code(analysis: Analysis) -> str:
+    """Python that makes the same report from the study's folder."""
+    mark = f"# {analysis.mark}\n" if analysis.mark else ""
+    return (
+        f"{mark}# hpop {hpop.__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}\n"
+        "from hpop import study\n\n"
+        'folder = "."  # of the study\n'
+        "design = study.Design.load(folder)\n"
+        f'assert design.digest == "{analysis.design.digest}"\n'
+        "answers = study.Answers.load(folder, design)\n"
+        f"score = {(analysis.form, analysis.score)!r}\n"
+        f"how = { {'method': analysis.method, 'correction': analysis.correction}!r}\n"
+        "result = study.analyse(design, answers, score=score, **how)\n"
+        'result.save("report")\n'
+    )
+
+
+def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
+    """The page: self-contained, without scripts."""
+    mark = f'<p class="mark">{_text(analysis.mark)}</p>' if analysis.mark else ""
+    heading = _text(_heading(analysis))
+    shown = {"scores": "test", "order": "balance", "choices": "choices"}  # a figure stands before this table
+    body = []
+    for name, rows in analysis.tables.items():
+        body += [_figure(figure, pictures[figure]) for figure in pictures if shown[figure] == name]
+        body.append(f"<h2>{_text(TITLES[name])}</h2><div class=scroll>{_table(rows)}</div>")
+    body += [_figure(figure, pictures[figure]) for figure in pictures if shown[figure] not in analysis.tables]
+    chosen = "".join(f"<tr><th>{_text(what)}</th><td>{_text(how)}</td></tr>" for what, how in analysis.choices.items())
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{heading}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"><style>{STYLE}</style></head><body>'
+        f"{mark}<h1>{heading}</h1><p>{_text(_summary(analysis))}</p>{''.join(body)}"
+        f'<h2>Every choice of this analysis</h2><table class="choices">{chosen}</table>'
+        f"<h2>To repeat it</h2><p>With the design whose SHA-256 is {_text(analysis.design.digest)}:</p>"
+        f"<pre>{_text(code(analysis), newlines=True)}</pre>{mark and f'<p>{_text(analysis.mark)}</p>'}</body></html>\n"
+    )
+
+
+def _heading(analysis: Analysis) -> str:
+    form = analysis.design.form(analysis.form)
+    method = "" if analysis.method == "default" else ", by the method of the paper"
+    return f"{form.title.get('en', form.id)}: {analysis.score}{method}"
+
+
+def _summary(analysis: Analysis) -> str:
+    """The result in a sentence or two."""
+    people = analysis.choices["People"]
+    for row in analysis.tables.get("test", ()):
+        found = "differ" if float(row["p"]) < 0.05 else "are not found to differ"
+        effect = next(
+            (f"{key} = {value:.3f}" for key, value in row.items() if key in ("Kendall's W", "epsilon squared")), ""
+        )
+        return (
+            f"{people}. The stimuli {found}: {row['test']} chi-square({row['df']}) = {row['chi-square']:.3f}, "
+            f"p = {written('p', row['p'])}, {effect}."
+        )
+    return f"{people}."
+
+
+def _figure(name: str, png: bytes) -> str:
+    data = base64.b64encode(png).decode()
+    return f'<p><img alt="{_text(CAPTIONS[name])}" src="data:image/png;base64,{data}"></p>'
+
+
+def _table(rows: Sequence[Row]) -> str:
+    headings = _columns(rows)
+    return table_html(headings, [[written(key, row.get(key, "")) for key in headings] for row in rows])
+
+
+def _aligned(rows: Sequence[Row]) -> list[str]:
+    headings = _columns(rows)
+    cells = [headings, *([written(key, row.get(key, "")) for key in headings] for row in rows)]
+    widths = [max(len(line[i]) for line in cells) for i in range(len(headings))]
+    words = [isinstance(rows[0].get(key), str) for key in headings]
+    return [
+        "  "
+        + "  ".join(
+            cell.ljust(width) if word else cell.rjust(width)
+            for cell, width, word in zip(line, widths, words, strict=True)
+        ).rstrip()
+        for line in cells
+    ]
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(key for row in rows for key in row))
+
+
+def written(column: str, value: Cell) -> str:
+    """A cell for people: p to four decimals, other numbers to four figures.
+
+    >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
+    ('< .0001', '-1.315', '36', 'unbounded')
+    """
+    if not isinstance(value, float):
+        return str(value)
+    if isnan(value):
+        return "-"
+    if isinf(value):
+        return "unbounded"
+    if column in P_COLUMNS or column.startswith(("p of", "p (")):
+        return "< .0001" if value < 0.0001 else f"{value:.4f}"
+    return f"{value:.4g}"
+
+
+def _contents(rows: Sequence[Row], mark: str) -> Contents:
+    """A table for CSV, whole figures; simulated answers are marked in a column of their own."""
+    headings = _columns(rows)
+    columns = [Column(heading, "TEXT") for heading in headings]
+    cells = [[row.get(heading) for heading in headings] for row in rows]
+    if mark:
+        columns, cells = [*columns, Column("simulated", "TEXT")], [[*line, "SIMULATED"] for line in cells]
+    return Contents(columns, cells)
+
+
+def _text(text: str, *, newlines: bool = False) -> str:
+    return escape(printable(text, newlines=newlines))

@@ -1,0 +1,296 @@
+"""Tables of a study's results: scores, tests of stimuli and of places, choices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import combinations
+from typing import Any, Literal
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.study import statistics
+from hpop.study.answers import Answers, Matrix
+from hpop.study.design import Design
+from hpop.study.orders import places
+from hpop.study.session import Comparison, questions_of
+from hpop.study.statistics.corrections import Correction
+from hpop.study.statistics.related import LEAST_STIMULI
+
+Method = Literal["default", "paper"]
+Cell = str | int | float
+Row = Mapping[str, Cell]
+Tables = dict[str, Sequence[Row]]
+Asked = Sequence[tuple[str, Comparison]]
+"""Comparisons of one question, with who made each."""
+BEFORE = "before"
+
+
+def score_tables(
+    design: Design, matrix: Matrix, before: FloatArray | None, method: Method, correction: Correction
+) -> tuple[Tables, list[str]]:
+    """Tables of one score, and what could not be made, with the reason."""
+    labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
+    wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _described(labels, values, before)}
+    if len(labels) >= LEAST_STIMULI or method == "paper":
+        wanted["test"] = lambda: [_omnibus(values, method)]
+    wanted["pairs"] = lambda: _pairs(labels, values, method, correction)
+    if before is not None:
+        wanted["against before"] = lambda: _against(labels, values, before, method, correction)
+    wanted["places"] = lambda: _by_place(matrix)
+    wanted["carry-over"] = lambda: _carried_over(matrix)
+    wanted["balance"] = lambda: _balance(labels, matrix, design)
+    return _made(wanted)
+
+
+def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
+    """Tables of the comparisons, by question, and what could not be made, with the reason."""
+    made = [(session.person.id, one) for session in answers.sessions for one in session.comparisons]
+    tables: Tables = {}
+    notes = []
+    for question in questions_of(design):
+        asked = [(person, one) for person, one in made if one.question == question]
+        if not asked:
+            notes.append(f"choices: nobody answered the question {question!r}")
+            continue
+        tables_of_one, lacking = _made(_of_question(design, question, asked))
+        notes += [f"{question}, {what}" for what in lacking]
+        for name, rows in tables_of_one.items():
+            tables[name] = [*tables.get(name, ()), *rows]
+    return tables, notes
+
+
+def placed(matrix: Matrix) -> FloatArray:
+    """The scores (n, K) in the order in which each person saw the stimuli."""
+    by_place: FloatArray = np.take_along_axis(matrix.values, np.argsort(matrix.places, axis=1), axis=1)
+    return by_place
+
+
+def label(design: Design, letter: str) -> str:
+    """A stimulus for the researcher: its letter, and what it is."""
+    return f"{letter}: {design.condition(letter)}"
+
+
+def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, list[str]]:
+    """The tables that the answers suffice for, and why the others cannot be made."""
+    tables: Tables = {}
+    notes = []
+    for name, make in wanted.items():
+        try:
+            if rows := make():
+                tables[name] = rows
+        except StudyError as error:
+            notes.append(f"{name}: {error}")
+    return tables, notes
+
+
+def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Callable[[], Sequence[Row]]]:
+    compared = sorted({letter for _, one in asked for letter in (one.first, one.second)})
+    return {
+        "choices": lambda: _counted(design, question, asked),
+        "favourites": lambda: _favourites(design, question, asked, compared),
+        "strengths": lambda: _strengths(design, question, asked, compared),
+    }
+
+
+def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
+    """Medians and quartiles, and of the change since before where that is known."""
+    columns = list(zip(labels, values.T, strict=True))
+    if before is not None:
+        columns = [(BEFORE, before), *columns]
+        columns += [(f"{label}, change since before", column - before) for label, column in columns[1:]]
+    return [{"stimulus": label, **asdict(statistics.describe(column))} for label, column in columns]
+
+
+def _omnibus(values: FloatArray, method: Method) -> Row:
+    """Whether any stimulus differs."""
+    if method == "default":
+        related = statistics.friedman(values)
+        return {
+            "test": "Friedman",
+            "chi-square": related.statistic,
+            "df": related.freedom,
+            "p": related.p,
+            "Kendall's W": related.agreement,
+            "people": related.people,
+            "left out": related.left_out,
+        }
+    test = statistics.kruskal(list(values.T))
+    return {
+        "test": "Kruskal-Wallis",
+        "chi-square": test.statistic,
+        "df": test.freedom,
+        "p": test.p,
+        "epsilon squared": test.epsilon2,
+        "eta squared (H)": test.eta2,
+        "scores": sum(test.sizes),
+    }
+
+
+def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction: Correction) -> list[Row]:
+    """Every two stimuli; positive where the second scores higher."""
+    if method == "default":
+        pairs = list(combinations(range(len(labels)), 2))
+        found = [statistics.wilcoxon(values[:, i], values[:, j]) for i, j in pairs]
+        names = [(labels[i], labels[j]) for i, j in pairs]
+        return _signed_rank_rows(names, found, correction)
+    compared = statistics.dunn(list(values.T))
+    p = statistics.adjusted([one.p for one in compared], correction)
+    return [
+        {
+            "first": labels[one.first],
+            "second": labels[one.second],
+            "z": one.z,
+            "p": one.p,
+            "adjusted p": float(corrected),
+        }
+        for one, corrected in zip(compared, p, strict=True)
+    ]
+
+
+def _against(
+    labels: Sequence[str], values: FloatArray, before: FloatArray, method: Method, correction: Correction
+) -> list[Row]:
+    """Every stimulus against the answers before."""
+    how: dict[str, Any] = {"zeros": "wilcox", "exact": False} if method == "paper" else {}
+    found = [statistics.wilcoxon(before, column, **how) for column in values.T]
+    return _signed_rank_rows([(BEFORE, label) for label in labels], found, correction)
+
+
+def _signed_rank_rows(
+    names: Sequence[tuple[str, str]], found: Sequence[statistics.Pair], correction: Correction
+) -> list[Row]:
+    p = statistics.adjusted([pair.p for pair in found], correction)
+    return [
+        {
+            "first": first,
+            "second": second,
+            "people": pair.people,
+            "zeros": pair.zeros,
+            "z": pair.z,
+            "p": pair.p,
+            "adjusted p": float(corrected),
+            "p by": "all signs" if pair.exact else "normal approximation",
+            "rank-biserial": pair.biserial,
+            "|z|/sqrt(n)": pair.r,
+            "shift": pair.shift,
+            "low": pair.low,
+            "high": pair.high,
+        }
+        for (first, second), pair, corrected in zip(names, found, p, strict=True)
+    ]
+
+
+def _by_place(matrix: Matrix) -> list[Row]:
+    """Scores by place, whatever was seen there."""
+    return [{"place": place, **asdict(statistics.describe(column))} for place, column in enumerate(placed(matrix).T, 1)]
+
+
+def _carried_over(matrix: Matrix) -> list[Row]:
+    """Whether the place matters, and whether the stimuli differ where nothing was seen before."""
+    by_place, rows = placed(matrix), []
+    if by_place.shape[1] >= LEAST_STIMULI:
+        test = statistics.friedman(by_place)
+        rows.append(_check("the place matters (Friedman)", test.statistic, test.freedom, test.p, test.people))
+    else:
+        pair = statistics.wilcoxon(by_place[:, 0], by_place[:, 1])
+        rows.append(_check("the place matters (Wilcoxon)", pair.z**2, 1, pair.p, pair.people))
+    first = [column[places == 1] for column, places in zip(matrix.values.T, matrix.places.T, strict=True)]
+    sizes = [int((~np.isnan(one)).sum()) for one in first]
+    if min(sizes) > 0 and sum(sizes) > len(sizes):
+        alone = statistics.kruskal(first)
+        what = "stimuli differ at the first place alone (Kruskal-Wallis)"
+        rows.append(_check(what, alone.statistic, alone.freedom, alone.p, sum(sizes)))
+    return rows
+
+
+def _check(what: str, statistic: float, freedom: int, p: float, people: int) -> Row:
+    return {"check": what, "chi-square": statistic, "df": freedom, "p": p, "people": people}
+
+
+def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
+    """How often each stimulus was scored at each place."""
+    seen = places(
+        [
+            tuple(matrix.conditions[i] for i in np.argsort(row))
+            for row, values in zip(matrix.places, matrix.values, strict=True)
+            if not np.isnan(values).any()
+        ],
+        design.letters,
+    )
+    return [
+        {"stimulus": label, **{f"place {place}": int(count) for place, count in enumerate(row, 1)}}
+        for label, row in zip(labels, seen, strict=True)
+    ]
+
+
+def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
+    """How many chose which of each pair; p of an exact binomial test, those who said neither left out."""
+    rows: list[Row] = []
+    for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
+        chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]
+        if decided := len(chosen) - chosen.count(None):
+            part = statistics.share(chosen.count(pair[0]), decided)
+            rows.append(
+                {
+                    "question": question,
+                    "first": label(design, pair[0]),
+                    "second": label(design, pair[1]),
+                    "first chosen": part.count,
+                    "second chosen": decided - part.count,
+                    "neither": chosen.count(None),
+                    "share of the first": part.share,
+                    "low": part.low,
+                    "high": part.high,
+                    "p": part.p,
+                }
+            )
+    return rows
+
+
+def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
+    """Who chose one stimulus over each other one, and whether these are all alike."""
+    people = sorted({person for person, _ in asked})
+    won = np.array(
+        [[sum(one.chosen == c for who, one in asked if who == person) for c in compared] for person in people]
+    )
+    best = (won == len(compared) - 1).astype(int)  # (people, stimuli)
+    counts = best.sum(axis=0).tolist()
+    if len(compared) < 2 or not sum(counts):
+        return []
+    exact = statistics.multinomial(counts)
+    q = statistics.cochran(best).p if len(compared) >= LEAST_STIMULI and len(people) > 1 else float("nan")
+    rows: list[Row] = []
+    for letter, count in zip(compared, counts, strict=True):
+        part = statistics.share(count, len(people))
+        share = {"share": part.share, "low": part.low, "high": part.high}
+        tests = {"p of all alike (multinomial)": exact.p, "p (Cochran's Q)": q}
+        who = {"question": question, "favourite": label(design, letter), "people": count, "of": len(people)}
+        rows.append({**who, **share, **tests})
+    return rows
+
+
+def _strengths(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
+    """Bradley and Terry's strengths with intervals that hold though each person chose several times."""
+    number = {letter: i for i, letter in enumerate(compared)}
+    fit = statistics.bradley_terry(
+        [number[one.first] for _, one in asked],
+        [number[one.second] for _, one in asked],
+        [None if one.chosen is None else number[one.chosen] for _, one in asked],
+        stimuli=len(compared),
+        people=[person for person, _ in asked],
+        names=compared,
+    )
+    return [
+        {
+            "question": question,
+            "stimulus": label(design, letter),
+            "strength": float(strength),
+            "low": float(low),
+            "high": float(high),
+            "ties (nu)": fit.ties,
+        }
+        for letter, strength, (low, high) in zip(compared, fit.strengths, fit.interval(), strict=True)
+    ]

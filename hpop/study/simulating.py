@@ -1,0 +1,123 @@
+"""Answers that nobody gave: to rehearse a study's analysis before anybody is asked, and for examples.
+
+They are marked: ``device["simulated"]`` is true in every session, and reports say so on every page and figure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hpop.errors import StudyError
+from hpop.options import MOST_SEED, real, whole
+from hpop.study.answers import Answers
+from hpop.study.design import Design
+from hpop.study.forms import Form, Item
+from hpop.study.participants import Participant
+from hpop.study.session import Event, Session, asked_at, questions_of, standing_after
+
+DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}
+BEFORE = "before"
+WIDTH = 6.0
+"""Standard deviations of an answer that a scale covers, of which the low end begins at 0."""
+SPREAD = 2.0
+"""Standard deviations by which the ratings of what is good, such as comfort, lie below the better end."""
+NOISE = 0.8
+"""Standard deviation of an item beside what the person feels at that place."""
+UNDECIDED = 0.4
+"""Difference of two stimuli below which people say "neither"."""
+
+
+def simulate(
+    design: Design,
+    discomfort: Mapping[str, float],
+    *,
+    liking: Mapping[str, float] | None = None,
+    correlation: float = 0.6,
+    tiring: float = 0.0,
+    seed: int = 0,
+) -> Answers:
+    """Answers of all expected participants, as if each stimulus shifted how they feel.
+
+    Parameters
+    ----------
+    discomfort : by letter, and "before" for the answers before the first stimulus (0 where it is not given), in
+        standard deviations of how people feel; an item's answer is that, with noise, on its scale: about 0 where nobody
+        feels anything
+    liking : by letter, for the comparisons other than "comfort"; the opposite of discomfort where it is not given
+    correlation : of how a person feels at two places
+    tiring : discomfort that each place adds
+    seed : of all that is drawn
+
+    Raises StudyError where a letter has no number.
+    """
+    own = float(np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError)))
+    rng = np.random.default_rng(whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError))
+    felt = {letter: _of(design, discomfort, letter, "discomfort") for letter in design.letters}
+    liked = {letter: -felt[letter] if liking is None else _of(design, liking, letter, "liking") for letter in felt}
+    sessions = []
+    for person in design.expected:
+        general = own * rng.standard_normal()
+        levels = [discomfort.get(BEFORE, 0.0), *(felt[letter] for letter in person.order), 0.0]
+        shifts = np.array(levels) + tiring * np.arange(len(levels))
+        feelings = general + shifts + np.sqrt(1 - own**2) * rng.standard_normal(len(levels))
+        said = [*_answers(design, person, feelings, rng), *_choices(design, person, felt, liked, rng)]
+        sessions.append(_session(design, person, said))
+    return Answers(design, tuple(sessions))
+
+
+def _of(design: Design, given: Mapping[str, float], letter: str, what: str) -> float:
+    if letter not in given:
+        raise StudyError(f"{what} is given for each of the stimuli {', '.join(design.letters)}; {letter} lacks")
+    return real(f"{what} of {letter}", given[letter], -100, 100, error=StudyError)
+
+
+def _answers(
+    design: Design, person: Participant, feelings: Any, rng: np.random.Generator
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Events of all ratings, place by place."""
+    last = len(person.order) + 1
+    for place in range(last + 1):
+        where: dict[str, Any] = {"place": place}
+        if 1 <= place < last:
+            where["condition"] = person.order[place - 1]
+            yield "stimulus", {**where, "value": "begin"}
+            yield "stimulus", {**where, "value": "end"}
+        for form in design.questionnaires:
+            if form.kind == "ratings" and place in asked_at(design, form):
+                for item in form.items:
+                    value = _rated(form, item, feelings[place] + NOISE * rng.standard_normal())
+                    yield "answer", {**where, "form": form.id, "item": item.id, "value": value}
+
+
+def _rated(form: Form, item: Item, felt: float) -> float:
+    """The answer of somebody who feels so bad: from the better end of the scale on; nobody rates comfort as perfect."""
+    values = form.scale_of(item).values
+    felt += SPREAD if form.better == "high" else 0.0
+    step = int(np.clip(np.floor(felt / WIDTH * (len(values) + 1)), 0, len(values) - 1))
+    return values[-1 - step] if (form.better == "high") != item.reverse else values[step]
+
+
+def _choices(
+    design: Design, person: Participant, felt: Mapping[str, float], liked: Mapping[str, float], rng: np.random.Generator
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Events of all comparisons."""
+    for question in questions_of(design):
+        for first, second in design.pairs(person.id):
+            better = felt[second] - felt[first] if question == "comfort" else liked[first] - liked[second]
+            better += rng.logistic(scale=0.5)
+            chosen = "none" if abs(better) < UNDECIDED else first if better > 0 else second
+            yield "compare", {"value": {"question": question, "pair": [first, second], "chosen": chosen}}
+
+
+def _session(design: Design, person: Participant, said: list[tuple[str, dict[str, Any]]]) -> Session:
+    """A whole session, as the page would have recorded it, a second an event."""
+    told = [("consent", {"value": True}), ("start", {}), *said, ("end", {})]
+    events = tuple(
+        Event(t=float(t), at=f"2000-01-01T{t // 3600:02d}:{t // 60 % 60:02d}:{t % 60:02d}Z", kind=kind, **more)  # type: ignore[arg-type]
+        for t, (kind, more) in enumerate(told)
+    )
+    standing_after(design, person, events)
+    return Session(person, DEVICE, events)

@@ -1,0 +1,202 @@
+"""The analysis finds what is in the answers, names every choice, and marks what nobody answered."""
+
+from __future__ import annotations
+
+import csv
+import json
+import runpy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hpop import study
+from hpop.errors import StudyError
+from hpop.study import report, statistics
+from tests.study.sessions import events_of, put, session
+
+FELT = {"A": -0.5, "B": 1.5, "C": 4.0}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse():
+    """The same figures of fewer pixels."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hpop.study.report.DPI", 30)
+        yield
+
+
+@pytest.fixture(scope="module")
+def answers(design):
+    return study.simulate(design, {"before": -1.0, **FELT}, liking={"A": 0.5, "B": 0.0, "C": -0.5}, seed=3)
+
+
+@pytest.fixture(scope="module")
+def result(design, answers):
+    return study.analyse(design, answers)
+
+
+@pytest.fixture(scope="module")
+def saved(result, tmp_path_factory):
+    """A study's folder with its answers and its report."""
+    folder = tmp_path_factory.mktemp("study")
+    result.design.save(folder)
+    for one in result.answers.sessions:
+        events = [event.model_dump(exclude_none=True) for event in one.events]
+        put(folder, session(result.design, one.person.id, events, device=dict(one.device)))
+    result.save(folder / "first")
+    return folder
+
+
+def real(design, rule):
+    """Answers that are not marked, by a rule of participant, place, form and item."""
+    sessions = []
+    made = study.simulate(design, dict.fromkeys("ABC", 0.0)).sessions[0]
+    for person in design.participants:
+        events = tuple(type(made.events[0]).model_validate(event) for event in events_of(design, person.id, rule))
+        sessions.append(replace(made, person=person, device={"browser": "Firefox"}, events=events))
+    return study.Answers(design, tuple(sessions))
+
+
+def test_stimuli_that_differ_are_found_and_by_the_tests_that_are_named(result, answers):
+    values = answers.matrix("ssq", "total").values
+    (test,) = result.tables["test"]
+    assert test["p"] == statistics.friedman(values).p < 0.001
+    assert [row["p"] for row in result.tables["pairs"]] == [
+        statistics.wilcoxon(values[:, i], values[:, j]).p for i, j in ((0, 1), (0, 2), (1, 2))
+    ]
+    medians = [row["median"] for row in result.tables["scores"][1:4]]
+    assert medians == pytest.approx(np.median(values, axis=0)) == sorted(medians)
+    assert "Pratt" in result.choices["Differences of zero"]
+    assert result.choices["Correction"].startswith("Holm")
+
+
+def test_stimuli_that_do_not_differ_are_not_found(design):
+    result = study.analyse(design, study.simulate(design, dict.fromkeys("ABC", 0.0), seed=5))
+    assert result.tables["test"][0]["p"] > 0.05
+
+
+def test_a_place_that_matters_is_found(design, result):
+    tired = study.analyse(design, study.simulate(design, dict.fromkeys("ABC", 0.0), tiring=2.0, seed=3))
+    assert tired.tables["carry-over"][0]["p"] < 0.001
+    assert result.tables["carry-over"][0]["p"] > 0.05
+    assert [row["people"] for row in result.tables["carry-over"]] == [12, 12]
+
+
+def test_the_papers_method_has_the_papers_tests_and_their_identity(design, answers):
+    result = study.analyse(design, answers, method="paper")
+    (test,), pairs = result.tables["test"], result.tables["pairs"]
+    assert test["chi-square"] == pytest.approx(2 / 3 * sum(row["z"] ** 2 for row in pairs))
+    assert pairs[1]["z"] == pytest.approx(pairs[0]["z"] + pairs[2]["z"])
+    assert [row["adjusted p"] for row in pairs] == [min(1, 3 * row["p"]) for row in pairs]
+    assert {row["p by"] for row in result.tables["against before"]} == {"normal approximation"}
+    assert "power is lost" in result.choices["Test of all stimuli"]
+
+
+def test_choices_are_counted_and_strengths_go_with_them(result):
+    rows = [row for row in result.tables["choices"] if row["question"] == "prefer"]
+    assert [row["first chosen"] + row["second chosen"] + row["neither"] for row in rows] == [12, 12, 12]
+    strengths = [row["strength"] for row in result.tables["strengths"]]
+    assert len(strengths) == 3
+    assert strengths == sorted(strengths, reverse=True)
+    assert "comfort, strengths: the choices order groups of stimuli without exception" in result.choices["Not done"]
+    assert "A" in result.choices["Not done"].split("them: ")[1]
+
+
+def test_who_did_not_answer_all_is_left_out_where_it_is_said(design, answers):
+    half = replace(answers.sessions[0], events=answers.sessions[0].events[:40])  # up to the first stimulus
+    result = study.analyse(design, study.Answers(design, (half, *answers.sessions[1:])))
+    assert (result.tables["test"][0]["people"], result.tables["test"][0]["left out"]) == (11, 1)
+    assert "12 sessions; 11 with all scores" in result.choices["People"]
+    assert "p01 has half a session" in result.choices["Faults of sessions"]
+    assert "order" in result.choices["Groups and devices"]
+    assert sum(row["place 1"] for row in result.tables["balance"]) == 11
+
+
+def test_what_one_persons_answers_do_not_suffice_for_is_said(design, answers):
+    result = study.analyse(design, study.Answers(design, answers.sessions[:1]))
+    assert "test" not in result.tables
+    assert "test: Friedman's test needs the scores of two people or more" in result.choices["Not done"]
+    assert "test: Friedman" in result.text()
+
+
+def test_simulated_answers_are_marked_everywhere(result, saved):
+    assert result.mark.startswith("SIMULATED: all answers")
+    assert result.mark in result.text()
+    for name in ("scores", "order", "choices"):
+        assert result.mark in [text.get_text() for text in result.draw(name).texts]
+    for path in (saved / "first").iterdir():
+        if path.suffix == ".csv":
+            assert all(line.endswith(",SIMULATED") for line in path.read_text().splitlines()[1:])
+        elif path.suffix != ".png":
+            assert result.mark in path.read_text()
+
+
+def test_answers_of_people_are_not_marked(design):
+    result = study.analyse(design, real(design, lambda person, place, form, item: float(item == "nausea") * place % 3))
+    assert result.mark == ""
+    assert "SIMULATED" not in result.text()
+    mixed = study.Answers(design, (*study.simulate(design, FELT).sessions[:2], *result.answers.sessions[2:]))
+    assert study.analyse(design, mixed).mark.startswith("SIMULATED: 2 of 12 sessions")
+
+
+def test_the_report_is_written_and_its_code_writes_it_again(saved, monkeypatch):
+    monkeypatch.chdir(saved)
+    runpy.run_path(str(saved / "first" / "repeat.py"))
+    first = {path.name: path.read_bytes() for path in (saved / "first").iterdir()}
+    again = {path.name: path.read_bytes() for path in (saved / "report").iterdir()}
+    assert first == again
+    assert first.keys() >= {"report.html", "repeat.py", "scores.csv", "test.csv", "scores.png", "order.png"}
+
+
+def test_tables_are_written_to_the_last_digit(saved, result):
+    with open(saved / "first" / "pairs.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["p"]) for row in rows] == [row["p"] for row in result.tables["pairs"]]
+    assert [row["first"] for row in rows] == [row["first"] for row in result.tables["pairs"]]
+
+
+def test_the_page_names_every_choice_asks_for_nothing_and_runs_nothing(result, saved):
+    page = (saved / "first" / "report.html").read_text()
+    for what in result.choices:
+        assert f"<th>{what}</th>" in page
+    assert "<script" not in page
+    assert "default-src 'none'" in page
+    assert "http" not in page.replace("http-equiv", "")
+    assert result.design.digest in page
+
+
+def test_names_of_rows_stay_text_on_the_page(design, answers):
+    conditions = (replace(design.conditions[0], name="<script>alert(1)</script>"), *design.conditions[1:])
+    named = replace(design, conditions=conditions)
+    page = report.page(study.analyse(named, study.Answers(named, answers.sessions)), {})
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"method": "papers"}, "Did you mean 'paper'"),
+        ({"correction": "fdr"}, "correction must be one of holm, bonferroni, none"),
+        ({"score": ("vrsq", "total")}, "the study asks no form 'vrsq'"),
+        ({"score": ("ssq", "sum")}, "score must be one of N, O, D, total"),
+        ({"score": ("preference", "comfort")}, "is not asked after each stimulus"),
+    ],
+)
+def test_what_cannot_be_analysed_is_refused(design, answers, asked, said):
+    with pytest.raises(StudyError, match=said):
+        study.analyse(design, answers, **asked)
+
+
+def test_answers_of_nobody_and_figures_that_do_not_exist_are_refused(design, result):
+    with pytest.raises(StudyError, match="nobody's answers give the score total"):
+        study.analyse(design, study.Answers(design, ()))
+    with pytest.raises(StudyError, match="Did you mean 'scores'"):
+        result.draw("score")
+
+
+def test_an_item_is_analysed_as_a_score_is(design, answers):
+    result = study.analyse(design, answers, score=("ssq", "nausea"))
+    assert result.tables["scores"][1]["median"] in (0, 1, 2, 3)
+    assert json.dumps(result.choices)
