@@ -24,6 +24,9 @@ from hpop.registry import GROUPS, make_model
 from hpop.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
 
+FOR_YOU = "for you"
+"""What a person prefers goes by, beside the knee."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Point(frontier.Point[Trajectory]):
@@ -93,13 +96,17 @@ class Front(frontier.Front[Trajectory]):
             return ()
         return tuple(name for name in self.names if all(name in names for names in known))
 
-    def named(self) -> dict[str, Point]:
-        """The points worth a name: the knee and the least in each criterion, of those found if only evaluated."""
+    def named(self, preference: Preferring | None = None) -> dict[str, Point]:
+        """The points worth a name: the knee and the least in each criterion, of those found if only evaluated.
+
+        With the ``preference`` of a person also what is best "for you".
+        """
         if not len(self):
             return {}
         found = self.evaluated
         least = {f"least {name}" + " of those found" * (name in found): self.best(name) for name in self.names}
-        return {"knee": self.knee(), **least}
+        yours = {} if preference is None else {FOR_YOU: self.select(preference=preference)}
+        return {"knee": self.knee(), **least, **yours}
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the points worth a name, what is claimed, a picture where hpop.view is imported."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import click
@@ -26,6 +27,14 @@ imports_option = click.option(
 
 verbose_option = click.option(
     "--verbose", is_flag=True, help="Print also what was counted: labels, edges, seconds, memory."
+)
+
+preference_option = click.option(
+    "--preference",
+    "person",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="What somebody prefers, as `hpop prefer` wrote it: their best trajectory is marked.",
 )
 
 

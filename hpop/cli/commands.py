@@ -27,6 +27,7 @@ from hpop.cli.exporting import export
 from hpop.cli.live import LivePage
 from hpop.cli.looking import look, new
 from hpop.cli.pictures import PicturesBeside
+from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
 from hpop.cli.riding import ride
 from hpop.cli.saved import pick, show
@@ -104,7 +105,7 @@ def plan(
     from hpop import garbage
 
     garbage.seldom()
-    from hpop.cli import report, user_code
+    from hpop.cli import preferred, report, user_code
     from hpop.planners.base import sweeps
     from hpop.planners.lattice.stages import kernels_beside
     from hpop.scenario import load_scenario
@@ -143,7 +144,10 @@ def plan(
         fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
-        report.print_front(loaded.problem, front, saved=out / SAVED, verbose=verbose)
+        told: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
+        report.print_front(loaded.problem, front, **told)
+        if loaded.preference is not None and len(front):
+            preferred.print_preference(loaded.preference, front)
         report.print_contributions([planner.name for planner in loaded.planners], fronts)
         if checkpoint is not None:
             _tidy(checkpoint, front)
@@ -183,6 +187,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
 
 main.add_command(show)
 main.add_command(pick)
+main.add_command(prefer)
 main.add_command(ride)
 main.add_command(drive)
 main.add_command(export)
@@ -294,7 +299,8 @@ def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -
         PicturesBeside(out, imports, _most(scenario)).start()
         echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
     else:
-        drawn = results.draw(scenario.problem, front, out, max_memory=_most(scenario))
+        most = _most(scenario)
+        drawn = results.draw(scenario.problem, front, out, max_memory=most, preference=scenario.preference)
         echo(f"written to {out}: {', '.join([SAVED, *drawn])}")
 
 

@@ -17,6 +17,7 @@ from hpop.errors import OptionError, UnknownName
 from hpop.front import Front, Point
 from hpop.frontier import FrontError, UnknownColumnError, conditions
 from hpop.frontier.conditions import Condition
+from hpop.preference import Preference
 from hpop.text import printable
 
 
@@ -35,8 +36,9 @@ def picked(
     least: Sequence[str] = (),
     wish: Mapping[str, float] | None = None,
     row: int | None = None,
+    preference: Preference | None = None,
 ) -> Picked:
-    """The point that ``front.where(...)`` and its ``lexicographic``, ``nearest`` or ``knee`` give, or that of a row.
+    """The point that ``front.where(...)`` and its ``lexicographic``, ``nearest``, ``select``, ``knee`` give, or a row.
 
     Raises OptionError and UnknownName where there is none.
     """
@@ -56,6 +58,12 @@ def picked(
         elif wish:
             words = ", ".join(f"{name} {value:g}" for name, value in wish.items())
             point, why = part.nearest(wish), f"nearest to {words}"
+        elif preference is not None:
+            best = preference.best(part)
+            point, why = (
+                best.point,
+                f"best for you ({preference.question}), probability {best.probability[best.row]:.2f}",
+            )
         else:
             point, why = part.knee(), "the knee, a compromise: deepest below the extremes"
     except UnknownColumnError as error:

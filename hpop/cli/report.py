@@ -6,7 +6,7 @@ import dataclasses
 import math
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -20,6 +20,7 @@ from hpop.arrays import FloatArray, distinct
 from hpop.criteria.base import trajectory_costs
 from hpop.front import Front
 from hpop.frontier import hypervolume
+from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
 from hpop.further import criteria_of
 from hpop.goals import GoalSet
@@ -33,10 +34,10 @@ BOX = 1.1  # side of the box of scaled costs of which a hypervolume is a part
 MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
 
 
-def marks(front: Front) -> dict[int, list[str]]:
+def marks(front: Front, preference: Preferring | None = None) -> dict[int, list[str]]:
     """The rows that are marked, each with all its names."""
     names: dict[int, list[str]] = {}
-    for label, point in front.named().items():
+    for label, point in front.named(preference).items():
         names.setdefault(point.index, []).append(label)
     return names
 
@@ -48,6 +49,7 @@ def print_front(
     *,
     saved: Path = Path("front.json"),
     verbose: bool = False,
+    preference: Preferring | None = None,
 ) -> None:
     """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
 
@@ -55,6 +57,7 @@ def print_front(
     ----------
     saved : where the whole front is
     verbose : whether also what was counted while it was searched for
+    preference : of a person, whose best trajectory is marked "for you"
     """
     console = console or Console()
 
@@ -67,15 +70,16 @@ def print_front(
     for note in (*problem.world.notes, *front.notes, *decides):
         say(f"note: {note}")
     if len(front):
-        rows = shown_rows(front, MOST_ROWS)
+        names = marks(front, preference)
+        rows = shown_rows(front, MOST_ROWS, names)
         console.print()
         say("The front: of these trajectories none is better in one cost and no worse in the others")
-        print_wide(console, _front_table(front, rows))
+        print_wide(console, _front_table(front, rows, names))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
         console.print()
         say("The marked trajectories as planned and as executed (real speed ramps)")
-        print_wide(console, _executed_table(problem, front))
+        print_wide(console, _executed_table(problem, front, names))
         console.print()
     for run in front.runs if verbose else ():
         numbers = [
@@ -236,8 +240,7 @@ def _labels(names: Sequence[str]) -> Text:
     return Text("\n".join(map(printable, names)))
 
 
-def _front_table(front: Front, rows: Sequence[int]) -> Table:
-    names = marks(front)
+def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence[str]]) -> Table:
     table = plain_table()
     table.add_column("#", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
@@ -254,14 +257,14 @@ def _front_table(front: Front, rows: Sequence[int]) -> Table:
     return table
 
 
-def shown_rows(front: Front, most: int) -> list[int]:
+def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
     """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen."""
     if len(front) <= most:
         return list(range(len(front)))
-    return sorted(differing(front.costs, most, always=sorted(marks(front))))
+    return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
 
 
-def _executed_table(problem: Problem, front: Front) -> Table:
+def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:
     """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
     table = plain_table()
     table.add_column("#", justify="right")
@@ -270,7 +273,7 @@ def _executed_table(problem: Problem, front: Front) -> Table:
     for criterion in criteria:
         table.add_column(header(criterion.name, criterion.unit), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)
-    for row, labels in sorted(marks(front).items()):
+    for row, labels in sorted(names.items()):
         pair = [front.trajectories[row], front.trajectories[row].execution()]
         for word, costs in zip(("planned", "executed"), trajectory_costs(criteria, pair, problem.world), strict=True):
             cells = [number(cost, c.quantum) for cost, c in zip(costs, criteria, strict=True)]

@@ -18,6 +18,7 @@ except ImportError:  # no such locks on this system
 
 if TYPE_CHECKING:
     from hpop.front import Front
+    from hpop.preference import Preference
     from hpop.problem import Problem
 
 SAVED = "front.json"
@@ -121,11 +122,11 @@ def save(front: Front, out: Path) -> None:
         raise OutputError(f"{error}; the front is saved in {rescue / SAVED}") from None
 
 
-def save_page(problem: Problem, front: Front, saved: Path) -> Path:
+def save_page(problem: Problem, front: Front, saved: Path, preference: Preference | None = None) -> Path:
     """Write the page to choose from beside the file of a front."""
     from hpop.view import save_explorer
 
-    return save_explorer(problem, front, saved.with_name(PAGE), saved=saved)
+    return save_explorer(problem, front, saved.with_name(PAGE), saved=saved, preference=preference)
 
 
 def page_payload(saved: Path) -> dict[str, Any]:
@@ -139,16 +140,22 @@ def page_payload(saved: Path) -> dict[str, Any]:
 
 
 def draw(
-    problem: Problem, front: Front, out: Path, *, map_alone: bool = False, max_memory: int | None = None
+    problem: Problem,
+    front: Front,
+    out: Path,
+    *,
+    map_alone: bool = False,
+    max_memory: int | None = None,
+    preference: Preference | None = None,
 ) -> list[str]:
     """Names of what is drawn, the map or all pictures and the page; whatever goes wrong with it, the front is saved."""
     drawn: list[Path] | None = None
     try:
         from hpop.view import save_pictures
 
-        drawn = save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory)
+        drawn = save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory, preference=preference)
         if not map_alone:
-            drawn.append(save_page(problem, front, out / SAVED))
+            drawn.append(save_page(problem, front, out / SAVED, preference))
         return [path.name for path in drawn]
     except Exception as error:
         what = "the pictures are not" if drawn is None else f"{PAGE} is not"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.cli import results
-from hpop.cli.command import imports_option, user_errors, verbose_option
+from hpop.cli.command import imports_option, preference_option, user_errors, verbose_option
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.results import PAGE
 from hpop.cli.terminal import echo, open_page
@@ -58,32 +58,44 @@ also_option = click.option(
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @also_option
+@preference_option
 @click.option("--web", is_flag=True, help=f"Write {PAGE}, to choose from in a browser, beside the front.")
 @click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser.")
 @verbose_option
 @imports_option
 @user_errors
-def show(folder: Path, also: list[str], web: bool, opens: bool, verbose: bool, imports: tuple[str, ...]) -> None:
+def show(
+    folder: Path,
+    also: list[str],
+    person: Path | None,
+    web: bool,
+    opens: bool,
+    verbose: bool,
+    imports: tuple[str, ...],
+) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop import following
-    from hpop.cli import report, user_code
+    from hpop.cli import preferred, report, user_code
     from hpop.status import Progress
     from hpop.verify import lost_trajectories, verify
 
     user_code.register(imports)
     path, front = loaded(folder)
+    preference = preferred.loaded_preference(person)
     problem = problem_of(path, front)
     _refuse_faults(path, lost_trajectories(problem, front))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
-    report.print_front(problem, more, saved=path, verbose=verbose)
+    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference)
+    if preference is not None and len(front):
+        preferred.print_preference(preference, more)
     echo("checking costs, ends and collisions")
     with following.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
     echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
     if web or opens:
-        page = results.save_page(problem, more, path)
+        page = results.save_page(problem, more, path, preference)
         echo(f"written: {page}, to choose from in a browser")
         if opens:
             open_page(page)
@@ -112,6 +124,7 @@ def show(folder: Path, also: list[str], web: bool, opens: bool, verbose: bool, i
 @click.option(
     "--knee", is_flag=True, help="The compromise deepest below the extremes; it is what is picked by default."
 )
+@preference_option
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write what the camera does, executed.")
 @also_option
 @imports_option
@@ -123,18 +136,20 @@ def pick(
     wish: dict[str, float],
     row: int | None,
     knee: bool,
+    person: Path | None,
     csv: Path | None,
     also: list[str],
     imports: tuple[str, ...],
 ) -> None:
     """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and say which and why.
 
-    Give one of --least, --wish, --row and --knee; --at-most says among which. What --also adds can be asked for by
-    --at-most and --wish.
+    Give one of --least, --wish, --row, --knee and --preference; --at-most says among which. What --also adds can be
+    asked for by --at-most and --wish.
     """
-    from hpop.cli import picking, user_code
+    from hpop.cli import picking, preferred, user_code
 
     ways = {"--least": bool(least), "--wish": bool(wish), "--row": row is not None, "--knee": knee}
+    ways["--preference"] = person is not None
     given = [name for name, is_given in ways.items() if is_given]
     if len(given) > 1:
         raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
@@ -144,7 +159,8 @@ def pick(
     path, front = loaded(folder)
     if also:
         front = _with_further(problem_of(path, front), front, also)
-    picked = picking.picked(front, at_most, least=least, wish=wish, row=row)
+    preference = preferred.loaded_preference(person)
+    picked = picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
     picking.print_picked(front, picked, saved=path)
     if csv is not None:
         table = picked.point.trajectory.table()

@@ -29,6 +29,7 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.wishes import Wish, wished
 from hpop.errors import CoversRobot, DriveError
 from hpop.front import Point
+from hpop.frontier.choices import Preferring
 from hpop.motions import States
 from hpop.motions.space import StateSpec
 from hpop.options import MOST, real, whole
@@ -69,11 +70,12 @@ class Change:
 class Execution:
     """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
 
-    problem   as it was planned
-    choice    the plan that was chosen first; ``ways`` are those that were known then
-    patience  by how much, as a share, another way must be better for the robot to take it by itself
-    notice    s before the first turn that nobody was told of, where it does
-    record    what it was told, as JSON; see :meth:`save`
+    problem     as it was planned
+    choice      the plan that was chosen first; ``ways`` are those that were known then
+    patience    by how much, as a share, another way must be better for the robot to take it by itself
+    notice      s before the first turn that nobody was told of, where it does
+    preference  of the person aboard: what is better for the robot to take by itself; it is not saved, what was taken is
+    record      what it was told, as JSON; see :meth:`save`
 
     Accepts: fronts of planners whose graph has turns and straight moves (lattice, roadmap of positions), or of others
     with such a planner beside; any criteria that these take.
@@ -95,11 +97,13 @@ class Execution:
         begin: float = 0.0,
         patience: float = PATIENCE,
         notice: float = NOTICE,
+        preference: Preferring | None = None,
     ) -> None:
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
         self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
+        self.preference = preference
         self.record: list[dict[str, Any]] = []
         self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
@@ -287,14 +291,14 @@ class Execution:
 
         Where the plan is closed, it takes the knee. Else the option with the least share of the plan's rest, on the
         mean over the costs, if that is better by ``patience``, and no turn that nobody was told of begins within
-        ``notice``.
+        ``notice``. Where the person's preference is known, that says which is the best, and by what share it is better.
         """
         if options is not self._latest:
             raise DriveError("these are not the last options; ask for options again")
         if not len(options.front):
             return None
         if options.keep_on is None:
-            chosen = options.knee()
+            chosen = options.knee() if self.preference is None else options.select(preference=self.preference)
         else:
             found = self._better(options)
             if found is None:
@@ -308,6 +312,9 @@ class Execution:
         assert options.keep_on is not None
         plan = np.array([options[options.keep_on].costs[name] for name in options.front.names])
         costs = options.front.costs
+        if self.preference is not None:  # one cost: what the person is expected to make of it
+            plan, costs = (self.preference.expected(options.front, of)[:, None] for of in (plan[None], costs))
+            plan = plan[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = np.where(plan > 0, costs / plan, np.where(costs > 0, np.inf, 1.0)).mean(axis=1)
         for row in np.argsort(shares, kind="stable").tolist():

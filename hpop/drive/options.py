@@ -9,6 +9,7 @@ from typing import Any
 from hpop.drive.departures import leaves, next_turn
 from hpop.errors import DriveError
 from hpop.front import Front, Point
+from hpop.frontier.choices import Preferring
 from hpop.motions import States
 from hpop.status import Status
 from hpop.text import shown
@@ -133,9 +134,9 @@ class Options(Sequence[Option]):
         """The best by criteria in an order; see :meth:`hpop.Front.lexicographic`."""
         return self._option(self.front.lexicographic(order).index)
 
-    def select(self, weights: Mapping[str, float]) -> Option:
-        """The least weighted sum; see :meth:`hpop.Front.select`."""
-        return self._option(self.front.select(weights).index)
+    def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Option:
+        """The least weighted sum, or what a person prefers; see :meth:`hpop.Front.select`."""
+        return self._option(self.front.select(weights, preference=preference).index)
 
     def nearest(self, wishes: Mapping[str, float]) -> Option:
         """The nearest to some wished values; see :meth:`hpop.Front.nearest`."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from hpop.drive.execution import NOTICE, PATIENCE, Execution
 from hpop.errors import DriveError, QueryError, did_you_mean
 from hpop.front import Front, Point, question_of
+from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
 from hpop.registry import planners
@@ -22,7 +23,7 @@ OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among who
 def follow(
     problem: Problem,
     front: Front,
-    choice: Point | int | str,
+    choice: Point | int | str | Preferring,
     *,
     planner: PlannerSpec | None = None,
     begin: float = 0.0,
@@ -34,7 +35,9 @@ def follow(
     Parameters
     ----------
     problem : what the front answers
-    choice : a point of the front, its row, or a name it goes by, such as "knee" (:meth:`hpop.Front.named`)
+    choice : a point of the front, its row, or a name it goes by, such as "knee" (:meth:`hpop.Front.named`); or a
+        person (:class:`hpop.study.Preference`): then what the person prefers, on the way as well, where the robot
+        chooses by itself
     planner : whose graph other ways are looked for on; else the planner that found the choice, with its options
     begin : s, when the robot leaves, on the clock by which everything is told
     patience, notice : see :class:`hpop.drive.Execution`
@@ -49,9 +52,11 @@ def follow(
             "the front answers another problem than the one given; hpop.Problem.from_description(front.problem) is its "
             "own"
         )
-    point = _point(front, choice)
+    preference = choice if isinstance(choice, Preferring) else None
+    point = _point(front, choice) if preference is None else front.select(preference=preference)
     made = _planner_of(point.provenance) if planner is None else make_planner(planner)
-    return Execution(problem, front.trajectories, point.item, made, begin=begin, patience=patience, notice=notice)
+    given: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
+    return Execution(problem, front.trajectories, point.item, made, **given)
 
 
 def _point(front: Front, choice: Any) -> Point:

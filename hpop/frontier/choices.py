@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import Any, Generic, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
@@ -16,10 +16,15 @@ from hpop.text import shown
 T = TypeVar("T")
 
 
+@runtime_checkable
 class Preferring(Protocol):
-    """Whoever knows which row of a front a person prefers."""
+    """Whoever knows which row of a front a person prefers, such as :class:`hpop.study.Preference`."""
 
-    def row(self, front: Any, /) -> int: ...
+    def row(self, front: Any, /) -> int:
+        """The row that is preferred."""
+
+    def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
+        """What costs (m, k), in the columns of a front, cost this person (m,), at least 0; the less the better."""
 
 
 class Choices(Generic[T]):

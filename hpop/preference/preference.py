@@ -184,6 +184,14 @@ class Preference:
             raise StudyError("the front has no points to choose from")
         return row_of(self.scale.rows_on(front), self._shares)
 
+    def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
+        """What costs (m, k), in the columns of a front, are expected to cost this person (m,), more than none would.
+
+        StudyError where the front lacks a cost.
+        """
+        of = np.asarray(costs)[:, self.scale.places_on(front)]
+        return np.asarray((self.scale.scaled(of) - self.scale.scaled(np.zeros((1, of.shape[1])))) @ self._shares)
+
     # What to ask
 
     def next_pair(self) -> tuple[int, int] | None:

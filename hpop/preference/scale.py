@@ -79,9 +79,9 @@ class Scale:
                 columns.append(np.maximum(costs[:, j] - bound, 0.0) / room if room > 0 else np.zeros(len(costs)))
         return np.column_stack(columns)
 
-    def costs_on(self, front: Front[Any]) -> FloatArray:
-        """The costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
-        columns = []
+    def places_on(self, front: Front[Any]) -> list[int]:
+        """Where a front has the costs of this scale; StudyError that names what it lacks."""
+        places = []
         for name, unit in zip(self.names, self.units, strict=True):
             if name not in front.names:
                 raise StudyError(
@@ -95,8 +95,12 @@ class Scale:
                     f"the preference has {shown(name)} in {shown(unit)}, the front in {shown(front.units[j])}; ask "
                     "about this front, or give its costs in the same unit"
                 )
-            columns.append(front.costs[:, j])
-        return np.column_stack(columns)
+            places.append(j)
+        return places
+
+    def costs_on(self, front: Front[Any]) -> FloatArray:
+        """The costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
+        return np.asarray(front.costs[:, self.places_on(front)])
 
     def rows_on(self, front: Front[Any]) -> FloatArray:
         """What the points of a front are for the preference (n, f)."""

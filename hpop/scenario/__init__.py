@@ -29,6 +29,7 @@
       - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
       - {kind: keep-out, area: [[9, 1], [10, 1], [10, 2]]}
       - {kind: one-way, area: [[3, 7], [9, 7], [9, 9], [3, 9]], path: [[3, 8], [9, 8]]}
+    choose: {preference: p07.json}          # what this person prefers is marked "for you"; `hpop prefer` wrote the file
 
 Every choice is one name with its parameters; paths are relative to the scenario file.
 """
@@ -37,7 +38,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -48,11 +49,13 @@ from pydantic import BaseModel
 
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
-from hpop.errors import LimitError, UnsupportedModel
+from hpop.errors import LimitError, StudyError, UnsupportedModel, did_you_mean
 from hpop.motions import Model
 from hpop.planners.base import Planner
 from hpop.planners.needs import refuse_unsupported
+from hpop.planners.objectives import integral_of
 from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
+from hpop.preference import Preference
 from hpop.problem import Problem
 from hpop.registry import criteria, models, planners, readers
 from hpop.scenario.faults import Faults, entries
@@ -60,6 +63,7 @@ from hpop.scenario.people import groups_of, people_of
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
+    Choose,
     CylinderSize,
     LandmarkEntry,
     MapFile,
@@ -71,6 +75,7 @@ from hpop.scenario.schema import (
     ZoneEntry,
 )
 from hpop.scenario.yaml_lines import Document, Place
+from hpop.text import shown
 from hpop.world import World, geojson_content, limits
 from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_joinable
@@ -89,6 +94,7 @@ class Scenario:
     problem: Problem
     planners: tuple[Planner, ...]
     path: Path
+    preference: Preference | None = None
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -133,6 +139,7 @@ def load_scenario(path: str | Path) -> Scenario:
     solids = faults.made(_solid_entries(given), ("world", "solids", "obstacles"), SolidEntry, partial(_solid, faults))
     groups = groups_of(faults, given.get("groups"), entered)
     faults.raise_all()
+    preference = _preference(faults, document.path.parent, file.choose, cast(list[Criterion], wanted))
     asked_quanta = given.get("quanta")
     with faults.collected(("quanta",)):
         with_quanta(cast(list[Criterion], wanted), asked_quanta)
@@ -160,7 +167,7 @@ def load_scenario(path: str | Path) -> Scenario:
         object.__setattr__(problem, "read_seconds", read_seconds)
         object.__setattr__(problem, "read_memory", spending.memory)
     faults.raise_all()
-    return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path)
+    return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path, preference)
 
 
 @contextmanager
@@ -174,6 +181,29 @@ def _reading(spending: Spending) -> Iterator[None]:
             f"{stop.status}: it was passed while {stop.doing}, so nothing is planned yet; raise "
             f"{OPTIONS[stop.status]} of the planner, or give a smaller map"
         ) from None
+
+
+def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Sequence[Criterion]) -> Preference | None:
+    """Whose choice is marked, if a file says it; it must weigh nothing that the front will not have."""
+    if choose is None:
+        return None
+    place = ("choose", "preference")
+    with faults.collected(place):
+        try:
+            person = Preference.load(folder / choose.preference)
+        except OSError as error:
+            faults.add(place, f"cannot read {choose.preference}: {error.strerror or error}", StudyError)
+            return None
+        means = [criterion for criterion in wanted if criterion.aggregate == "time-mean"]
+        known = [criterion.name for criterion in (*wanted, *map(integral_of, means))]
+        for name in person.scale.names:
+            if name not in known:
+                raise StudyError(
+                    f"the preference weighs {shown(name)}, which is no criterion here.{did_you_mean(name, known)} Add "
+                    f"it to criteria ({', '.join(known)}), or ask again with `hpop prefer`"
+                )
+        return person
+    return None
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:

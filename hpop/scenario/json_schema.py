@@ -21,6 +21,7 @@ from hpop.scenario.field_docs import parameter_docs
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
+    Choose,
     CylinderSize,
     FutureEntry,
     LandmarkEntry,
@@ -64,6 +65,7 @@ KEYS = {
     "groups": "people who talk with each other: names, or places in the list, counted from 0",
     "landmarks": "what is worth seeing: m",
     "zones": "areas with a rule: m",
+    "choose": "whose choice is marked: a preference that `hpop prefer` wrote",
 }
 
 
@@ -92,6 +94,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
     goal = [_state(FREE), _of("goal")]
     keys |= {
         "world": _of("world"),
+        "choose": _described(_form(Choose), parameter_docs(Choose)),
         "model": _of("model") | {"default": DEFAULT_MODEL},
         "start": _state(ANGLE),
         "goal": {"anyOf": [*goal, {"type": "array", "minItems": 1, "items": {"anyOf": goal}}]},

@@ -293,6 +293,12 @@ class ZoneEntry(_Strict):
     name: str = ""  # in messages and pictures
 
 
+class Choose(_Strict):
+    """What is marked as best "for you"."""
+
+    preference: str  # file that `hpop prefer` wrote, relative to the scenario
+
+
 class ScenarioFile(_Strict):
     """The keys of a scenario file."""
 
@@ -308,6 +314,7 @@ class ScenarioFile(_Strict):
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
     landmarks: list[Entry] = []
     zones: list[Entry] = []
+    choose: Choose | None = None
 
 
 def parameters_of(cls: Any) -> type[BaseModel]:

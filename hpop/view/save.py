@@ -18,6 +18,7 @@ from PIL import Image
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
+from hpop.frontier.choices import Preferring
 from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget
@@ -52,12 +53,14 @@ def save_pictures(
     dpi: float = DPI,
     map_alone: bool = False,
     max_memory: int | None = None,
+    preference: Preferring | None = None,
 ) -> list[Path]:
     """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
 
     Where people move there is ``encounters.png``, the knee over time among them.
     Where the camera rises or sinks there is ``side.png``, a view from the side; where states change that maps do not
     show, such as joints, ``states.png``.
+    With the ``preference`` of a person what is best for them is drawn among the marked trajectories.
     The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes.
     A knee that stays where it is, since the start is the goal, has no trace and no places.
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
@@ -68,6 +71,7 @@ def save_pictures(
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
+    chosen = None if preference is None else {name: p.index for name, p in front.named(preference).items()}
     with ThreadPoolExecutor(1) as beside:  # one picture is compressed while the next is drawn
         pictures = {}
 
@@ -75,9 +79,9 @@ def save_pictures(
             pictures[name] = beside.submit(_png(figure, dpi))
 
         with limits.within(Spending(Budget(max_memory=max_memory))):
-            add("map.png", draw_map(problem, front))
+            add("map.png", draw_map(problem, front, chosen=chosen))
         if len(front) and not map_alone:
-            add("front.png", draw_front(front))
+            add("front.png", draw_front(front, chosen=chosen))
             knee = front.knee().item
             if len(knee):
                 add("trace.png", draw_trace(problem, knee, name="the knee"))
@@ -85,9 +89,9 @@ def save_pictures(
                 if any(person.moves for person in problem.world.content.people):
                     add("encounters.png", draw_encounters(problem, knee, name="the knee"))
             if camera_heights(problem, [front.trajectories[row] for row in drawn_rows(front)]).vary:
-                add("side.png", draw_side(problem, front))
-            if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front)]):
-                add("states.png", draw_states(front))
+                add("side.png", draw_side(problem, front, chosen=chosen))
+            if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front, chosen)]):
+                add("states.png", draw_states(front, chosen=chosen))
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)

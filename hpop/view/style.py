@@ -24,6 +24,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.front import Front
+from hpop.frontier.choices import Preferring
 from hpop.motions import Model, Pose, States
 from hpop.text import printable, shown
 from hpop.trajectory import Trajectory
@@ -171,13 +172,15 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
     )
 
 
-def marks(front: Front, chosen: Mapping[str, int] | None = None) -> tuple[Mark, ...]:
-    """Name trajectories: those ``chosen`` (label: row), or the knee and the best of each criterion.
+def marks(
+    front: Front, chosen: Mapping[str, int] | None = None, *, preference: Preferring | None = None
+) -> tuple[Mark, ...]:
+    """Name trajectories: those ``chosen`` (label: row), or the knee, the best of each criterion, and for a person.
 
     A row with several names is one mark. Raises OptionError for a row that the front does not have.
     """
     if chosen is None:
-        chosen = {name: point.index for name, point in front.named().items()}
+        chosen = {name: point.index for name, point in front.named(preference).items()}
     names: dict[int, list[str]] = {}
     for name, row in chosen.items():
         if not 0 <= row < len(front):

@@ -85,9 +85,9 @@ def no_pictures(coarse: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def run() -> Callable[..., Result]:
-    def run(*arguments: object) -> Result:
-        """Run a command; it may fail, but never with a traceback."""
-        result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    def run(*arguments: object, typed: str | None = None) -> Result:
+        """Run a command, to which something may be typed; it may fail, but never with a traceback."""
+        result = CliRunner().invoke(main, [str(argument) for argument in arguments], typed)
         assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
         assert "Traceback" not in result.output
         return result

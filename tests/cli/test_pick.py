@@ -121,7 +121,10 @@ def test_what_cannot_be_picked_ends_in_one_message(
     [
         (["--at-most", "turns"], "expected NAME=NUMBER, such as turns=5, got 'turns'"),
         (["--at-most", "turns=few"], "expected NAME=NUMBER"),
-        (["--wish", "turns=1", "--knee"], "give one of --least, --wish, --row, --knee, got --wish and --knee"),
+        (
+            ["--wish", "turns=1", "--knee"],
+            "give one of --least, --wish, --row, --knee, --preference, got --wish and --knee",
+        ),
         (["--row", "1", "--at-most", "turns=5"], "--row says which one"),
         (["--row", "-1"], "--row"),
         (["--at-most", "turns=5", "--at-most", "turns=6"], "give each name once"),

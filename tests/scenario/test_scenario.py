@@ -19,11 +19,14 @@ from hpop.errors import (
     OptionError,
     QueryError,
     ScenarioError,
+    StudyError,
     UnknownName,
     UnsupportedModel,
 )
 from hpop.front import Front
+from hpop.frontier import Front as Costs
 from hpop.motions import Motions
+from hpop.preference import Preference
 from hpop.scenario import load_scenario
 
 ROOM = """\
@@ -349,3 +352,25 @@ def test_a_fault_inside_a_choice_is_not_said_again_for_each_other_branch(
     lines = faults(scenario(tmp_path, change))
     assert lines[0].split(":")[0] == place
     assert [line.split(":")[0] for line in lines[1:]] == (["line 13, planner.1"] if "- 4" in change[1] else [])
+
+
+def test_a_scenario_names_whose_choice_is_marked(tmp_path):
+    costs = Costs.of([[0.0, 9.0], [5.0, 4.0]], names=["turns", "length"], units=["1", "m"], quanta=[1, 1])
+    Preference.fit(costs, [(0, 1)] * 3).save(tmp_path / "p07.json")
+    path = scenario(tmp_path, text=f"{ROOM}choose: {{preference: p07.json}}\n")
+    loaded = load_scenario(path)
+    assert loaded.preference.weights["turns"] > 0.5
+    front = loaded.problem.solve(loaded.planners[0])
+    assert front.named(loaded.preference)["for you"].costs == front.select(preference=loaded.preference).costs
+
+
+def test_a_preference_that_weighs_what_the_scenario_does_not_ask_for_is_told(tmp_path):
+    costs = Costs.of([[0.0, 9.0], [5.0, 4.0]], names=["turns", "lenght"], quanta=[1, 1])
+    Preference.fit(costs).save(tmp_path / "p.json")
+    path = scenario(tmp_path, text=f"{ROOM}choose: {{preference: p.json}}\n")
+    (said,) = faults(path, StudyError)
+    assert "weighs 'lenght', which is no criterion here. Did you mean 'length'?" in said
+    (tmp_path / "p.json").write_text("{}")
+    assert "expected a preference" in faults(path, StudyError)[0]
+    (tmp_path / "p.json").unlink()
+    assert "cannot read p.json: No such file" in faults(path, StudyError)[0]

@@ -14,6 +14,7 @@ import numpy as np
 
 from hpop.criteria.base import Criterion
 from hpop.front import Front
+from hpop.frontier.choices import Preferring
 from hpop.frontier.union import JOINT
 from hpop.problem import Problem
 from hpop.status import Status
@@ -29,16 +30,24 @@ VERSION = 1
 SCRIPT = "explorer.js"  # that reads it
 
 
-def payload(problem: Problem, front: Front, *, title: str | None = None, saved: str | None = None) -> dict[str, Any]:
+def payload(
+    problem: Problem,
+    front: Front,
+    *,
+    title: str | None = None,
+    saved: str | None = None,
+    preference: Preferring | None = None,
+) -> dict[str, Any]:
     """All that the page shows of a front.
 
-    title   else what is traded
-    saved   the file of the front, as Python code that the page writes shall name it
+    title       else what is traded
+    saved       the file of the front, as Python code that the page writes shall name it
+    preference  of a person, whose best trajectory is marked
     """
     packer = Packer()
     origin = math.floor(problem.world.bounds[0]), math.floor(problem.world.bounds[1])
     drawn = corners(front.trajectories, origin)
-    named = marks(front)
+    named = marks(front, preference=preference)
     start = float(problem.model.pose("camera", problem.model.space.state(problem.start)).z[0])
     heights = Heights(min(start, drawn.heights[0]), max(start, drawn.heights[1]))
     paths = {

@@ -8,6 +8,7 @@ from pathlib import Path
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
+from hpop.frontier.choices import Preferring
 from hpop.problem import Problem
 from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import page_file, single_page
@@ -20,6 +21,7 @@ def save_explorer(
     *,
     title: str | None = None,
     saved: str | os.PathLike[str] | None = None,
+    preference: Preferring | None = None,
 ) -> Path:
     """Write a page to choose a trajectory from: axes, map, table and traces, linked; returns its path.
 
@@ -38,6 +40,8 @@ def save_explorer(
         What the page is called; by default which costs are traded.
     saved : path, optional
         The file that holds the front, for the Python code that the page writes of a choice.
+    preference : Preference, optional
+        Of a person: the trajectory that is best for them is marked "for you".
 
     Raises
     ------
@@ -47,7 +51,8 @@ def save_explorer(
         If the file cannot be written, or its folder not be made; nothing is then half-written.
     """
     target = page_file(path)
-    given = payload(problem, front, title=title, saved=None if saved is None else os.fspath(saved))
+    place = None if saved is None else os.fspath(saved)
+    given = payload(problem, front, title=title, saved=place, preference=preference)
     page = single_page(SCRIPT, given["title"], given).encode(errors="backslashreplace")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

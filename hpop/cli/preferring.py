@@ -1,0 +1,207 @@
+"""``hpop prefer``: somebody is asked which of two trajectories they prefer, until the best one for them is known."""
+
+from __future__ import annotations
+
+import io
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hpop.cli import results
+from hpop.cli.command import imports_option, user_errors
+from hpop.cli.front_file import loaded, problem_of
+from hpop.cli.terminal import echo
+from hpop.errors import StudyError
+
+if TYPE_CHECKING:
+    from hpop.cli.preferred import Difference
+    from hpop.front import Front
+    from hpop.preference import Preference
+    from hpop.problem import Problem
+
+FILE, PICTURE = "preference.json", "pair.png"
+DPI = 80
+PREFER, COMFORT = "prefer", "comfort"
+QUESTIONS = 12
+WORDS = {PREFER: "Which of the two do you prefer?", COMFORT: "Which of the two is more comfortable?"}
+ANSWERS = {"a": "a", "b": "b", "t": "tie", "tie": "tie", "s": "stop", "stop": "stop"}
+MOST_PORT = 65_535
+
+
+class Asking:
+    """Questions about a front to one person; each answer is saved as it is given."""
+
+    def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:
+        self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
+        self.why = self._why()
+        self.pair = self._next()
+
+    @property
+    def number(self) -> int:
+        """Of the question, from 1."""
+        return len(self.person.answers) + 1
+
+    @property
+    def words(self) -> str:
+        """The question."""
+        return f"{self.number}. {WORDS[self.person.question]}"
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is asked any more."""
+        return self.pair is None
+
+    def answer(self, word: str) -> None:
+        """Take an answer: a, b, tie or stop."""
+        assert self.pair is not None
+        if word == "stop":
+            self.pair, self.why = None, "as asked"
+            return
+        a, b = self.pair
+        self.person = self.person.told(a, b, {"a": a, "b": b, "tie": None}[word])
+        with results.output_errors(f"cannot write {self.file}", "choose another --out"):
+            self.person.save(self.file)
+        self.why = self._why()
+        self.pair = self._next()
+
+    def differences(self) -> list[Difference]:
+        """What the two cost."""
+        from hpop.cli.preferred import differences
+
+        assert self.pair is not None
+        return differences(self.front, self.pair)
+
+    def picture(self) -> bytes:
+        """Both on the map, as PNG."""
+        import numpy as np
+
+        from hpop.view import draw_map
+
+        assert self.pair is not None
+        both = self.front[np.isin(np.arange(len(self.front)), self.pair)]
+        places = {name: int(row > min(self.pair)) for name, row in zip("ab", self.pair, strict=True)}
+        data = io.BytesIO()
+        draw_map(self.problem, both, chosen=places).savefig(data, format="png", dpi=DPI)
+        return data.getvalue()
+
+    def result(self) -> list[str]:
+        """What came out, in words."""
+        best = self.person.best()
+        said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
+        return [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
+
+    def _why(self) -> str:
+        return self.person.why_stop(self.most)
+
+    def _next(self) -> tuple[int, int] | None:
+        if self.why:
+            return None
+        pair = self.person.next_pair()
+        self.why = "" if pair else "all that differ noticeably were compared"
+        return pair
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help=f"What is learnt. [FOLDER/{FILE}]")
+@click.option(
+    "--question", type=click.Choice([PREFER, COMFORT]), default=PREFER, show_default=True, help="What is asked."
+)
+@click.option("--most", type=click.IntRange(1, 200), default=QUESTIONS, show_default=True, help="Questions, at most.")
+@click.option("--seed", type=click.IntRange(0), metavar="N", help="Of what is drawn: which is left, which right. [any]")
+@click.option("--web", is_flag=True, help="Ask on a page in a browser, of this machine alone.")
+@click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Of that page. [any]")
+@imports_option
+@user_errors
+def prefer(
+    folder: Path,
+    out: Path | None,
+    question: str,
+    most: int,
+    seed: int | None,
+    web: bool,
+    port: int,
+    imports: tuple[str, ...],
+) -> None:
+    """Ask somebody which of two trajectories they prefer, of the front in a FOLDER that `hpop plan` wrote.
+
+    Each pair is the one whose answer tells most. Asking ends when the best trajectory is known, after --most questions,
+    or with "stop"; Ctrl-C keeps what was answered, and asking goes on where it ended. The answers and the weights of
+    the costs that they show are written to a file, which `hpop show --preference` and a scenario's `choose` take.
+    """
+    from hpop.cli import user_code
+    from hpop.cli.asking_page import serve
+    from hpop.cli.preferred import print_preference
+
+    user_code.register(imports)
+    path, front = loaded(folder)
+    problem = problem_of(path, front)
+    file = path.with_name(FILE) if out is None else out
+    asking = Asking(_person(front, file, question, seed), problem, front, file, most)
+    try:
+        if web and not asking.is_over:
+            serve(asking, port, echo)
+        elif not asking.is_over:
+            _ask(asking, path.with_name(PICTURE))
+    finally:
+        if asking.person.answers:
+            if asking.why:
+                echo(f"no more questions: {asking.why}")
+            print_preference(asking.person, front)
+            echo(f"written: {file}; `hpop show {folder} --web --preference {file}` marks the best one on a page")
+
+
+def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:
+    """Whoever was asked before, or somebody new."""
+    from hpop.preference import Preference
+    from hpop.randomness import seed_of
+
+    if not file.exists():
+        seed = seed_of(None) if seed is None else seed
+        return Preference.fit(front, question=question, ties=True, seed=seed)
+    with results.output_errors(f"cannot read {file}", "choose another --out"):
+        person = Preference.load(file).on(front)
+    if person.question != question or not person.ties:
+        raise StudyError(
+            f"{file} has answers to another question ({person.question}); give --out for a file of its own, or remove "
+            "that one"
+        )
+    echo(f"going on after {len(person.answers)} answers in {file}; for another person give another --out")
+    return person
+
+
+def _ask(asking: Asking, picture: Path) -> None:
+    """Ask on the terminal."""
+    from rich.console import Console
+
+    from hpop.cli.preferred import pair_table
+    from hpop.cli.report import print_wide
+
+    try:
+        while asking.pair is not None:
+            with results.output_errors(f"cannot write {picture}", "give a folder that can be written to"):
+                picture.write_bytes(asking.picture())
+            echo(f"\n{asking.words}")
+            print_wide(Console(), pair_table(asking.front, asking.pair))
+            echo(f"both on the map: {picture}")
+            asking.answer(_answered())
+    finally:
+        with suppress(OSError):
+            picture.unlink(missing_ok=True)
+
+
+def _answered() -> str:
+    """What is typed; the end of what can be read stops."""
+    while True:
+        click.echo("a, b, tie or stop? ", nl=False)
+        line = sys.stdin.readline()
+        if not line:
+            click.echo()
+            return "stop"
+        word = ANSWERS.get(line.strip().lower())
+        if word is not None:
+            return word
+        echo("answer a, b, tie (no difference) or stop")

@@ -1,0 +1,185 @@
+"""`hpop prefer`: what is asked on the terminal and on a page, what is kept, and what the other commands make of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Callable
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+import hpop
+from hpop.cli import asking_page, preferring
+from hpop.cli.preferred import differences
+from hpop.frontier import Front
+from hpop.preference import Preference
+from tests import preferring as people
+from tests.view.explorer.fronts import seeded
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    seeded(60)[1].save(tmp_path / "front.json")
+    return tmp_path
+
+
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps take half a second each; one test draws them."""
+    monkeypatch.setattr(preferring.Asking, "picture", lambda self: b"")
+
+
+def test_somebody_is_asked_and_the_best_row_is_told_and_kept(folder: Path, run: Run) -> None:
+    result = run("prefer", folder, "--seed", "1", "--most", "2", typed="what?\na\nB\n")
+    assert result.exit_code == 0, result.output
+    assert result.output.count("Which of the two do you prefer?") == 2
+    assert "answer a, b, tie (no difference) or stop" in result.output
+    assert "no more questions: 2 questions were asked" in result.output
+    front, person = hpop.Front.load(folder / "front.json"), Preference.load(folder / "preference.json")
+    assert [answer.chosen for answer in person.answers] == [person.answers[0].first, person.answers[1].second]
+    assert f"for you: trajectory {person.best(front).row}," in result.output
+    assert not (folder / "pair.png").exists()
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_asking_goes_on_where_it_ended_and_the_end_of_the_input_stops(folder: Path, run: Run) -> None:
+    assert run("prefer", folder, typed="a\ntie\n").exit_code == 0
+    more = run("prefer", folder, typed="b\nstop\n")
+    assert "going on after 2 answers" in more.output
+    assert "no more questions: as asked" in more.output
+    answers = Preference.load(folder / "preference.json").answers
+    assert [answer.chosen is None for answer in answers] == [False, True, False]
+    other = run("prefer", folder, "--question", "comfort", typed="a\n")
+    assert other.exit_code == 17
+    assert "another question (prefer); give --out" in other.output
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_ctrl_c_keeps_what_was_answered(folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = iter(["a", "b"])
+
+    def answered() -> str:
+        for word in words:
+            return word
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(preferring, "_answered", answered)
+    result = run("prefer", folder)
+    assert result.exit_code == 130
+    assert "for you: trajectory" in result.output
+    assert len(Preference.load(folder / "preference.json").answers) == 2
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_what_was_learnt_is_marked_and_picked(folder: Path, run: Run) -> None:
+    problem, front = seeded(60)
+    weights = 30 * np.array([0.0, 0.9, 0.1, 0.0, 0.0])
+    person = people.asked(Preference.fit(front), 8, weights, np.random.default_rng(0))
+    person.save(folder / "p.json")
+    row = person.best().row
+    picked = run("pick", folder, "--preference", folder / "p.json")
+    assert f"picked trajectory {row} of 60" in picked.output
+    assert "best for you (prefer)" in picked.output
+    assert run("pick", folder, "--preference", folder / "p.json", "--knee").exit_code == 2
+    page = hpop.view.save_explorer(problem, front, folder / "page.html", preference=person).read_text()
+    named = {name: mark["row"] for mark in marks_of(page) for name in mark["names"]}
+    assert named["for you"] == row
+    missing = run("pick", folder, "--preference", folder / "none.json")
+    assert missing.exit_code == 12
+    assert "cannot read" in missing.output
+
+
+def marks_of(page: str) -> list[dict[str, Any]]:
+    """The marks in the data of a page."""
+    (data,) = re.findall(r'<script[^>]*type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
+    return list(json.loads(data)["marks"])
+
+
+def test_differences_are_told_in_words() -> None:
+    front: Front[int] = Front.of(
+        [[30.0, 2.0, 5.0], [30.5, 1.0, 5.0], [40.0, 0.0, 5.0]],
+        names=["length", "turns", "height"], units=["m", "1", "m"], quanta=[0.001, 1.0, 0.001],
+    )  # fmt: skip
+    near = [one.words for one in differences(front, (0, 1))]  # type: ignore[arg-type]
+    assert near == ["a has a little less, by 0.500 m", "b has less, by 1", "the same"]
+    assert differences(front, (2, 0))[0].words == "b has much less, by 10.000 m"  # type: ignore[arg-type]
+
+
+class Questions:
+    """What a page shows, for a test: two questions and what came out."""
+
+    def __init__(self) -> None:
+        self.given: list[str] = []
+
+    @property
+    def number(self) -> int:
+        return len(self.given) + 1
+
+    @property
+    def words(self) -> str:
+        return "Which <b>?"
+
+    @property
+    def is_over(self) -> bool:
+        return len(self.given) == 2
+
+    def differences(self) -> list[object]:
+        return []
+
+    def picture(self) -> bytes:
+        return b"PNG"
+
+    def result(self) -> list[str]:
+        return ["For you: trajectory 7."]
+
+    def answer(self, word: str) -> None:
+        self.given.append(word)
+
+
+def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its_address() -> None:
+    asked, said = Questions(), list[str]()
+    told = threading.Event()
+
+    def say(line: str) -> None:
+        said.append(line)
+        told.set()
+
+    thread = threading.Thread(target=asking_page.serve, args=(asked, 0, say), daemon=True)
+    thread.start()
+    assert told.wait(30)
+    port, token = re.findall(r"127\.0\.0\.1:(\d+)/(\S+)", said[0])[0]
+
+    def request(how: str, path: str, *, host: str | None = None, **form: object) -> tuple[int, str]:
+        connection = HTTPConnection("127.0.0.1", int(port), timeout=30)
+        headers = {"Content-Type": "application/x-www-form-urlencoded"} | ({"Host": host} if host else {})
+        connection.request(how, path, urlencode(form) if form else None, headers)
+        response = connection.getresponse()
+        page = response.read().decode()
+        connection.close()
+        return response.status, page
+
+    here = f"/{token}"
+    assert request("GET", "/")[0] == 404
+    assert request("POST", "/wrong", answer="a", question=1)[0] == 404
+    assert request("GET", here, host="evil.example")[0] == 404  # DNS that leads here
+    status, page = request("GET", here)
+    assert (status, "Which &lt;b&gt;?" in page, "I prefer a" in page) == (200, True, True)
+    assert request("POST", here, answer="a", question=1)[0] == 303
+    request("POST", here, answer="b", question=1)  # sent twice
+    request("POST", here, answer="rm", question=2)
+    assert request("POST", here, answer="x" * 5_000, question=2)[0] == 413
+    assert asked.given == ["a"]
+    request("POST", here, answer="tie", question=2)
+    assert "For you: trajectory 7." in request("GET", here)[1]
+    thread.join(30)
+    assert not thread.is_alive()
+    assert asked.given == ["a", "tie"]
