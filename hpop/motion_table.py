@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
-from hpop.frontier.columns import numbers, parts, places
+from hpop.frontier.columns import Kinds, numbers, parts, places
 from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
 from hpop.motions.possible import extras, refuse_impossible
 from hpop.trajectory import Trajectory
@@ -43,6 +43,7 @@ class MotionTable:
     first    (n,) state in which each trajectory begins
     counts   (n,) motions of each trajectory
     motions  (N,) all motions, one trajectory after another, in time order
+    punctual (n,) whether the execution of each trajectory keeps to its times
     """
 
     model: Model
@@ -54,6 +55,7 @@ class MotionTable:
     first: IntArray
     counts: IntArray
     motions: IntArray
+    punctual: BoolArray
 
     @classmethod
     def of(cls, trajectories: Sequence[Trajectory]) -> MotionTable:
@@ -79,6 +81,7 @@ class MotionTable:
             first=place[begins],
             counts=counts,
             motions=motions,
+            punctual=np.array([t.punctual for t in trajectories], dtype=bool),
         )
 
     def __len__(self) -> int:
@@ -170,18 +173,19 @@ class MotionTable:
             column.setflags(write=False)
         kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
         plain, timed, several = self.model.space.names, self.having(self.timed).tolist(), []
+        punctual = self.punctual.tolist()
         for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
             own = kinds[begin - i : begin - i + number]
             names = (*plain, *extras(self.model, own)) if timed[i] else plain
             states = States(**{name: columns[name][begin : begin + number + 1] for name in names})
-            several.append((Trajectory if timed[i] else Trajectory.of_checked)(self.model, states, own))
+            several.append((Trajectory if timed[i] else Trajectory.of_checked)(self.model, states, own, punctual[i]))
         return tuple(several)
 
     def describe(self) -> dict[str, Any]:
         """What a saved front keeps of its trajectories: JSON-able, exact.
 
         States and motions are tables of columns by name; ``start``, ``end`` and ``kind`` are places in these, and so
-        are the motions of each trajectory.
+        are the motions of each trajectory; ``punctual`` are the places of those that are, if any is.
         """
         ends = np.cumsum(self.counts)
         motions = self.motions.tolist()
@@ -192,6 +196,7 @@ class MotionTable:
             "trajectories": {
                 "start": self.first.tolist(),
                 "motions": [motions[b:e] for b, e in zip((ends - self.counts).tolist(), ends.tolist(), strict=True)],
+                **({"punctual": np.flatnonzero(self.punctual).tolist()} if self.punctual.any() else {}),
             },
         }
 
@@ -207,7 +212,10 @@ class MotionTable:
         names = (*model.space.names, *extras(model, kinds))
         columns = dict(zip(names, parts(states, "states", dict.fromkeys(names, list)), strict=True))
         law, start, end = parts(motions, "motions", {"kind": list, "start": list, "end": list})
-        first, own = parts(several, "trajectories", {"start": list, "motions": list})
+        keys: Kinds = {"start": list, "motions": list}
+        if "punctual" in several:
+            keys["punctual"] = list
+        first, own, *others = parts(several, "trajectories", keys)
         if not set(map(type, own)) <= {list} or len(own) != len(first):
             raise ModelError("expected a start and a list of motions for each trajectory, found others")
         size, moves = len(columns[names[0]]), list(chain.from_iterable(own))
@@ -223,7 +231,10 @@ class MotionTable:
             first=places(first, "trajectories.start", len(first), size),
             counts=np.array([len(each) for each in own], dtype=np.int64),
             motions=places(moves, "trajectories.motions", len(moves), len(law)),
+            punctual=np.zeros(len(own), dtype=bool),
         )
+        for column in others:
+            made.punctual[places(column, "trajectories.punctual", len(column), len(own))] = True
         made._check_meeting()
         return made
 

@@ -32,15 +32,17 @@ MOST_ROWS = 10**6  # of a table
 class Trajectory:
     """Motions of a model, in time order; the end of each is the start of the next.
 
-    model   the system that moves
-    states  (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
-            states, then those that curves and holds need beside them
-    kinds   (n,) law of each motion; none when the start is the goal
+    model     the system that moves
+    states    (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
+              states, then those that curves and holds need beside them
+    kinds     (n,) law of each motion; none when the start is the goal
+    punctual  whether its :meth:`execution` keeps to its times, as it must among people who move
     """
 
     model: Model
     states: States
     kinds: tuple[str, ...]
+    punctual: bool = False
 
     def __post_init__(self) -> None:
         columns = {name: frozen(np.asarray(getattr(self.states, name), float)) for name in self.states.names}
@@ -70,10 +72,10 @@ class Trajectory:
         return f"<Trajectory: {len(self)} motions ({counts or 'start is goal'}), {self.duration:.3f} s>"
 
     @classmethod
-    def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...]) -> Trajectory:
+    def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...], punctual: bool = False) -> Trajectory:
         """A trajectory whose columns are frozen and whose motions were checked: of many that share them, at once."""
         made = cls.__new__(cls)
-        made.__dict__.update(model=model, states=states, kinds=kinds)
+        made.__dict__.update(model=model, states=states, kinds=kinds, punctual=punctual)
         return made
 
     @classmethod
@@ -179,7 +181,7 @@ class Trajectory:
     def _changed(self, columns: Mapping[str, FloatArray], kinds: tuple[str, ...]) -> Trajectory:
         """Motions of some kinds through states of which those columns are taken that their laws need."""
         names = (*self.model.space.names, *extras(self.model, kinds))
-        return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds)
+        return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds, self.punctual)
 
     @cached_property
     def durations(self) -> FloatArray:
@@ -236,7 +238,7 @@ class Trajectory:
         owner = np.repeat(np.arange(len(self)), pieces)
         within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
         times = np.append(self.times[owner] + within * self.durations[owner], self.duration)
-        return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner))
+        return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner), self.punctual)
 
     def at(self, t: FloatArray | float) -> States:
         """States at times t (N,), s; before the start and after the goal the robot stands there.
@@ -259,6 +261,9 @@ class Trajectory:
         The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
         succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker. Holds last
         as planned; one between two moves costs v/a more, for it stops the robot.
+
+        A punctual one, as those are that `lattice` and `roadmap` plan where people move, goes on no earlier than
+        planned: the robot stands until its time has come (:mod:`hpop.models.execution`).
         """
         return self.model.execution(self)[0]
 
@@ -291,6 +296,7 @@ class Trajectory:
         return {
             "kinds": list(self.kinds),
             "states": {name: getattr(self.states, name).tolist() for name in self.states.names},
+            **({"punctual": True} if self.punctual else {}),
         }
 
     @classmethod
@@ -299,9 +305,10 @@ class Trajectory:
         try:
             columns = {str(k): np.array(v, float) for k, v in description["states"].items()}
             kinds = tuple(str(kind) for kind in description["kinds"])
+            punctual = description.get("punctual", False) is True
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise ModelError(f"not a trajectory: expected kinds and states, got {shown(error)}") from None
-        return cls(model, States(**columns), kinds)
+        return cls(model, States(**columns), kinds, punctual)
 
     def _by_kind(self) -> Iterator[tuple[str, IntArray]]:
         kinds = np.array(self.kinds, dtype=str)

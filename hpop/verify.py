@@ -36,7 +36,7 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
     than 5 cm or 3 degrees, the ends from the problem; people who move are looked for every hundredth of a second
-    (:mod:`.contacts`). What trajectories share is checked once. Fronts of earlier
+    (:mod:`.contacts`), about the plan and about what is executed of it. What trajectories share is checked once. Fronts of earlier
     versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"): no more than
     half a diagonal of a "step" is believed.
 
@@ -72,8 +72,12 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
             say(f"people who move about {i:,} of {len(front):,} trajectories")
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
-        if fault := contact(upright_parts(problem.model), people, trajectory, kept):
+        parts = upright_parts(problem.model)
+        if fault := contact(parts, people, trajectory, kept):
             yield f"trajectory {i} {fault}"
+        done = trajectory.execution()
+        if done is not trajectory and (fault := contact(parts, people, done, kept)):
+            yield f"trajectory {i}, as it is executed, {fault}"
 
 
 def lost_trajectories(problem: Problem, front: Front) -> list[str]:

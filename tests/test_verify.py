@@ -18,6 +18,7 @@ from hpop.motions import Motions
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.verify import collision_free, verify
+from hpop.world import Person, World
 
 ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
 # A wall with a passage of 1 m at y in (2, 3); a shelf above the body but below the camera; a zone to keep out of.
@@ -250,3 +251,20 @@ def test_what_trajectories_share_is_checked_once(monkeypatch: pytest.MonkeyPatch
     assert not {"trajectory 0 collides", "trajectory 2 collides"} & set(found)
     assert any("length of 0 of" in one for one in told)
     assert any("collisions of 0 of" in one for one in told)
+
+
+def test_contact_of_what_is_executed_is_told_where_the_plan_has_none():
+    """At 3 m/3 s the plan is 0.1 m past somebody who crosses; from rest the robot is half a second later there."""
+    crosses = Person(4.0, -0.51, velocity=(0.0, 0.9), until=7.0, name="Ada")
+    world = World.from_polygons([], extent=shapely.box(0, -2, 8, 8)).with_content(people=[crosses])
+    asked = problem(world=world, start=(1, 3, 0), goal=(5, 3, 0))
+    plan = path((1, 3, 0), (5, 3, 0))
+    times = np.arange(0.0, 6.0, 0.01)
+    least = [
+        np.hypot(s.x - crosses.at(times)[0], s.y - crosses.at(times)[1]).min() - crosses.radius - ROBOT.radius
+        for s in (plan.at(times), plan.execution().at(times))
+    ]
+    assert least[0] > 0.01 > -0.1 > least[1]
+    faults = verify(asked, front_of(asked, plan))
+    assert len(faults) == 1
+    assert faults[0].startswith("trajectory 0, as it is executed, touches Ada at 3.")

@@ -25,7 +25,8 @@ def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
     kinds = trajectory.kinds[begin:end]
     names = (*trajectory.model.space.names, *extras(trajectory.model, kinds))
     states = trajectory.states.take(slice(begin, end + 1))
-    return Trajectory(trajectory.model, States(**{name: getattr(states, name) for name in names}), kinds)
+    of = States(**{name: getattr(states, name) for name in names})
+    return Trajectory(trajectory.model, of, kinds, trajectory.punctual)
 
 
 def until(trajectory: Trajectory, t: float) -> Trajectory:
@@ -41,7 +42,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     first, last = max(first, 0), min(last, len(trajectory))
     if first >= last:
         at = trajectory.at(begin)
-        return Trajectory(trajectory.model, _columns(at, trajectory.model.space.names), ())
+        return Trajectory(trajectory.model, _columns(at, trajectory.model.space.names), (), trajectory.punctual)
     some = part(trajectory, first, last)
     columns = {name: np.array(column) for name, column in some.states.__dict__.items()}
     for row, t, is_cut in ((0, begin, begin > times[first] + SAME), (-1, end, end < times[last] - SAME)):
@@ -49,7 +50,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
             here = trajectory.at(t)
             for name, column in columns.items():
                 column[row] = getattr(here, name)[0]
-    return Trajectory(trajectory.model, States(**columns), some.kinds)
+    return Trajectory(trajectory.model, States(**columns), some.kinds, trajectory.punctual)
 
 
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
@@ -71,7 +72,7 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     if CLOCK in extras(model, kinds):
         before, after = (getattr(t.states, CLOCK, np.zeros(len(t) + 1)) for t in (first, second))
         columns[CLOCK] = np.concatenate([before, before[-1] + after[1:] - after[0]])
-    return Trajectory(model, States(**columns), kinds)
+    return Trajectory(model, States(**columns), kinds, first.punctual or second.punctual)
 
 
 def held(trajectory: Trajectory, seconds: float) -> Trajectory:
@@ -85,7 +86,7 @@ def held(trajectory: Trajectory, seconds: float) -> Trajectory:
     stands = sum(np.diff(clock)[[kind == HOLD.kind for kind in kinds]])
     if stands > LONGEST:
         raise DriveError(f"the robot stands for {stands:,.0f} s in all, and a drive does for {LONGEST:,.0f} s at most")
-    return Trajectory(trajectory.model, States(**columns), kinds)
+    return Trajectory(trajectory.model, States(**columns), kinds, trajectory.punctual)
 
 
 def _columns(states: States, names: tuple[str, ...]) -> States:

@@ -1,18 +1,62 @@
-"""What a robot does of what was planned: motions in one line are one, and each goes from rest to rest."""
+"""What a robot does of what was planned: motions in one line are one, and each goes from rest to rest.
+
+A punctual execution keeps the plan's clock. Each of its motions lies in the middle of the time planned for it, and
+begins no earlier; meanwhile the robot stands. Of the planning law (:mod:`.laws`) with runs at speed v, ramps of
+acceleration a and turns that stand v/2a before and after:
+
+- A run of length L is planned for L/v. It takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a where it is shorter than v²/a,
+  so in the middle it takes no more than v/2a of the standing before and after it. A turn takes all but its standing
+  halves. So where between two runs there is a turn, or a hold of v/a, motions in the middle of their times follow one
+  another without overlap.
+- Meanwhile the robot is never more than v²/8a from where it is planned to be, and always on the planned way: at the end
+  of a long run, plan and robot are v²/2a - v²/8a and v²/2a before the end of ramps, and of a run of u v²/a, u < 1, it
+  is (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
+- A run at the start cannot begin v/2a early, unless the plan stands so long before it. It is late by that then, and so
+  is what follows, until standing makes up for it: at a hold, between two turns, about short runs. No motion is ever
+  later, for each begins as soon as the one before it has ended and its own time has come.
+
+So at time t the robot is where it was planned to be at that time, or up to v/2a before where the plan begins with a
+run, but for v²/8a along its way (:class:`Ramps`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
-from hpop.motions import Law, States
+from hpop.models.laws import Run
+from hpop.motions import HOLD, Law, Model, States
+from hpop.motions.hold import CLOCK
+from hpop.motions.possible import extras
+from hpop.options import LEAST
 from hpop.trajectory import STRAIGHT, Trajectory
 
 RUN_SAMPLES = 400  # moments of a run at which the distance covered is known, to find when a planned state is passed
+
+
+class Ramps(NamedTuple):
+    """What ramps make of a punctual execution.
+
+    half   s  that a plan must stand before and after a run, for the robot to keep its times: v/2a
+    stray  m  by how much it is ahead of its plan or behind it, along its way, at most: v²/8a
+    """
+
+    half: float
+    stray: float
+
+    @classmethod
+    def of(cls, model: Model) -> Ramps | None:
+        """Those of a model whose moves are executed as runs; None of others, of whose executions nothing is known."""
+        executed: Mapping[str, str] = getattr(model, "executed", {})
+        run = model.laws.get(executed.get("move", ""))
+        if not isinstance(run, Run):
+            return None
+        return cls(0.5 * run.speed / run.acceleration, run.speed**2 / (8.0 * run.acceleration))
 
 
 def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[Trajectory, FloatArray]:
@@ -21,13 +65,60 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
     executed  the law by which the motions of a planned law are done; motions of others are done as planned
 
     Consecutive motions that go on in one line, and turn on it as much a metre, become one. Where nothing changes, what
-    is planned is what is done.
+    is planned is what is done. What is punctual goes on no earlier than planned.
     """
+    if planned.punctual:  # what is planned from rest to rest has its own time, and is not quicker in one go
+        executed = {kind: becomes for kind, becomes in executed.items() if becomes != kind}
     ends, kinds = _runs(planned, executed)
     if kinds and kinds == planned.kinds:
         return planned, planned.times
     done = Trajectory(planned.model, planned.states.take(np.array(ends)), kinds)
-    return done, _passed(planned.states, ends, done)
+    passed = _passed(planned.states, ends, done)
+    return _in_time(planned, ends, done, passed) if planned.punctual else (done, passed)
+
+
+def _in_time(
+    planned: Trajectory, ends: list[int], done: Trajectory, passed: FloatArray
+) -> tuple[Trajectory, FloatArray]:
+    """What is done, each motion in the middle of the time planned for it or as soon after as can be.
+
+    The robot stands before a motion whose time has not come; planned holds are nothing else.
+    """
+    times, when = planned.times[ends], passed.copy()
+    begins, now = np.zeros(len(done)), 0.0
+    for i, (kind, lasts) in enumerate(zip(done.kinds, done.durations.tolist(), strict=True)):
+        last = i + 1 == len(done)
+        begins[i] = now if kind == HOLD.kind else max(now, 0.5 * (times[i] + times[i + 1] - lasts))
+        when[ends[i]] = np.clip(times[i], now, begins[i])  # it may stand there for a while
+        inside = slice(ends[i] + 1, ends[i + 1] + 1)
+        when[inside] = passed[inside] - done.times[i] + begins[i]
+        if kind != HOLD.kind:
+            now = begins[i] + lasts
+        elif last:  # nothing follows for which it would stand
+            now = max(now, float(times[i + 1]))
+    when[ends[-1]] = now
+    return _with_standing(done, begins, now), when
+
+
+def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
+    """The motions of a trajectory, but holds, beginning at some times (n,), s; it stands between, and up to a time."""
+    moves = [i for i, kind in enumerate(done.kinds) if kind != HOLD.kind]
+    lasts, clock = done.durations, getattr(done.states, CLOCK, np.zeros(len(done) + 1))
+    rows, kinds, ticks, now = [0], list[str](), [0.0], 0.0
+    for i in [*moves, len(done)]:
+        waits = (until if i == len(done) else begins[i]) - now
+        if waits >= LEAST:
+            rows.append(rows[-1])
+            kinds.append(HOLD.kind)
+            ticks.append(waits)
+        if i < len(done):
+            rows.append(i + 1)
+            kinds.append(done.kinds[i])
+            ticks.append(clock[i + 1] - clock[i])
+            now = begins[i] + lasts[i]
+    states = {**{name: column[rows] for name, column in done.states.__dict__.items()}, CLOCK: np.cumsum(ticks)}
+    names = (*done.model.space.names, *extras(done.model, kinds))
+    return Trajectory(done.model, States(**{name: states[name] for name in names}), tuple(kinds))
 
 
 def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], tuple[str, ...]]:

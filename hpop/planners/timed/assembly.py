@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, motion_costs, place_of
 from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
+from hpop.models.execution import Ramps
 from hpop.motions import Motions, States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
@@ -40,10 +42,12 @@ class Timed:
     graph       what a search takes
     quanta      (k,)  what one count of each cost is, in the criteria's units
     lasting     the column of the duration, which is counted in ticks; None if it is no cost
-    start       node of the start
+    start       node of the start, at which plans begin
     arcs        the same arcs as motions
     clock
     company     who moves
+    ramps       by how much executions are off; None where that is not known
+    hold        s  that the robot stands at least when it waits, or None
     overlooked  (k,)  by how much costs may differ in what is not noticed: a second, or at the worst moment
     pairs       how many costs of an arc or a place at a tick were reckoned
     seconds     s that making it took
@@ -57,6 +61,8 @@ class Timed:
     arcs: TimedArcs
     clock: Clock
     company: Company
+    ramps: Ramps | None
+    hold: float | None
     overlooked: FloatArray
     pairs: int
     seconds: float
@@ -135,7 +141,7 @@ class _Assembly:
     def arcs(self) -> TimedArcs:
         if self.laid is not None and self.laid.arcs is not None:
             return self.laid.arcs.costed_on(self.space)
-        return TimedArcs.of(self.space, self.clock)
+        return TimedArcs.of(self.space, self.clock, self.start, 0.0 if self.laid is not None else self.ramps.half)
 
     @cached_property
     def company(self) -> Company:
@@ -153,6 +159,21 @@ class _Assembly:
                 "give the problem a horizon, people an until, or the planner arrive_by"
             )
         return self.clock.up_to(last) + 1
+
+    @cached_property
+    def ramps(self) -> Ramps:
+        """By how much executions are off; nothing where that is not known, and then each is looked at."""
+        return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
+
+    @property
+    def begin(self) -> int:
+        """Node at which plans begin."""
+        return self.arcs.begin if self.arcs.copied.size else self.start
+
+    @property
+    def hold(self) -> float | None:
+        """How long the robot stands at least when it waits, s: no less than stopping and starting take."""
+        return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
 
     @cached_property
     def timed(self) -> list[int]:
@@ -195,7 +216,7 @@ class _Assembly:
         """The graph with those costs alone that depend on no time; with the duration if all do."""
         if self.laid is not None:
             return self.laid.plain
-        return self.space.graph(self.some(self.static) or [make_criterion("duration")])
+        return self.arcs.with_copies(self.space.graph(self.some(self.static) or [make_criterion("duration")]))
 
     @cached_property
     def closed(self) -> BoolArray:
@@ -205,11 +226,21 @@ class _Assembly:
     @cached_property
     def safety(self) -> Safety:
         people = tuple(each for person in self.company.people for _, each in person.hypotheses)
-        at = self.arcs.states.take([self.arcs.place[self.start]])
+        at = self.arcs.states.take([self.arcs.place[self.begin]])
         comes = self.laid is not None and self.laid.begin is not None
         start = None if comes else (float(at.x[0]), float(at.y[0]))
         parts, margin = self.arcs.inner.model.parts, self.options.margin
-        return Safety(parts, people, self.clock, self.horizon, margin, start, self.space.spending)
+        return Safety(
+            parts,
+            people,
+            self.clock,
+            self.horizon,
+            margin,
+            start,
+            self.arcs.half,
+            self.ramps.stray,
+            self.space.spending,
+        )
 
     @cached_property
     def notices(self) -> Notices:
@@ -229,14 +260,14 @@ class _Assembly:
     @cached_property
     def headed(self) -> bool:
         """Whether what standing costs depends on the heading, so that every state is a place of its own."""
-        if not alike_at_places(self.rates, self.arcs.place).all():
+        if not alike_at_places(self.rates, self.arcs.place[: self.space.size]).all():
             return True
         return not turn_as_they_stand(self.some(self.timed), self.arcs, self.presence).all()
 
     @cached_property
     def place(self) -> IntArray:
         """Of each node."""
-        return np.arange(self.space.size) if self.headed else self.arcs.place
+        return self.arcs.states_of if self.headed else self.arcs.place
 
     @cached_property
     def states(self) -> States:
@@ -253,7 +284,7 @@ class _Assembly:
         if self.headed:
             stays[:] = False
         elif self.safety.about_start:  # from there one may leave, and turn to do so
-            here = self.arcs.place[self.start]
+            here = self.arcs.place[self.begin]
             stays[self.arcs.place[self.arcs.tails] == here] = False
         return stays
 
@@ -265,7 +296,7 @@ class _Assembly:
 
         plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
         network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
-        found = dijkstra(network, indices=np.array([self.start]))[0]
+        found = dijkstra(network, indices=np.array([self.begin]))[0]
         begin = 0 if self.laid is None else self.laid.begin or 0
         return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
 
@@ -293,6 +324,7 @@ class _Assembly:
         for column, j in enumerate(self.static):
             costs[:, j] = self.plain.costs[:, column]
             rate[:, j] = self.rates[node, column] / self.steps[j]
+            self._stand(costs[:, j], rate[place[self.begin], j], self.criteria[j].aggregate == "max")
         if self.lasting is not None:  # a plan arrives when its clock says, but for what it is off
             costs[:, self.lasting], rate[:, self.lasting] = arcs.ticks, 1.0
         for column, j in enumerate(self.timed):
@@ -311,7 +343,7 @@ class _Assembly:
             standing={j: _frozen(table) for j, table in zip(self.timed, stood.tables, strict=True)},
             rate=np.where(worst, np.ceil(rate - WHOLE), np.rint(rate * RATE)).astype(np.int64),
             cut=_frozen(self.safety.cut(states.x, states.y)),
-            hold=None if options.hold is None else max(1, self.clock.up_to(options.hold)),
+            hold=None if self.hold is None else max(1, self.clock.up_to(self.hold)),
             arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
         )
         overlooked = np.zeros(len(self.criteria))
@@ -321,15 +353,25 @@ class _Assembly:
             graph,
             self.steps,
             self.lasting,
-            self.start,
+            self.begin,
             arcs,
             self.clock,
             self.company,
+            Ramps.of(arcs.inner.model),
+            self.hold,
             overlooked,
             pairs,
             seconds,
             self.safety,
         )
+
+    def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
+        """Add to costs (m,), in counts, of arcs before which the robot stands what that costs by the tick."""
+        stands = self.arcs.stands
+        if worst:
+            costs[stands] = np.maximum(costs[stands], math.ceil(rate - WHOLE))
+        else:
+            costs[stands] += round(rate * self.arcs.half / self.clock.tick)
 
 
 def _frozen(array: Any) -> Any:

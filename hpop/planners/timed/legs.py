@@ -11,11 +11,13 @@ import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.motions import Motions, States
+from hpop.motions import HOLD, Motions, States, laws_of
+from hpop.motions.hold import CLOCK
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.timed.clock import Clock
+from hpop.search import Graph
 from hpop.world import World
 
 
@@ -41,14 +43,23 @@ class Leg(NamedTuple):
 class TimedArcs:
     """The arcs of a graph of states, each a motion or, where ends are joined, a chain of them.
 
+    A robot that begins with a move stands before it for half of what a run takes longer than planned, so that its
+    execution can keep the times of the plan (:mod:`hpop.models.execution`). So plans begin at a node of their own,
+    beside that of the start, from which copies of its arcs lead; to turn there one need not stand.
+
     space      the graph
     inner      the graph without joined ends; itself if none are
     own        (m_inner,)  the place, among all arcs, of each of the inner graph's
     joins      (C,)  and of each join
+    copied     (d,)  of what the last of the arcs are copies, from the node where plans begin
+    begin      node where plans begin
+    half       s     that the robot stands there before it moves
     tails      (m,)  node
     durations  (m,)  s
     ticks      (m,)  the same on the clock
     stays      (m,)  whether an arc is a motion in place
+    stands     (m,)  whether the robot stands before an arc, which lasts longer for it
+    states_of  (n,)  state of the graph that each node is
     place      (n,)  number of the place of each node, from 0
     """
 
@@ -56,10 +67,15 @@ class TimedArcs:
     inner: StateGraph
     own: IntArray
     joins: IntArray
+    copied: IntArray
+    begin: int
+    half: float
     tails: IntArray
     durations: FloatArray
     ticks: IntArray
     stays: BoolArray
+    stands: BoolArray
+    states_of: IntArray
     place: IntArray
 
     def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
@@ -67,8 +83,8 @@ class TimedArcs:
         return replace(self, space=space, inner=space.inner if isinstance(space, JoinedEnds) else space)
 
     @classmethod
-    def of(cls, space: StateGraph | JoinedEnds, clock: Clock) -> TimedArcs:
-        """Those of a graph on a clock."""
+    def of(cls, space: StateGraph | JoinedEnds, clock: Clock, start: int = -1, half: float = 0.0) -> TimedArcs:
+        """Those of a graph on a clock, with so long, s, to stand before moving away from the start."""
         joined = space if isinstance(space, JoinedEnds) else None
         inner = space.inner if isinstance(space, JoinedEnds) else space
         size = inner.arcs.heads.size
@@ -76,6 +92,7 @@ class TimedArcs:
         m = size + joins.size
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
+        moves = np.zeros(m, dtype=bool)  # at once
 
         inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
 
@@ -94,16 +111,56 @@ class TimedArcs:
         for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
             for at, rows, seconds, count, in_place in batch:
                 tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place
+                moves[at] = not in_place
         if joined is not None:
             seconds = np.zeros(joins.size)
             for rows, motions in joined.joins.motions():
+                at_once = joins[rows[seconds[rows] == 0.0]]
+                moves[at_once] = motions.kind == joined.kinds[MOVE]
                 seconds[rows] += motions.duration
             tails[joins], durations[joins], ticks[joins] = joined.joins.tails, seconds, clock.of(seconds)
         place = space.places(np.arange(space.size))
         ends = np.flatnonzero(place < 0)  # joined ends have places of their own
         place = place.astype(np.int64)
         place[ends] = place.max(initial=-1) + 1 + np.arange(ends.size)
-        return cls(space, inner, own, joins, tails, durations, ticks, stays, place)
+        leaving, states_of = np.flatnonzero(tails == start), np.arange(space.size)
+        stands, begin = np.zeros(m, dtype=bool), start
+        if half > 0.0 and moves[leaving].any():
+            begin, states_of, place = space.size, np.append(states_of, start), np.append(place, place[start])
+            stands, stays = np.append(stands, moves[leaving]), np.append(stays, stays[leaving])
+            tails = np.append(tails, np.full(leaving.size, begin))
+            durations = np.append(durations, durations[leaving]) + half * stands
+            ticks = np.append(ticks, ticks[leaving]) + round(half / clock.tick) * stands
+        copied = leaving[: tails.size - m]
+        return cls(
+            space,
+            inner,
+            own,
+            joins,
+            copied,
+            begin,
+            half,
+            tails,
+            durations,
+            ticks,
+            stays,
+            stands,
+            states_of,
+            place,
+        )
+
+    def with_copies(self, graph: Graph) -> Graph:
+        """The graph with these arcs and their costs, of which it has all but the copies."""
+        if not self.copied.size:
+            return graph
+        heads, costs = (
+            np.append(graph.heads, graph.heads[self.copied]),
+            graph.costs[np.append(np.arange(graph.arcs), self.copied)],
+        )
+        indptr = np.append(graph.indptr, graph.arcs + self.copied.size)
+        for column in (heads, costs):
+            column.setflags(write=False)
+        return Graph.from_csr(indptr, heads, costs, aggregates=graph.aggregates)
 
     @cached_property
     def moving(self) -> IntArray:
@@ -114,28 +171,45 @@ class TimedArcs:
     def states(self) -> States:
         """A state (P,) at each place."""
         first = np.unique(self.place, return_index=True)[1]
-        states = self.space.states(first)
+        states = self.space.states(self.states_of[first])
         return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
 
     def legs(self, arcs: IntArray) -> list[Leg]:
         """The motions of some arcs (r,), rising, leg by leg."""
-        found = []
-        number = np.full(self.durations.size, -1, np.int64)
-        number[arcs] = np.arange(arcs.size)
-        mine = number[self.own]
-        for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
-            found.append(_leg(arcs.size, mine[rows], motions, np.zeros(rows.size)))
-        if isinstance(self.space, JoinedEnds):
-            row = number[self.joins]
-            elapsed = np.zeros(row.size)
-            for chains, motions in self.space.joins.motions():
-                asked = np.flatnonzero(row[chains] >= 0)
-                some = Motions(
-                    motions.world, motions.model, motions.law, motions.start.take(asked), motions.end.take(asked)
-                )
-                found.append(_leg(arcs.size, row[chains][asked], some, elapsed[chains][asked]))
-                elapsed[chains] += motions.duration
+        row = np.full(self.tails.size, -1, np.int64)
+        row[arcs] = np.arange(arcs.size)
+        copies = self.tails.size - self.copied.size
+        found = [*self._legs(arcs.size, row[:copies], np.zeros(copies))]
+        if (row[copies:] >= 0).any():
+            for after, own in ((0.0, ~self.stands), (self.half, self.stands)):
+                numbers = np.full(copies, -1, np.int64)
+                numbers[self.copied] = np.where(own[copies:], row[copies:], -1)
+                found += self._legs(arcs.size, numbers, np.full(copies, after))
+            stood = np.flatnonzero(self.stands & (row >= 0))
+            found.append(_leg(arcs.size, row[stood], self._standing(stood.size), np.zeros(stood.size)))
         return [leg for leg in found if leg.lasts.size]
+
+    def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[Leg]:
+        """The motions of arcs of the graph that begin after (m,) s, as rows (m,) of so many; of those not at -1."""
+        mine = row[self.own]
+        for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
+            yield _leg(size, mine[rows], motions, after[self.own[rows]])
+        if not isinstance(self.space, JoinedEnds):
+            return
+        joined, elapsed = row[self.joins], after[self.joins]
+        for chains, motions in self.space.joins.motions():
+            asked = np.flatnonzero(joined[chains] >= 0)
+            some = Motions(
+                motions.world, motions.model, motions.law, motions.start.take(asked), motions.end.take(asked)
+            )
+            yield _leg(size, joined[chains][asked], some, elapsed[chains][asked])
+            elapsed[chains] += motions.duration
+
+    def _standing(self, count: int) -> Motions:
+        """What the robot does before it moves away from the start, so many times."""
+        states = self.space.states(np.full(count, self.states_of[self.begin]))
+        start, end = (States(**states.__dict__, **{CLOCK: np.full(count, clock)}) for clock in (0.0, self.half))
+        return Motions(self.space.world, self.space.model, HOLD, start, end)
 
 
 def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
@@ -172,7 +246,7 @@ def costs_of(
         own = leg.of[rows[has]]
         if not has.size:
             continue
-        law = space.model.laws[leg.kind]
+        law = laws_of(space.model)[leg.kind]
         start, end = leg.start.take(own), leg.end.take(own)
         motions = Motions(world, space.model, law, start, end, t0=seconds[has] + leg.after[own])
         for j, criterion in enumerate(criteria):

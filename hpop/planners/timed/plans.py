@@ -34,10 +34,12 @@ class Driven(NamedTuple):
 
     times  (s + 1,)  s, at which each begins; the last is the arrival
     off    (s + 1,)  s, by how much that is later than the clock says
+    late   (s + 1,)  s, by how much an execution of the plan may be later still
     """
 
     times: FloatArray
     off: FloatArray
+    late: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +62,26 @@ class Plans:
 
     def _driven(self, steps: Steps) -> Driven:
         tick, durations = self.timed.clock.tick, self.timed.arcs.durations
-        times = np.full(steps.arcs.size + 1, self.begins)
+        half = 0.0 if self.timed.ramps is None else self.timed.ramps.half
+        times, late = np.full(steps.arcs.size + 1, self.begins), np.zeros(steps.arcs.size + 1)
         for i, arc in enumerate(steps.arcs.tolist()):
             if arc == HELD:
                 times[i + 1] = max(times[i], steps.departures[i + 1] * tick)
+                # stopping before a hold and starting after it take their halves of it
+                late[i + 1] = max(0.0, late[i] + 2.0 * half - (times[i + 1] - times[i]))
             else:
-                times[i + 1] = times[i] + durations[arc]
-        return Driven(times, times - steps.departures * tick)
+                times[i + 1], late[i + 1] = times[i] + durations[arc], late[i]
+        return Driven(times, times - steps.departures * tick, late)
 
     @cached_property
     def drift(self) -> FloatArray:
         """By how much (n,), s, each plan is off the clock at most."""
         return np.array([float(np.abs(driven.off).max()) for driven in self.driven])
+
+    @cached_property
+    def late(self) -> FloatArray:
+        """By how much (n,), s, the execution of each plan is later than the clock at most."""
+        return np.array([float((driven.off + driven.late).max()) for driven in self.driven])
 
     @cached_property
     def holds(self) -> IntArray:
@@ -85,8 +95,8 @@ class Plans:
 
     def trajectories(self, rows: IntArray) -> tuple[Trajectory, ...]:
         """The trajectories of some plans, holds among their motions."""
-        space = self.timed.arcs.space
-        moved = [self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)] for i in rows.tolist()]
+        space, states_of = self.timed.arcs.space, self.timed.arcs.states_of
+        moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
         plain = space.trajectories(moved)
         return tuple(
             self._held(self.steps[i], self.driven[i], trajectory)
@@ -95,11 +105,14 @@ class Plans:
 
     def _held(self, steps: Steps, driven: Driven, trajectory: Trajectory) -> Trajectory:
         """A trajectory with the holds of its plan."""
-        held = np.flatnonzero(steps.arcs == HELD)
-        lasts = np.diff(driven.times)[held]
-        held, lasts = held[lasts >= LEAST], lasts[lasts >= LEAST]
+        lasts = np.where(steps.arcs == HELD, np.diff(driven.times), 0.0)
+        first = np.flatnonzero(steps.arcs != HELD)[:1]
+        if self.timed.arcs.stands[steps.arcs[first]].any():  # of two holds at the start it is one
+            lasts[0] += self.timed.arcs.half
+        held = np.flatnonzero(lasts >= LEAST)
+        lasts = lasts[held]
         if not held.size:
-            return trajectory
+            return Trajectory.of_checked(trajectory.model, trajectory.states, trajectory.kinds, punctual=True)
         motions = np.append(0, np.cumsum(self._motions(steps.arcs)))  # before each step
         at = motions[held]  # the states, of the trajectory, at which it holds
         columns = {name: np.insert(column, at + 1, column[at]) for name, column in trajectory.states.__dict__.items()}
@@ -107,7 +120,7 @@ class Plans:
         columns[CLOCK][at + 1 + np.arange(at.size)] = lasts
         columns[CLOCK] = np.cumsum(columns[CLOCK])
         kinds = np.insert(np.array(trajectory.kinds, dtype=object), at, HOLD.kind)
-        return Trajectory(trajectory.model, States(**columns), tuple(kinds.tolist()))
+        return Trajectory(trajectory.model, States(**columns), tuple(kinds.tolist()), punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
         """Motions (s,) of which steps are made, besides holds."""
@@ -117,6 +130,7 @@ class Plans:
         if isinstance(space, JoinedEnds):
             number = np.ones(self.timed.arcs.durations.size, np.int64)
             number[self.timed.arcs.joins] = np.sum(space.joins.present, axis=0)
+            number[number.size - self.timed.arcs.copied.size :] = number[self.timed.arcs.copied]
             counts[moved] = number[arcs[moved]]
         return np.asarray(counts, dtype=np.int64)
 
@@ -129,6 +143,8 @@ class Plans:
         off = np.zeros(costs.shape)
         for i, (steps, driven) in enumerate(zip(self.steps, self.driven, strict=True)):
             low, high, rounds = _Between(self.timed, steps, driven).bounds()
+            if self.timed.lasting is not None:
+                rounds[self.timed.lasting] = 0.0  # ticks are what the clock says
             off[i] = np.maximum(high - costs[i], costs[i] - low)
             duration = driven.times[-1] - self.begins
             overlooked = np.where(self._worst, 1.0, duration) * self.timed.overlooked

@@ -60,6 +60,11 @@ class TimedQuery:
     closed: BoolArray | None = None
 
     @property
+    def _begin(self) -> int:
+        """Node at which plans begin: that of the start, or one beside it."""
+        return self.timed.start if self.timed.arcs.copied.size else self.start
+
+    @property
     def names(self) -> str:
         """The optimised criteria, in words."""
         return ", ".join(criterion.name for criterion in self.objectives.optimised)
@@ -82,11 +87,12 @@ class TimedQuery:
         """
         fine = tolerance_counts(self.objectives, tolerance or {})
         quanta = np.array([criterion.quantum for criterion in self.objectives.optimised])
+        goals = [*self.goals, self._begin] if self.start in self.goals else self.goals
         counts = np.floor(fine * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         paths = timed_paths(
             self.timed.graph,
-            self.start,
-            self.goals,
+            self._begin,
+            goals,
             budget=budget,
             progress=progress,
             eps=eps,
@@ -127,7 +133,7 @@ class TimedQuery:
     def _in_time(self) -> str:
         """The clock and what is predicted, in words."""
         parts = [f"on a clock of {self.options.tick:g} s"]
-        hold = self.options.hold
+        hold = self.timed.hold
         parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
         company = self.timed.company
         people = "1 person who moves" if len(company.people) == 1 else f"{len(company.people)} people who move"
@@ -137,6 +143,14 @@ class TimedQuery:
         if self.options.arrive_by is not None:
             parts.append(f"arriving within {self.options.arrive_by:g} s")
         return ", ".join(parts)
+
+    @property
+    def _executed(self) -> str:
+        """By how much executions are off their plans, in words."""
+        ramps = self.timed.ramps
+        if ramps is None:
+            return "and each was looked at as it is executed"
+        return f"and robots, as they are executed, off their plans by at most {ramps.stray:.2g} m"
 
     def _at_most(self) -> list[int | None]:
         """Bounds (k,) on the costs; OptionError where turns are bounded, but none of the costs."""
@@ -155,18 +169,22 @@ class TimedQuery:
         plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))], self.begins)
         kept = np.flatnonzero(~self._in_contact(plans))
         if kept.size < len(paths):
-            claim += f", without {len(paths) - kept.size} that are so far off the clock that they are in people's way"
+            claim += f", without {len(paths) - kept.size} that are in people's way as they are executed"
         return self._candidates(
             name, paths, kept, replace(plans, steps=[plans.steps[i] for i in kept.tolist()]), claim, origin
         )
 
     def _in_contact(self, plans: Plans) -> BoolArray:
-        """Plans (n,) too far off the clock for its slack that come too near to people; none of all others."""
+        """Plans (n,) that come too near to people; only those are looked at of which the search does not say it."""
         found = np.zeros(len(plans.steps), dtype=bool)
-        late = np.flatnonzero(plans.drift > SLACK)
+        doubtful = (plans.drift > SLACK) | (plans.late > SLACK)
+        if self.timed.ramps is None or self.timed.safety.about_start:
+            doubtful[:] = True
+        rows = np.flatnonzero(doubtful)
         people, parts = self.problem.world.content.people, self.timed.arcs.inner.model.parts
-        for i, trajectory in zip(late.tolist(), plans.trajectories(late), strict=True):
-            found[i] = bool(contact(parts, people, trajectory, self.options.margin))
+        for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
+            each = (trajectory, trajectory.execution())
+            found[i] = any(contact(parts, people, one, self.options.margin) for one in each)
         return found
 
     def _candidates(
@@ -174,7 +192,8 @@ class TimedQuery:
     ) -> Candidates:
         space, costs = self.timed.arcs.space, paths.costs[kept]
         drift = float(plans.drift.max(initial=0.0))
-        claim += f"; times of plans are off the clock by at most {drift:.2g} s; {UNREACTING}" if kept.size else ""
+        if kept.size:
+            claim += f"; times of plans are off the clock by at most {drift:.2g} s, {self._executed}; {UNREACTING}"
         common: dict[str, Any] = {"planner": name, **space.options, **self.options.described, **origin}
         own = zip(plans.lengths.tolist(), plans.holds.tolist(), plans.drift.tolist(), strict=True)
         gap = paths.gap if math.isfinite(paths.gap) else None
@@ -214,7 +233,7 @@ class TimedQuery:
         graph = self.timed.graph.graph
         if self.closed is not None:
             graph = graph.without(self.closed)
-        alone = pareto_paths(graph, self.start, self.goals, budget=Budget(max_labels=10**6), eps=1.0)
+        alone = pareto_paths(graph, self._begin, self.goals, budget=Budget(max_labels=10**6), eps=1.0)
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)
         why, ways_out = ["people who move are in them, now or later"], list[str]()

@@ -1,7 +1,9 @@
 """Keeping clear of people who move: when arcs must not be left for, and when nobody may stand at a place.
 
-The gap is that between the surfaces of the robot, as its parts say, and of a person. It is kept all along a motion, and
-also if the plan is off the clock by :data:`.clock.SLACK`. Where a prediction is uncertain the person must not be nearer
+The gap is that between the surfaces of the robot, as its parts say, and of a person. It is kept all along a motion, by
+the plan and by its execution: also if the plan is off the clock by :data:`.clock.SLACK`, and the robot, for its ramps,
+so far ahead of the plan or behind it as :class:`hpop.models.execution.Ramps` says; where it stands, in any direction,
+for it may have come from there, or go there. Where a prediction is uncertain the person must not be nearer
 than the margin with more than 5 % at any moment, in any of its futures. That is bounded from above twice, and either is
 enough: by the half-plane beyond the nearest point, 1.645 sigma, and by a disc about the robot that holds it and the
 person's body, whose share of a normal distribution is one of the noncentral chi-squared.
@@ -10,8 +12,8 @@ Along a straight move the gap is exact for people who walk straight on meanwhile
 chord, and the gap for smaller by how far it leaves it. While a robot that is not round turns or stands it counts as the
 disc that it sweeps.
 
-A robot that starts within somebody's margin may leave, but not stay: it holds nowhere there, and for :data:`LEAVING`
-seconds only contact blocks what leads away.
+A robot that starts within somebody's margin, or into whose margin somebody comes before it can be away, may leave, but
+not stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away.
 """
 
 from __future__ import annotations
@@ -71,6 +73,8 @@ class Safety:
     horizon  H
     margin   m
     start    (x, y) m  where the robot is at tick 0; None if it is under way then
+    leaving  s  that it stands there at most before it moves, by the ramps of its execution
+    stray    m  by how much executions are off along their way
     """
 
     parts: Sequence[Part]
@@ -79,6 +83,8 @@ class Safety:
     horizon: int
     margin: float
     start: tuple[float, float] | None
+    leaving: float
+    stray: float
     spending: Spending
 
     @cached_property
@@ -89,6 +95,10 @@ class Safety:
     @property
     def _slack(self) -> int:
         return self.clock.up_to(SLACK)
+
+    def _axis(self, person: Person, need: Needed) -> FloatArray:
+        """How far (T,), m, somebody must be from the robot's axis."""
+        return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
 
     @cached_property
     def _round(self) -> bool:
@@ -102,7 +112,7 @@ class Safety:
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Those in whose margin the robot starts.
+        """Those in whose margin the robot starts, or who come so near before it can be sure to move.
 
         Raises QueryError where it would be in contact with somebody.
         """
@@ -110,18 +120,17 @@ class Safety:
             return ()
         found = []
         x, y = self.start
+        seconds = self.clock.seconds(np.arange(self.clock.up_to(SLACK + self.leaving) + 1))
         for person in self.people:
-            px, py = (float(column) for column in person.at(np.float64(0.0)))
-            if not float(np.asarray(person.there(np.zeros(1))).max()):
-                continue
-            axis = math.hypot(x - px, y - py)
-            if axis < self.reach + person.radius - TOUCH:
+            px, py = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
+            there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
+            axis = np.where(there, np.hypot(x - px, y - py), np.inf)
+            if axis[0] < self.reach + person.radius - TOUCH:
                 raise QueryError(
                     f"the start ({x:.3f}, {y:.3f}) is not usable: {person.name or 'a person who moves'} is there at "
-                    f"time 0, {axis:.2f} m from the robot's axis, which needs {self.reach + person.radius:.2f} m"
+                    f"time 0, {axis[0]:.2f} m from the robot's axis, which needs {self.reach + person.radius:.2f} m"
                 )
-            need = self.needed(person, np.zeros(1))
-            if axis < min(need.gap[0] + self.reach + person.radius, need.axis[0]):
+            if (axis < self._axis(person, self.needed(person, seconds)) + self.stray).any():
                 found.append(person)
         return tuple(found)
 
@@ -133,7 +142,7 @@ class Safety:
         places = KDTree(np.stack([x, y], axis=1))
         for person in self.people:
             way, need = _Way.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
-            near = np.minimum(need.gap + self.reach + person.radius, need.axis) + way.stray
+            near = self._axis(person, need) + self.stray + way.stray
             (x0, y0), (x1, y1) = way.ends
             walked = np.hypot(x1 - x0, y1 - y0)
             middles = np.stack([0.5 * (x0 + x1), 0.5 * (y0 + y1)], axis=1)
@@ -163,7 +172,7 @@ class Safety:
         """Pieces and the ticks at which their arcs are left for, where somebody may be near."""
         seconds = self.clock.seconds(np.arange(self.horizon + 1))
         need = self.needed(person, seconds)
-        near = float(np.minimum(need.gap + self.reach + person.radius, need.axis).max())
+        near = float(self._axis(person, need).max()) + self.stray
         (ax, ay), (bx, by) = pieces.start, pieces.end
         half = 0.5 * float(np.hypot(bx - ax, by - ay).max(initial=0.0))
         walked = person.speed * self.clock.tick * int((pieces.after + pieces.lasts).max(initial=0))
@@ -183,26 +192,41 @@ class Safety:
         way = _Way.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
         seen = way.seen_from(pieces)
-        distance = _to_segments(*seen[0], *seen[1])
-        close = distance - way.stray < np.minimum(need.gap + self.reach + person.radius, need.axis) - TOUCH
-        hit: BoolArray = close & way.there
+        near, stray = self._axis(person, need), self.stray
+        distance = _to_segments(*seen[0], *seen[1]) - way.stray
+        hit: BoolArray = way.there & (distance < near + stray - TOUCH)
+        some = np.flatnonzero(hit & ~pieces.turns)
+        strips = _strips(pieces.take(some), seen, some, stray)
+        hit[some] = _to_strips(strips) - way.stray[some] < near[some] - TOUCH
         if self._round:
             return hit
-        some = np.flatnonzero(hit & ~pieces.turns)
+        own = np.flatnonzero(hit[some])
+        some = some[own]
         cos, sin = np.cos(pieces.yaw[some]), np.sin(pieces.yaw[some])
-        ends = (np.stack([cos * dx[some] + sin * dy[some], cos * dy[some] - sin * dx[some]], axis=1) for dx, dy in seen)
-        gap = _to_parts(self.parts, *ends) - person.radius
+        corners = np.stack(
+            [np.stack([cos * x[own] + sin * y[own], cos * y[own] - sin * x[own]], axis=1) for x, y in strips], axis=1
+        )
+        gap = _to_parts(self.parts, corners) - person.radius
         hit[some] = gap - way.stray[some] < need.gap[some] - TOUCH
         return hit
 
     def _leaves(self, pieces: _Pieces, tick: IntArray, person: Person) -> BoolArray:
-        """Whether pieces lead from within somebody's margin, without contact, soon after a start that was there."""
+        """Whether pieces lead from where somebody is near, or will be, without contact, soon after such a start.
+
+        One that begins at the start goes ahead of it only, and before it the robot has stood or turned there at most.
+        """
         way = _Way.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
         begin, end = way.seen_from(pieces)
-        touch = self.reach + person.radius
-        inside = np.hypot(*begin) < np.minimum(need.gap + touch, need.axis)
-        clear = _to_segments(*begin, *end) - way.stray >= touch
+        comes = person.speed * (SLACK + self.leaving)
+        inside = np.hypot(*begin) < self._axis(person, need) + self.stray + comes
+        distance = _to_segments(*begin, *end)
+        some = np.flatnonzero(inside & ~pieces.turns)
+        moves = pieces.take(some)
+        assert self.start is not None, "or nobody is near it"
+        at_start = np.hypot(moves.start[0] - self.start[0], moves.start[1] - self.start[1]) < TOUCH
+        distance[some] = _to_strips(_strips(moves, (begin, end), some, self.stray, at_start))
+        clear = distance - way.stray >= self.reach + person.radius
         found: BoolArray = inside & clear & (tick <= self.clock.up_to(LEAVING))
         return found
 
@@ -357,10 +381,42 @@ def _to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray)
     return np.asarray(np.hypot(ax + share * dx, ay + share * dy))
 
 
-def _to_parts(parts: Sequence[Part], begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Distance (N,) of segments, between points (N, 2) in the frame of the base, from the nearest of some parts."""
-    lines = shapely.linestrings(np.stack([begin, end], axis=1))
+def _strips(
+    pieces: _Pieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
+) -> tuple[Place, ...]:
+    """Corners of where somebody is, seen from robots on moves that may be so far, m, ahead of or behind their plans.
+
+    pieces    (N,) moves
+    seen      from the ends of pieces, of which ``rows`` (N,) are these
+    at_start  (N,)  which cannot be behind at their begin
+    """
+    (ax, ay), (bx, by) = pieces.start, pieces.end
+    dx, dy = bx - ax, by - ay
+    length = np.hypot(dx, dy)
+    share = np.divide(stray, length, out=np.zeros_like(length), where=length > 0)
+    back = share if at_start is None else np.where(at_start, 0.0, share)
+    (sx, sy), (tx, ty) = ((x[rows], y[rows]) for x, y in seen)
+    return (
+        (sx + back * dx, sy + back * dy),
+        (sx - share * dx, sy - share * dy),
+        (tx - share * dx, ty - share * dy),
+        (tx + share * dx, ty + share * dy),
+    )
+
+
+def _to_strips(corners: tuple[Place, ...]) -> FloatArray:
+    """Distance (N,), m, of the origin from convex quadrilaterals; 0 within them."""
+    following = [*corners[1:], corners[0]]
+    edges = [_to_segments(*one, *other) for one, other in zip(corners, following, strict=True)]
+    sides = [ax * by - ay * bx for (ax, ay), (bx, by) in zip(corners, following, strict=True)]
+    inside = (np.minimum.reduce(sides) > 0) | (np.maximum.reduce(sides) < 0)
+    return np.where(inside, 0.0, np.minimum.reduce(edges))
+
+
+def _to_parts(parts: Sequence[Part], corners: FloatArray) -> FloatArray:
+    """Distance (N,) of the hulls of points (N, c, 2) in the frame of the base from the nearest of some parts."""
+    hulls = shapely.convex_hull(shapely.multipoints(corners))
     each = [
-        shapely.distance(shapely.convex_hull(shapely.MultiPoint(part.corners)), lines) - part.radius for part in parts
+        shapely.distance(shapely.convex_hull(shapely.MultiPoint(part.corners)), hulls) - part.radius for part in parts
     ]
     return np.asarray(np.minimum.reduce(each))

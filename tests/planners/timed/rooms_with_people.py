@@ -61,7 +61,8 @@ def plans_in_a_grid(
     """All plans from a (column, row, heading) to a (column, row) that arrive in time, of moves, turns and holds.
 
     Positions are (column, row) / 2 m, headings quarter turns, holds last ``hold`` ticks or more. A turn of a quarter
-    lasts 6 ticks, of a half 8.
+    lasts 6 ticks, of a half 8. Before a robot moves off at first, it stands for v/2a, which is a tick, also after it has
+    waited.
     """
     columns, rows = size
 
@@ -71,8 +72,10 @@ def plans_in_a_grid(
             return
         column, row, heading = state
         dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
-        if tick + 1 <= ticks and 0 <= column + dx < columns and 0 <= row + dy < rows:
-            yield from onward((column + dx, row + dy, heading), tick + 1, [*motions, ("move", 1)], False)
+        stood = [] if any(kind != "hold" for kind, _ in motions) else [("hold", 1)]
+        after = tick + len(stood) + 1
+        if after <= ticks and 0 <= column + dx < columns and 0 <= row + dy < rows:
+            yield from onward((column + dx, row + dy, heading), after, [*motions, *stood, ("move", 1)], False)
         for quarters, lasts in ((1, 6), (-1, 6), (2, 8)):
             if tick + lasts <= ticks:
                 turned = (column, row, (heading + quarters) % 4)
