@@ -61,8 +61,8 @@ def plans_in_a_grid(
     """All plans from a (column, row, heading) to a (column, row) that arrive in time, of moves, turns and holds.
 
     Positions are (column, row) / 2 m, headings quarter turns, holds last ``hold`` ticks or more. A turn of a quarter
-    lasts 6 ticks, of a half 8. Before a robot moves off at first, it stands for v/2a, which is a tick, also after it has
-    waited.
+    lasts 6 ticks, of a half 8. Before a robot moves off at first, it stands for v/2a, which is a tick, also after it
+    has waited.
     """
     columns, rows = size
 
