@@ -37,8 +37,8 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
     than 5 cm or 3 degrees, the ends from the problem; people who move are looked for every hundredth of a second
     (:mod:`.contacts`), about the plan and about what is executed of it. What trajectories share is checked once. Fronts
-    of earlier versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"): no more than
-    half a diagonal of a "step" is believed.
+    of earlier versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"):
+    no more than half a diagonal of a "step" is believed.
 
     Parameters
     ----------
