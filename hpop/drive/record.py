@@ -45,7 +45,7 @@ def load(path: str | os.PathLike[str]) -> Execution:
             tell(drive, event)
     except HpopError as error:
         raise DriveError(f"{path}: {error!s:.600}") from error
-    except (TypeError, ValueError, LookupError, AttributeError, ShapelyError) as error:
+    except (TypeError, ValueError, OverflowError, LookupError, AttributeError, ShapelyError) as error:
         raise DriveError(f"{path}: not the record of a drive: {shown(error)}; save the drive again") from None
     return drive
 

@@ -66,6 +66,18 @@ def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> No
         ("events", [{"event": "jump", "now": 0}], "no event 'jump'"),
         ("events", [{"event": "open", "now": 1.0, "area": "a door", "name": ""}], "'a door'"),
         ("events", [{"event": "close", "now": 1.0, "area": {"type": "Polygon"}, "name": ""}], "drive.json"),
+        (
+            "events",
+            [
+                {
+                    "event": "close",
+                    "now": 1,
+                    "area": {"type": "Polygon", "coordinates": [[[10**400, 0]] * 4]},
+                    "name": "",
+                }
+            ],
+            "drive.json: not the record of a drive",
+        ),
         ("events", [{"event": "seen", "now": 1e300, "state": [1, 1, 0]}], "now must be"),
         ("events", [{"event": "take", "now": 1, "place": 10**9, "stands": 0, "rest": None}], "drive.json"),
         ("events", 5, "drive.json"),

@@ -8,7 +8,8 @@ import numpy as np
 from harness import Attempt, Target
 
 from hpop.search import Graph, pareto_paths
-from targets import fronts, interfaces, maps, robots, scenarios
+from targets import drives, fronts, interfaces, maps, robots, scenarios
+from targets.drives import saved_drive
 from targets.fronts import saved_front
 from targets.given import PLANNERS, ROOM, as_yaml, command
 
@@ -26,11 +27,13 @@ def warm(folder: Path) -> None:
             tails, heads = maker.integers(0, 60, (2, 400))
             pareto_paths(Graph.from_arcs(60, tails, heads, maker.integers(1, 3, (400, costs))), 0, 59, method=method)
     saved_front()
+    saved_drive()
 
 
 EVERY: list[Attempt] = [
     *(maps.geojson, maps.ros_map, maps.movingai, maps.tracks, maps.moveit_scene, maps.image, maps.dxf, maps.pdf),
     *(maps.ros_bag, robots.arm, scenarios.scenario, scenarios.plan, fronts.front, fronts.show, fronts.checkpoint),
     *(fronts.pick, interfaces.python, interfaces.problem, interfaces.graph, interfaces.ros, interfaces.arguments),
+    *(drives.events, drives.drive),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
