@@ -27,14 +27,15 @@ RISK = 0.05  # of what is predicted at a moment may be contact
 UNSURE = 0.01  # by which the share that is found may be off: one point of POINTS is far less
 POINTS = 1000
 FARTHEST = 4.0  # standard deviations, beyond which there is no point
+SOON = 1.0  # s: who comes within a margin by then may be left, as one who was within it at first
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
 def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float = 0.0) -> str:
     """In words, when a robot of some upright parts first touches somebody, or is nearer than a margin, m; "" if never.
 
-    Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. Who begins
-    within a margin may leave.
+    Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. A robot that
+    begins within a margin, or into whose margin somebody comes within a second, may leave.
     """
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
         found = first_contact(parts, people, trajectory, least)
@@ -57,9 +58,9 @@ def first_contact(
 
 
 def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin: float) -> float | None:
-    """The first moment, s, at which one person is too near; with a margin, once it was not."""
+    """The first moment, s, at which one person is too near; with a margin, but for one from which the robot leaves."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
-    leaves = margin > 0.0
+    leaves = margin > 0.0  # it may still be leaving
     for times in _moments(trajectory.duration):
         states = trajectory.at(times)
         touched = np.zeros(times.size)
@@ -67,7 +68,7 @@ def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin:
             touched += weight * _share(parts, likely, states, times, margin)
         near = touched > (RISK + UNSURE if uncertain else RISK)
         if leaves:
-            away = np.flatnonzero(~near)
+            away = np.flatnonzero(~near & (np.logical_or.accumulate(near) | (times > SOON)))
             near[: away[0] if away.size else near.size] = False
             leaves = not away.size
         late = np.flatnonzero(near)

@@ -78,6 +78,13 @@ def test_who_begins_within_a_margin_may_leave_once():
     assert touched(beside, back, margin=0.5)
 
 
+def test_who_comes_within_a_margin_at_once_may_be_left_but_not_later():
+    turns = Trajectory.from_poses(ROBOT, [(1, 0, 0), (1, 0, math.pi), (1, 0, 0)])
+    for at, near in ((0.5, False), (1.1, True)):
+        comes = Person(-1.2 * at, 0.0, velocity=(1.2, 0.0), until=at + 0.3)
+        assert bool(touched(comes, turns, margin=0.5)) == near
+
+
 def test_a_front_that_touches_somebody_is_at_fault():
     problem = Problem(ROOM, ROBOT, (1, 0, 0), (9, 0, None), ["length"])
     front = problem.solve(planner={"lattice": {"step": 0.5}})

@@ -237,7 +237,6 @@ class _Assembly:
             self.horizon,
             margin,
             start,
-            self.arcs.half,
             self.ramps.stray,
             self.space.spending,
         )
@@ -305,7 +304,7 @@ class _Assembly:
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
         rows = np.flatnonzero(~self.stays)
         legs, tails = arcs.legs(rows), arcs.tails[rows]
-        blocked = self.safety.blocked(legs)
+        blocked = self.safety.blocked(legs, int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size)))
         wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence

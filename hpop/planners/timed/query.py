@@ -237,6 +237,9 @@ class TimedQuery:
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)
         why, ways_out = ["people who move are in them, now or later"], list[str]()
+        if near := self.timed.safety.about_start:
+            who = " and ".join(dict.fromkeys(person.name or "somebody" for person in near))
+            why.append(f"{who} may be too near to the start for the robot to be away in time")
         if self.options.margin > 0:
             ways_out.append("a smaller margin")
         if self.options.hold is None:

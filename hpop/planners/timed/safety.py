@@ -12,8 +12,9 @@ Along a straight move the gap is exact for people who walk straight on meanwhile
 chord, and the gap for smaller by how far it leaves it. While a robot that is not round turns or stands it counts as the
 disc that it sweeps.
 
-A robot that starts within somebody's margin, or into whose margin somebody comes before it can be away, may leave, but
-not stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away.
+A robot that starts within somebody's margin, or into whose margin somebody comes within a second, may leave, but not
+stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away. What begins at time 0
+is not off the clock.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ SMALLEST = 0.02  # of them, a share of the disc; below, the half-plane is as goo
 TOUCH = 1e-9  # m
 PAIRS = 1 << 20  # of arcs and ticks that are looked at together
 LEAVING = 5.0  # s
+SOON = 1.0  # s
 PIECE = 0.5  # s
 BETWEEN = 2  # places a tick at which a way is compared with its chord
 Place = tuple[FloatArray, FloatArray]
@@ -73,7 +75,6 @@ class Safety:
     horizon  H
     margin   m
     start    (x, y) m  where the robot is at tick 0; None if it is under way then
-    leaving  s  that it stands there at most before it moves, by the ramps of its execution
     stray    m  by how much executions are off along their way
     """
 
@@ -83,7 +84,6 @@ class Safety:
     horizon: int
     margin: float
     start: tuple[float, float] | None
-    leaving: float
     stray: float
     spending: Spending
 
@@ -112,7 +112,7 @@ class Safety:
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Those in whose margin the robot starts, or who come so near before it can be sure to move.
+        """Those in whose margin the robot starts, or who come so near within a second.
 
         Raises QueryError where it would be in contact with somebody.
         """
@@ -120,7 +120,7 @@ class Safety:
             return ()
         found = []
         x, y = self.start
-        seconds = self.clock.seconds(np.arange(self.clock.up_to(SLACK + self.leaving) + 1))
+        seconds = self.clock.seconds(np.arange(self.clock.within(SOON) + 1))
         for person in self.people:
             px, py = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
             there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
@@ -153,8 +153,8 @@ class Safety:
                 cut[own, tick] |= _to_segments(*gone) < near[tick] - TOUCH
         return self._widened(cut)
 
-    def blocked(self, legs: Sequence[Leg]) -> Blocked:
-        """Which arcs of some legs must not be left for at which ticks."""
+    def blocked(self, legs: Sequence[Leg], first: int) -> Blocked:
+        """Which arcs of some legs must not be left for at which ticks; those from ``first`` on begin a plan."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (_Pieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
@@ -166,7 +166,10 @@ class Safety:
                     rows.append(some.row[hit])
                     ticks.append(tick[hit])
         blocked = Blocked.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
-        return Blocked(blocked.rows, self._widened(blocked.table))
+        table = self._widened(blocked.table)
+        begins = blocked.rows >= first
+        table[begins, 0] = blocked.table[begins, 0]
+        return Blocked(blocked.rows, table)
 
     def _near(self, pieces: _Pieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
         """Pieces and the ticks at which their arcs are left for, where somebody may be near."""
@@ -218,7 +221,7 @@ class Safety:
         way = _Way.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
         begin, end = way.seen_from(pieces)
-        comes = person.speed * (SLACK + self.leaving)
+        comes = person.speed * (SLACK + SOON)
         inside = np.hypot(*begin) < self._axis(person, need) + self.stray + comes
         distance = _to_segments(*begin, *end)
         some = np.flatnonzero(inside & ~pieces.turns)

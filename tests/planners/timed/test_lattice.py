@@ -10,6 +10,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
 from hpop.problem import Problem
 from hpop.status import Status
+from hpop.verify import verify
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import (
     EVEN,
@@ -146,6 +147,22 @@ def test_one_who_starts_in_a_margin_may_leave_but_not_stay():
         assert inside.max() < 5.5, "it has left"
         assert apart[times < 6.0].min() > 0
         assert trajectory.kinds[0] != "hold" or trajectory.times[1] == pytest.approx(0.5), "v/2a before a run"
+
+
+def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_is_named():
+    """0.5 m/s and 0.55 m away: within the margin after 0.1 s, when the robot has hardly begun to move."""
+    up, fast = (
+        Person(0.5 - gap, 2.0, velocity=(v, 0.0), until=6.0, name="Ada") for gap, v in ((0.55, 0.5), (0.1, 1.0))
+    )
+    problem = through_the_doors(up)
+    front = problem.solve(Lattice(step=0.25, margin=0.5, eps=0.05))
+    assert len(front)
+    assert not verify(problem, front)
+    for trajectory in front.trajectories:
+        assert 0.0 < gaps(problem, trajectory).min() < 0.5, "it comes nearer, and the robot leaves"
+    none = Lattice(step=0.25).solve(through_the_doors(fast))
+    assert none.status is Status.NO_PATH
+    assert "Ada may be too near to the start" in none.notes[-1]
 
 
 def test_a_start_in_contact_with_somebody_is_refused():
