@@ -230,7 +230,7 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     for criterion in (*improved, *rough, *remembering):
         replace(shelf, world=world, criteria=(criterion,))
     assert all(criterion.smooth for criterion in improved)
-    assert all(Pieces.with_gradients(world, shelf.model, rough).values())
+    assert all(Pieces.with_gradients(world, shelf.model, rough)[1].values())
     assert {criterion.aggregate for criterion in remembering} == {"trajectory"}
     for criterion in refused:
         with pytest.raises(CriterionError, match=criterion.name):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # 
 
 
 class _Probe(NamedTuple):
-    """What a rate has read, by name (:class:`Instants`), and on symbols its value (M,) at the start."""
+    """What a rate has read, by name (:class:`Instants`), and on symbols its value (M,) where it was asked."""
 
     read: frozenset[str]
     value: Column | None
@@ -134,7 +134,7 @@ class Motions:
 
         An adaptive quadrature looks closer at a rate that ``jumps``, as counts do.
         """
-        probe = self._probe(rate)
+        probe = self._probe(rate, self._symbolic_nodes[0] if self._symbolic else 0.0)
         constant = self._constant(rate, probe)
         if constant is not None:
             return constant * self.duration
@@ -146,7 +146,8 @@ class Motions:
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
-            total = total + phase.duration * (self._phase_mean(rate, phase, jumps, timed) if mean is None else mean)
+            mean = self._phase_mean(rate, phase, probe, jumps, timed) if mean is None else mean
+            total = total + phase.duration * mean
         return total
 
     def worst(self, rate: Rate) -> Column:
@@ -169,7 +170,7 @@ class Motions:
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)
-            value = self._phase_worst(rate, phase, timed) if value is None else value
+            value = self._phase_worst(rate, phase, probe, timed) if value is None else value
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
@@ -178,10 +179,10 @@ class Motions:
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
-    def _probe(self, rate: Rate) -> _Probe:
-        """What a rate reads, learnt from one motion at its start; from all on symbols, whose value is kept."""
+    def _probe(self, rate: Rate, u: float = 0.0) -> _Probe:
+        """What a rate reads, learnt from one motion at its start; on symbols from all, whose value is kept."""
         owner = None if self._symbolic else np.zeros(min(1, len(self)), dtype=np.int64)
-        instants = self._instants(self.phases[0], 0.0, owner)
+        instants = self._instants(self.phases[0], u, owner)
         value = rate(instants)
         return _Probe(frozenset(instants.read), value if self._symbolic else None)
 
@@ -234,11 +235,21 @@ class Motions:
         names = self.start.names
         return any(is_symbolic(getattr(states, name)) for states in (self.start, self.end) for name in names)
 
-    def _phase_mean(self, rate: Rate, phase: Phase, jumps: bool, timed: bool) -> Column:
+    @cached_property
+    def _symbolic_nodes(self) -> list[float]:
+        """Fractions of a phase's time at which rates of symbols are summed."""
+        count = self.panels or SYMBOLIC_PANELS
+        return [(i + g) / count for i in range(count) for g in GAUSS_NODES]
+
+    def _at_nodes(self, rate: Rate, phase: Phase, probe: _Probe, nodes: list[float]) -> list[Column]:
+        """A rate of symbols at fractions of a phase's time; at the first of the first phase it is known."""
+        known = [probe.value] if phase is self.phases[0] else []
+        return known + [rate(self._instants(phase, u, None)) for u in nodes[len(known) :]]
+
+    def _phase_mean(self, rate: Rate, phase: Phase, probe: _Probe, jumps: bool, timed: bool) -> Column:
         if self._symbolic:
-            count = self.panels or SYMBOLIC_PANELS
-            nodes = [(i + g) / count for i in range(count) for g in GAUSS_NODES]
-            return sum(rate(self._instants(phase, u, None)) for u in nodes) / len(nodes)
+            nodes = self._symbolic_nodes
+            return sum(self._at_nodes(rate, phase, probe, nodes)) / len(nodes)
         if self._adaptive:
             pieces = pieces_of(self._turned * (phase.end - phase.begin), jumps=jumps)
             if timed:
@@ -282,16 +293,12 @@ class Motions:
             kept[number, timed] = (*self._nodes(phase, GAUSS_NODES, timed), {})
         return kept[number, timed]
 
-    def _phase_worst(self, rate: Rate, phase: Phase, timed: bool) -> Column:
+    def _phase_worst(self, rate: Rate, phase: Phase, probe: _Probe, timed: bool) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])
         if self._symbolic:
             count = self.panels or SYMBOLIC_PANELS
             nodes = sorted({(i + e) / count for i in range(count) for e in ends_and_middles})
-            values = [rate(self._instants(phase, u, None)) for u in nodes]
-            largest = values[0]
-            for value in values[1:]:
-                largest = np.maximum(largest, value)
-            return largest
+            return reduce(np.maximum, self._at_nodes(rate, phase, probe, nodes))
         owner, u, _ = self._nodes(phase, ends_and_middles[:-1], timed)  # a panel ends where the next one begins
         inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
         within = np.maximum.reduceat(inside, np.flatnonzero(np.diff(owner, prepend=-1)))

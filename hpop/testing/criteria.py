@@ -83,16 +83,21 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
 
-    finite = Check(
-        "costs a finite number >= 0 for each motion", fault_of(lambda: "" if ask(criterion).size else "no costs")
-    )
+    first: list[FloatArray] = []  # what it costs, once it has costs: what is asked later is compared with that
+
+    def costs() -> str:
+        first.append(ask(criterion))
+        return "" if first[0].size else "no costs"
+
+    finite = Check("costs a finite number >= 0 for each motion", fault_of(costs))
     yield finite
     if finite.fault:  # the other checks compare costs: they would all say this again
         return
-    yield Check("survives pickling", fault_of(lambda: _pickled(criterion, ask)))
+    (before,) = first
+    yield Check("survives pickling", fault_of(lambda: _pickled(criterion, ask, before)))
     yield Check(
         "gives the same costs when asked again",
-        fault_of(lambda: differ("the second time", ask(criterion), ask(criterion), 0.0)),
+        fault_of(lambda: differ("the second time", before, ask(criterion), 0.0)),
     )
     if not getattr(criterion, "world_frame", False):
         yield Check(
@@ -127,8 +132,8 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
             yield Check("has the gradient of its differences where people walk", fault_of(lambda: _gradient(walked)))
 
 
-def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray]) -> str:
-    return differ("after pickling", ask(criterion), ask(pickle.loads(pickle.dumps(criterion))), 0.0)
+def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray], before: FloatArray) -> str:
+    return differ("after pickling", before, ask(pickle.loads(pickle.dumps(criterion))), 0.0)
 
 
 def _alone(criterion: Criterion, batches: list[Motions]) -> str:

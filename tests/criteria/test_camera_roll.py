@@ -22,7 +22,7 @@ def test_a_posture_costs_its_roll_times_the_cosine_of_its_pitch(lift, twist):
 
 def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled():
     trajectory = tour(Jointed())
-    _, step, _, (_, left, up) = moments(trajectory, 20_000)
+    _, step, _, (_, left, up) = moments(trajectory, 4_000)
     expected = np.sum(np.hypot(left[2], up[2]) * np.abs(np.arctan2(left[2], up[2]))) * step
     assert agrees_everywhere(CameraRoll(), Jointed(), WORLD) == pytest.approx(expected, rel=1e-3)
 

@@ -1,6 +1,7 @@
 """What is reported of a trajectory among people, against brute force and plain geometry."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ WORLD = ROOM.with_content(people=PEOPLE)
 TRAJECTORY = Trajectory.from_poses(ROBOT, [(-6, 0, 0), (3, 0, 0), (3, 2, 1.0)])
 
 
+@cache
 def gaps(n):
     """Gap to each person (people, n) at the middles of n intervals, each moment by itself."""
     found = np.zeros((len(PEOPLE), n))
@@ -33,7 +35,7 @@ def gaps(n):
 
 def test_metrics_are_those_of_brute_force():
     found = social_metrics(TRAJECTORY, WORLD, shortest_length=9.5)
-    nearest = gaps(4000).min(axis=0)
+    nearest = gaps(2000).min(axis=0)
     assert 0 < (nearest >= 0.5).mean() < 1
     assert found.min_human_distance == pytest.approx(nearest.min(), abs=2e-3)
     assert found.space_compliance == pytest.approx((nearest >= 0.5).mean(), abs=2e-3)
@@ -64,7 +66,7 @@ def test_the_time_to_collision_with_someone_who_comes_straight_on():
 
 def test_fractions_of_time_in_zones_are_those_of_brute_force_and_add_up_to_one():
     found = zone_fractions(TRAJECTORY, WORLD)
-    nearest = gaps(4000).min(axis=0)
+    nearest = gaps(2000).min(axis=0)
     limits = {"intimate": (-9, 0.45), "personal": (0.45, 1.2), "social": (1.2, 3.6), "public": (3.6, 99)}
     assert list(found) == list(limits)
     for name, (low, high) in limits.items():

@@ -43,6 +43,8 @@ def walking(rng):
     return world.with_content(people=people, groups=[(0, 1), (2, 3)])
 
 
+#: The others are checked where nobody moves (tests/testing), or in worlds of their own.
+@pytest.mark.cases("cutting_between", "hall_zones", "social_force", "time_to_collision")
 @pytest.mark.parametrize("name", NAMES)
 def test_they_keep_what_criteria_promise_where_there_is_time(name, monkeypatch):
     monkeypatch.setattr(hpop.testing.criteria, "random_world", walking)

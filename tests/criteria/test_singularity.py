@@ -67,7 +67,7 @@ def test_a_second_costs_half_where_manipulability_is_the_half_and_all_where_ther
 
 def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled():
     trajectory = tour(Jointed())
-    times, step, *_ = moments(trajectory, 20_000)
+    times, step, *_ = moments(trajectory, 4_000)
     mu = manipulability(Jointed(), trajectory.at(times))
     expected = np.sum(1.0 / (1.0 + mu / 0.2)) * step
     assert agrees_everywhere(Singularity(half=0.2), Jointed(), WORLD) == pytest.approx(expected, rel=1e-4)

@@ -86,7 +86,7 @@ def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
     assert len(checks) >= (11 if "plane" in MODELS[model].provides else 10)
 
 
-@pytest.mark.cases("holonomic", "serial_arm")
+@pytest.mark.cases("holonomic")
 @pytest.mark.parametrize("model", [in_proof(model, model) for model in MODELS])
 def test_weighted_sums_on_a_roadmap_keep_their_promises_with_any_model(model):
     planner = make_planner({"weighted-sum": {"on": {"roadmap": {"samples": 40}}}})

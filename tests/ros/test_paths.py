@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
@@ -41,7 +41,6 @@ steps = st.lists(
 )
 
 
-@settings(max_examples=40, deadline=None)
 @given(steps)
 def test_a_plan_comes_back_from_its_timed_path(walk):
     """Any walk of moves, turns of up to 360 degrees and holds; motions that go on as the one before are one."""

@@ -107,10 +107,11 @@ class Drive:
     def _gone(self, name: str, start: States, end: States, share: Column) -> Column:
         """Way (M,), m, along an axis of the world, up to a share: ∫ v cos θ dt or ∫ v sin θ dt."""
         projection, component = np.cos if name == "x" else np.sin, 0.0
+        gain, span, half = end.speed - start.speed, end.yaw - start.yaw, 0.5 * _grown(start, end)
         for node, weight in self.nodes:
             at = node * share
-            speed = start.speed + (end.speed - start.speed) * at
-            component = component + weight * speed * projection(self.interpolate("yaw", start, end, at))
+            yaw = start.yaw + span * at - half * at * (1.0 - at)  # as `interpolate` has it
+            component = component + weight * (start.speed + gain * at) * projection(yaw)
         return (end.clock - start.clock) * share * component
 
 

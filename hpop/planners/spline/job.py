@@ -80,7 +80,8 @@ class SplineJob:
             try:
                 if not self.built:
                     smooth = [self.criteria[j] for j in self.smooth]
-                    self.built["pieces"] = Pieces(self.problem.world, self.problem.model, smooth).build()
+                    self.built["pieces"] = Pieces(self.problem.world, self.problem.model, smooth)
+                self.built["pieces"].build()
                 seconds["build"] = time.perf_counter() - began
                 result = self._splined(trajectory, self.built["pieces"], run)
             except KeyboardInterrupt:

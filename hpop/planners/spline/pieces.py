@@ -40,13 +40,30 @@ class Pieces:
     def __init__(self, world: World, model: Model, criteria: Sequence[Criterion]) -> None:
         self.world, self.model, self.criteria = world, model, tuple(criteria)
 
+    @classmethod
+    def with_gradients(cls, world: World, model: Model, criteria: Sequence[Criterion]) -> tuple[Pieces, dict[int, str]]:
+        """Pieces in those criteria that have a gradient, and why each, by its place, has none; "" where it has one."""
+        pieces, reasons = cls(world, model, ()), dict[int, str]()
+        costs = []
+        for j, criterion in enumerate(criteria):
+            reasons[j] = "" if criterion.smooth else "it has no gradient"
+            try:
+                if criterion.smooth:
+                    costs.append(on_symbols(criterion, pieces._symbols[1]))
+            except UnsupportedCriterion as error:
+                reasons[j] = str(error)
+        pieces.criteria = tuple(criteria[j] for j, reason in reasons.items() if not reason)
+        pieces.__dict__["_written"] = costs
+        return pieces, reasons
+
     @property
     def law(self) -> SplineLaw:
         """The model's law."""
         return cast(SplineLaw, self.model.laws[LAW])
 
-    def _symbols(self) -> tuple[list[Any], Any]:
-        """The columns of a piece and its share, and its costs in them."""
+    @cached_property
+    def _symbols(self) -> tuple[list[Any], Motions]:
+        """The columns of a piece and its share, and the motion that they are."""
         import casadi
 
         n = len(self.law.names)
@@ -60,29 +77,21 @@ class Pieces:
             return self.law.knots(values, rates, lift(clock, 1))
 
         start, end = knot(0, 0.0 * duration), knot(2 * n, share * duration)
-        motions = Motions(self.world, self.model, self.law, start, end, panels=PANELS)
-        return [columns, share], casadi.vertcat(*[on_symbols(criterion, motions) for criterion in self.criteria])
+        return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=PANELS)
+
+    @cached_property
+    def _written(self) -> list[Any]:
+        """Costs of a piece, one a criterion, in its symbols."""
+        return [on_symbols(criterion, self._symbols[1]) for criterion in self.criteria]
 
     @cached_property
     def _functions(self) -> tuple[Any, Any]:
         """Costs of a piece, and those with their Jacobian, as CasADi functions of its columns and its share."""
         import casadi
 
-        symbols, costs = self._symbols()
+        symbols, costs = self._symbols[0], casadi.vertcat(*self._written)
         jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
         return casadi.Function("costs", symbols, [costs]), casadi.Function("slopes", symbols, [costs, jacobian])
-
-    @classmethod
-    def with_gradients(cls, world: World, model: Model, criteria: Sequence[Criterion]) -> dict[int, str]:
-        """Why each criterion, by its place, has no gradient; nothing where it has one."""
-        reasons = dict[int, str]()
-        for j, criterion in enumerate(criteria):
-            reasons[j] = "" if criterion.smooth else "it has no gradient"
-            try:
-                _ = criterion.smooth and cls(world, model, [criterion])._symbols()
-            except UnsupportedCriterion as error:
-                reasons[j] = str(error)
-        return reasons
 
     def build(self) -> Pieces:
         """Build the functions now."""

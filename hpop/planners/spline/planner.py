@@ -112,7 +112,7 @@ class Spline:
         objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised
         with ONE_PROGRAM:
-            reasons = Pieces.with_gradients(problem.world, problem.model, criteria)
+            pieces, reasons = Pieces.with_gradients(problem.world, problem.model, criteria)
         smooth = tuple(j for j, reason in reasons.items() if not reason)
         rough = [f"{criteria[j].name} is not improved by splines: {reason}" for j, reason in reasons.items() if reason]
         if not smooth:
@@ -121,7 +121,8 @@ class Spline:
                 f"{'; '.join(rough)}"
             )
         place = None if self.minimise is None else minimised(self.minimise, [criteria[j] for j in smooth])
-        job = SplineJob(problem, criteria, smooth, place if place is None else smooth[place], self.pieces)
+        place = place if place is None else smooth[place]
+        job = SplineJob(problem, criteria, smooth, place, self.pieces, built={"pieces": pieces})
         warm = yield from known_trajectories(self, problem, progress, executor)
         if warm.interrupted is not None:
             yield warm.interrupted

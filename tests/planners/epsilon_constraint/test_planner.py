@@ -159,11 +159,12 @@ def test_start_is_goal(step):
     assert front.costs.tolist() == [[1.0, 0.0]]
 
 
-@pytest.mark.parametrize("step", [1.0, pytest.param(0.5, marks=pytest.mark.proof)])
-def test_every_bound_on_a_worst_moment_has_a_candidate(step):
+@pytest.mark.parametrize("most", [5, pytest.param(None, marks=pytest.mark.proof)])
+@STEPS
+def test_every_bound_on_a_worst_moment_has_a_candidate(step, most):
     """Where the way between block and border is as clear as can be, a sampled clearance is off by 3 cm."""
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["clearance", "length"])
-    candidates = EpsilonConstraint(step=step).solve(problem)
+    candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)
     assert candidates.stats["failed"] == {}
     assert candidates.stats["dropped"] == {}
     assert len(candidates.trajectories) == candidates.stats["tried"]
@@ -184,10 +185,11 @@ class LowSun:
         return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
 
 
+@pytest.mark.parametrize("most", [4, pytest.param(None, marks=pytest.mark.proof)])
 @STEPS
-def test_what_needs_a_finer_sum_is_solved_with_one(step):
+def test_what_needs_a_finer_sum_is_solved_with_one(step, most):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), [LowSun(), "turns", "length"])
-    candidates = EpsilonConstraint(step=step).solve(problem)
+    candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)
     assert candidates.stats["refined"] > 0
     assert candidates.stats["dropped"] == {}
     assert {4} <= {provenance["panels"] for provenance in candidates.provenance} <= {1, 4, 16}
@@ -321,9 +323,9 @@ def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost
 
 def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatch):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
-    kept = EpsilonConstraint(step=1.0, divisions=1).solve(problem)
+    kept = EpsilonConstraint(step=1.0, divisions=1, max_points=6).solve(problem)
     monkeypatch.setattr("hpop.planners.epsilon_constraint.job.KEPT", 1)
-    again = EpsilonConstraint(step=1.0, divisions=1).solve(problem)
+    again = EpsilonConstraint(step=1.0, divisions=1, max_points=6).solve(problem)
     np.testing.assert_array_equal(again.planned, kept.planned)
     assert again.stats["programs"] > kept.stats["programs"]
 

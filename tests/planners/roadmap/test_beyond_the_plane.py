@@ -118,7 +118,7 @@ def test_what_is_found_is_free_and_leads_from_the_start_to_the_goal() -> None:
     assert front.certificate.startswith("roadmap: exact on the free part of the roadmap of 300 samples (seed 0)")
 
 
-@pytest.mark.seeds(3, of=30)
+@pytest.mark.seeds(1, of=30)
 def test_weighted_sums_are_those_of_the_roadmap_with_all_edges_checked(seed: int) -> None:
     asked = problem(Joints(3, 40, 0.9, seed=seed))
     roadmap = Roadmap(samples=150).roadmap(asked)
@@ -265,7 +265,7 @@ def found_by(robot: Joints, goals: np.ndarray | None = None, pairs: int = 6) -> 
     return connections, guides(connections, np.array(robot.start), ends, pairs, np.random.default_rng(0), Spending())
 
 
-@pytest.mark.seeds(2, of=20)
+@pytest.mark.seeds(1, of=20)
 def test_guides_are_free_and_lead_from_the_start_to_a_goal(seed: int) -> None:
     robot = Joints(4, 200, 1.2, seed=seed)
     goals = np.array([robot.goal, (2.0, 2.0, -2.0, -2.0), (0.0, 2.5, 2.5, 2.5)])

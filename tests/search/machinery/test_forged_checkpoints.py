@@ -16,7 +16,7 @@ from hpop.search.machinery.checkpoint import CheckpointError, Saved
 from hpop.status import Budget, Status
 
 Search = Callable[..., ParetoPaths]
-FORGERIES = 80
+FORGERIES = pytest.mark.parametrize("forgeries", [40, pytest.param(400, marks=pytest.mark.proof)])
 
 
 def on_four_costs(lattice: Callable[..., Graph]) -> Search:
@@ -78,13 +78,16 @@ def forged(array: IntArray, other: IntArray, rng: np.random.Generator) -> IntArr
     return new
 
 
+@FORGERIES
 @pytest.mark.parametrize("make", [on_four_costs, among_turns, of_a_mean])
-def test_a_forged_checkpoint_is_refused_or_its_front_is_right(tmp_path: Path, lattice: Any, make: Any) -> None:
+def test_a_forged_checkpoint_is_refused_or_its_front_is_right(
+    tmp_path: Path, lattice: Any, make: Any, forgeries: int
+) -> None:
     search, file = make(lattice), tmp_path / "search.ckpt"
     exact = search()
     most = exact.stats.labels_generated
     refused = 0
-    for seed in range(FORGERIES):
+    for seed in range(forgeries):
         rng = np.random.default_rng(seed)
         if seed % 20 == 0:  # stopped earlier and later
             file.unlink(missing_ok=True)
@@ -101,7 +104,7 @@ def test_a_forged_checkpoint_is_refused_or_its_front_is_right(tmp_path: Path, la
             refused += 1
             continue
         assert paths.costs.tolist() == exact.costs.tolist(), (seed, names)
-    assert refused > 0.7 * FORGERIES
+    assert refused > 0.7 * forgeries
 
 
 def test_what_a_checkpoint_holds_is_enough_however_large_the_numbers_of_the_graph(tmp_path: Path) -> None:
