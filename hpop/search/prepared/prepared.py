@@ -27,6 +27,7 @@ from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.methods import chosen_method, chosen_order
 from hpop.search.prepared.closings import Closings
+from hpop.search.prepared.hull_repair import HullRepair
 from hpop.search.prepared.known import known_paths, least_way
 from hpop.search.prepared.outlook import Outlook
 from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
@@ -45,8 +46,8 @@ class Prepared:
 
     Guarantees: :meth:`paths` is what :func:`pareto_paths` finds on the graph without the arcs that are closed.
 
-    Cost: groups and bounds once, and what closings and openings change of the bounds. A search then takes the time of
-    its labels alone.
+    Cost: groups and bounds once, and what closings and openings change of the bounds, joint ones among them. A search
+    then takes the time of its labels alone.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)
@@ -84,6 +85,10 @@ class Prepared:
         if method == "staircase":
             self.outlook = Outlook.of(graph, far, self.targets, self.plans[0][1], h, groups, clock)
         self.closings = Closings(graph, groups)
+        self.hull: HullRepair | None = None
+        if self.outlook.hull is not None:
+            first, _, rest = self.plans[0][1]
+            self.hull = HullRepair(self.outlook.hull, groups, graph.costs, (first, rest), h, self.is_target)
         self._entering: tuple[IntArray, NDArray[np.int32]] | None = None
 
     @property
@@ -98,7 +103,8 @@ class Prepared:
         kept = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
         kept += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
         kept += [vars(self.closings).get("tails")]
-        return sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        repair = 0 if self.hull is None else self.hull.memory
+        return repair + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
 
     def close(self, arcs: ArrayLike) -> None:
         """Let no path take these arcs, by their places (N,) in the graph, until they are opened."""
@@ -123,6 +129,8 @@ class Prepared:
             return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(n, np.int32))
 
         clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
+        if self.hull is not None:
+            self.hull.close(self.closings.closed, clock)
 
     def paths(
         self,

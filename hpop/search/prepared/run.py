@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from hpop.search.prepared.prepared import Prepared
 
 FIRST, SECOND = 0.4, 0.7  # of all limits: a search within a precision comes in between
-STALE, BRIEF = 1.05, 0.55  # and ends sooner where closings made a least cost so much dearer: it may come to nothing
 GAP = 0.1  # its precision, relative
 AHEAD = 150e-9  # s a node that it takes before its first label
 
@@ -85,7 +84,7 @@ class PreparedRun:
         h = outlook.h.copy()
         turns = prepared.bounds[self.order[1]]  # joint bounds do not build on this one
         np.copyto(h[self.order[1]], turns, where=turns < UNREACHABLE)
-        clock.share = BRIEF if (prepared.bounds[:, self.source] > STALE * h[:, self.source]).any() else SECOND
+        clock.share = SECOND
         if hull is None or clock.left < AHEAD * graph.nodes:
             return
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
@@ -128,11 +127,19 @@ class PreparedRun:
             labels_generated=generated,
             labels_expanded=expanded,
             labels_open=waiting,
-            peak_memory=clock.peak,
+            peak_memory=sum(self._beside(search) for search in (self.near, self.exact) if search is not None),
             seconds_search=clock.seconds(),
             seconds_compiled=clock.compiled,
         )
         return ParetoPaths(costs, status, stats, graph, self.source, tuple(paths[row] for row in rows), gap=gap)
+
+    def _beside(self, search: Search) -> int:
+        """Bytes that a search holds beside what is kept for all."""
+        outlook, groups = self.prepared.outlook, self.prepared.closings.whole
+        kept = [outlook.layers, *vars(groups).values(), *vars(outlook.hull or object).values()]
+        places = {array.__array_interface__["data"][0] for array in kept if isinstance(array, np.ndarray)}
+        arrays = search.arrays()
+        return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
     def _gap(self, costs: IntArray) -> float:
         """The least gap that any search proves of what is returned (n, k)."""

@@ -1,0 +1,72 @@
+"""Claims: joint bounds after closings are true of every path that is open, bind where doors close, and come back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hpop.search import Graph, Prepared, pareto_paths
+from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.staircase.turn_hull import STEP_BITS
+from hpop.status import Status
+from tests.search.prepared.test_prepared import an_event, any_graph
+
+EVENTS = 5
+ROUNDED = 8  # of 2^27, what a whole way weighs
+
+
+@pytest.mark.seeds(2, of=100)
+def test_bounds_after_closings_are_below_what_every_open_path_weighs(seed: int, lattice: Callable[..., Graph]) -> None:
+    graph, rng = any_graph(4 * (seed // 2) + seed % 2, lattice), np.random.default_rng(seed)
+    prepared, closed = Prepared(graph, graph.nodes - 1), np.zeros(graph.arcs, np.bool_)
+    hull, groups = prepared.outlook.hull, prepared.closings.whole
+    assert hull is not None
+    first, index, rest = prepared.plans[0][1]
+    whole = hull.layers.copy(), hull.moved.copy()
+    raised = 0
+    for number in range(EVENTS):
+        shut, opened = an_event(graph, closed, rng, number)
+        closed[shut], closed[opened] = True, False
+        prepared.close(shut)
+        prepared.open(opened)
+        assert (hull.layers >= whole[0]).all()
+        raised += int((hull.layers > whole[0]).sum())
+        for node in rng.integers(graph.nodes, size=6).tolist():
+            paths = pareto_paths(graph.without(closed), node, graph.nodes - 1)
+            if paths.status is Status.NO_PATH:
+                continue
+            least = prepared.outlook.h[[first, rest], node]
+            assert (least < UNREACHABLE).all()
+            steps = hull.layers[:, groups.place[node]].astype(np.int64) << STEP_BITS  # (m, LANES)
+            for costs in paths.costs:
+                bound = least @ hull.weights.T + steps[min(int(costs[index]), len(steps) - 1)]
+                assert (bound <= costs[[first, rest]] @ hull.weights.T + ROUNDED).all()
+    assert raised > 0
+    prepared.open(np.flatnonzero(closed))
+    np.testing.assert_array_equal(hull.layers, whole[0])
+    np.testing.assert_array_equal(hull.moved, whole[1])
+
+
+@pytest.mark.seeds(1, of=20)
+def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, lattice: Callable[..., Graph]) -> None:
+    """As a hull has them that is made without the door, up to what rounding takes."""
+    graph = lattice(seed)
+    prepared = Prepared(graph, graph.nodes - 1)
+    hull = prepared.outlook.hull
+    assert hull is not None
+    rng = np.random.default_rng(seed)
+    place, tails = int(rng.integers(1, graph.nodes // 4 - 1)), np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    shut = np.flatnonzero((tails // 4 == place) | (graph.heads // 4 == place))
+    prepared.close(shut)
+    first, _, rest = prepared.plans[0][1]
+    for node in range(0, graph.nodes, 7):
+        if node // 4 == place:
+            continue
+        paths = pareto_paths(graph.without(prepared.closed), node, graph.nodes - 1)
+        least = prepared.outlook.h[[first, rest], node] @ hull.weights.T
+        bound = least + (hull.layers[-1, prepared.closings.whole.place[node]].astype(np.int64) << STEP_BITS)
+        weighed = (paths.costs[:, [first, rest]] @ hull.weights.T).min(axis=0)
+        capped = hull.layers[-1, prepared.closings.whole.place[node]] == 2**16 - 1
+        assert ((weighed - bound <= 0.02 * weighed) | capped).all()
