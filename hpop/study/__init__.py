@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior
     from hpop.study.analysis import Analysis, analyse
     from hpop.study.answers import Answers, Choice
-    from hpop.study.conditions import Condition
+    from hpop.study.conditions import Baseline, Condition
     from hpop.study.design import Design
     from hpop.study.forms import Form
     from hpop.study.identity import front_digest
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Analysis",
     "Answers",
+    "Baseline",
     "Best",
     "Choice",
     "Condition",
@@ -50,6 +51,7 @@ __all__ = [
 _HOMES = {
     "Analysis": "hpop.study.analysis",
     "Answers": "hpop.study.answers",
+    "Baseline": "hpop.study.conditions",
     "Best": "hpop.preference",
     "Choice": "hpop.study.answers",
     "Condition": "hpop.study.conditions",

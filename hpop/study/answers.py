@@ -141,13 +141,13 @@ class Answers:
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
-        """What was chosen of pairs, of one participant or all, as rows of the front."""
+        """What was chosen of pairs, of one participant or all, as rows of the front; without pairs of a baseline."""
         one_of("question", question, questions_of(self.design), error=StudyError)
         if participant is not None and participant not in self.people:
             raise StudyError(
                 f"there are no answers of {shown(participant)}; there are of {', '.join(self.people) or 'nobody'}"
             )
-        rows = {condition.id: condition.row or 0 for condition in self.design.conditions}
+        rows = {one.id: one.row for one in self.design.conditions if one.row is not None}
         return [
             Choice(
                 session.person.id, rows[one.first], rows[one.second], None if one.chosen is None else rows[one.chosen]
@@ -155,7 +155,7 @@ class Answers:
             for session in self.sessions
             if participant in (None, session.person.id)
             for one in session.comparisons
-            if one.question == question
+            if one.question == question and {one.first, one.second} <= rows.keys()
         ]
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from hpop.front import Front
 from hpop.named_rows import NamedRow, named_rows
 from hpop.study.orders import MOST_STIMULI
 from hpop.text import printable
+from hpop.trajectory import Trajectory
 
 VIEW = "view"
 """What stands for a row: the still view from the start, the baseline."""
@@ -22,12 +24,25 @@ ALIKE = 0.1
 """Share by which stimuli may differ in duration without a note."""
 
 
+class Baseline(NamedTuple):
+    """A trajectory that is shown beside rows of the front, such as what a common planner makes; no front holds it.
+
+    name        what it is, for the researcher
+    trajectory  the ride
+    costs       by criterion, such as ``problem.evaluate(trajectory)``
+    """
+
+    name: str
+    trajectory: Trajectory
+    costs: Mapping[str, float]
+
+
 @dataclass(frozen=True)
 class Condition:
     """What a participant is shown under a letter.
 
     id        "A", "B", ...: dealt at random, so that it tells nothing of the row
-    row       of the front; None for the still view
+    row       of the front; None for the still view and for baselines
     name      what the row was asked for as, such as "knee"; "" of a number
     kind      "ride", "video" or "view"
     costs     by criterion; none of the still view
@@ -48,18 +63,22 @@ class Condition:
 
     def __str__(self) -> str:
         if self.row is None:
-            return "the still view"
+            return "the still view" if self.kind == VIEW else f"{printable(self.name)} (baseline)"
         return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
 
 
 def lettered(
-    front: Front, rows: Sequence[int | str | NamedRow], kind: str, rng: np.random.Generator
+    front: Front,
+    rows: Sequence[int | str | NamedRow],
+    kind: str,
+    rng: np.random.Generator,
+    baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
-    """Rows, and the still view where it is among them, under letters dealt at random; in the order of the letters."""
+    """Rows, the still view where it is among them, and baselines under letters dealt at random; in their order."""
     names = {row.number: row.name for row in rows if isinstance(row, NamedRow)}
     asked = [row.number if isinstance(row, NamedRow) else row for row in rows]
     found = named_rows(front, [row for row in asked if row != VIEW])
-    count = len(found) + (VIEW in asked)
+    count = len(found) + (VIEW in asked) + len(baselines)
     if not found or not 2 <= count <= MOST_STIMULI:
         raise StudyError(
             f"a study shows 2 to {MOST_STIMULI} different stimuli, at least one of them a row of the front, got {count}"
@@ -72,6 +91,9 @@ def lettered(
         )
         for i, row in enumerate(found)
     ]
+    for beside in baselines:
+        lasts.append(beside.trajectory.execution().duration)
+        made.append(Condition(next(letters), None, beside.name, kind, dict(beside.costs), lasts[-1]))
     if VIEW in asked:
         made.append(Condition(next(letters), None, VIEW, VIEW, {}, float(np.mean(lasts))))
     return tuple(sorted(made, key=lambda condition: condition.id))

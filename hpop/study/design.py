@@ -22,7 +22,7 @@ from hpop.frontier.strict_json import pieces
 from hpop.named_rows import NamedRow
 from hpop.options import MOST_SEED, one_of, whole
 from hpop.study import documents, orders
-from hpop.study.conditions import KINDS, Condition, lettered, unlike
+from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered, unlike
 from hpop.study.design_file import FILE, FRONT, MOST_BYTES, PEOPLE, SCHEDULE, DesignFile, PeopleFile
 from hpop.study.forms import Form
 from hpop.study.identity import front_digest
@@ -83,6 +83,7 @@ class Design:
         strata: Mapping[str, Sequence[str]] | None = None,
         forms: Sequence[str | os.PathLike[str]] = ("ssq", "comfort"),
         comparisons: bool = True,
+        baselines: Sequence[Baseline] = (),
         kind: str = "ride",
         protocol: Protocol | None = None,
         language: str = "en",
@@ -102,6 +103,8 @@ class Design:
         strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
         forms : questionnaires that hpop brings, by id, or files of one's own
         comparisons : whether pairs of stimuli are compared after all
+        baselines : trajectories beside the rows, which no front holds; their stimuli are written by
+            :func:`hpop.study.save_stimuli`
         kind : "ride" (pages) or "video" (all round, for a headset's own player)
         seed : of letters, orders and pairs
 
@@ -114,7 +117,7 @@ class Design:
         if comparisons and not any(form.kind == "pairs" for form in questionnaires):
             questionnaires.append(Form.load(PAIRS))
         rng = np.random.default_rng(seed)
-        conditions = lettered(front, rows, kind, rng)
+        conditions = lettered(front, rows, kind, rng, baselines)
         letters = [condition.id for condition in conditions]
         sequences = orders.sequences(order, letters, participants, rng)
         return cls(
@@ -290,7 +293,7 @@ class Design:
         """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""
         if not self.comparisons:
             return []
-        rides = [condition.id for condition in self.conditions if condition.row is not None]
+        rides = [condition.id for condition in self.conditions if condition.kind != VIEW]
         rng = np.random.default_rng([self.seed, int(checked_id(participant)[1:])])
         pairs = list(combinations(rides, 2))
         turned = rng.random(len(pairs)) < 0.5

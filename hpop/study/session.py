@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field, StringConstraints
 
 from hpop.errors import StudyError
+from hpop.study.conditions import VIEW
 from hpop.study.design import Design
 from hpop.study.documents import Part, read
 from hpop.study.forms import Form
@@ -327,7 +328,7 @@ def _check_comparison(design: Design, value: Any) -> None:
     if compared.question not in known:
         raise StudyError(f"the study asks {', '.join(known) or 'nothing'} of pairs, got {shown(compared.question)}")
     first, second = compared.pair
-    if {design.condition(first).row, design.condition(second).row} & {None} or first == second:
+    if VIEW in {design.condition(first).kind, design.condition(second).kind} or first == second:
         raise StudyError(f"two rides are compared, got {first} and {second}")
     if compared.chosen not in (first, second, NONE):
         raise StudyError(f"of {first} and {second} one is chosen, or {NONE!r}, got {shown(compared.chosen)}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -41,7 +41,7 @@ class Shown(Protocol):
     """What a condition of a design says of its stimulus.
 
     id        its letter
-    row       of the front; None for the still view
+    row       of the front; None for the still view and for baselines
     kind      "ride", "view" or "video"
     duration  s, of a still view
     """
@@ -62,6 +62,7 @@ def save_stimuli(
     conditions: Iterable[Shown],
     folder: str | os.PathLike[str],
     *,
+    baselines: Mapping[str, Trajectory] | None = None,
     language: str = "en",
     study: Path | None = None,
     progress: ProgressCallback | bool | None = None,
@@ -72,6 +73,7 @@ def save_stimuli(
 
     Parameters
     ----------
+    baselines : by letter, the trajectories of conditions that are no rows of the front
     study : a study's folder, with words of languages that hpop does not bring
     progress : of videos: True shows a line on the terminal; a function is called with each frame
 
@@ -83,11 +85,11 @@ def save_stimuli(
         name = condition.id
         if not LETTER.fullmatch(name) or name in written:
             raise StudyError(f"conditions are called by capital letters, each once, got {shown(name)}")
-        trajectory = front.trajectories[condition.row or 0]
+        trajectory = _ridden(front, condition, baselines or {})
         if condition.kind == "video":
             written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", progress)
             continue
-        if condition.row is None:
+        if condition.kind == "view":
             page = view_page(problem, trajectory, name, condition.duration, said=said)
         else:
             page = ride_page(problem, trajectory, name, said=said)
@@ -100,6 +102,18 @@ def save_stimuli(
             raise OutputError(f"the stimulus cannot be written to {path}: {error.strerror or error}") from None
         written[name] = path
     return written
+
+
+def _ridden(front: Front, condition: Shown, baselines: Mapping[str, Trajectory]) -> Trajectory:
+    """The trajectory of a condition; of the still view any, since all start alike."""
+    if condition.row is None and condition.kind != "view":
+        if condition.id not in baselines:
+            raise StudyError(
+                f"stimulus {condition.id} is a baseline, no row of the front: give its trajectory, as "
+                f"save_stimuli(..., baselines={{{condition.id!r}: trajectory}})"
+            )
+        return baselines[condition.id]
+    return front.trajectories[condition.row or 0]
 
 
 def _save_video(problem: Problem, trajectory: Trajectory, path: Path, progress: ProgressCallback | bool | None) -> Path:

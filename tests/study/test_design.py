@@ -205,3 +205,17 @@ def test_a_file_that_says_who_left_is_read_as_strictly(design: Design, tmp_path:
         path.write_text(text.replace(old, new))
         with pytest.raises(StudyError, match=r"cannot take the place|at left"):
             Design.load(tmp_path)
+
+
+def test_a_baseline_is_shown_and_compared_as_a_row_is_and_no_choice_of_a_row(front, tmp_path):
+    beside = study.Baseline("common planner", front.trajectories[4], dict(front[4].costs))
+    design = study.Design.of(front, [0, 2], participants=6, consent="You may stop.", baselines=[beside], seed=1)
+    (shown,) = (one for one in design.conditions if one.row is None)
+    assert (shown.kind, shown.name, str(shown)) == ("ride", "common planner", "common planner (baseline)")
+    assert shown.duration == front.trajectories[4].execution().duration
+    assert len(design.pairs("p01")) == 3
+    design.save(tmp_path)
+    assert study.Design.load(tmp_path).conditions == design.conditions
+    answers = study.simulate(design, dict.fromkeys("ABC", 0.0))
+    assert len(answers.sessions[0].comparisons) == 6
+    assert {(one.first_row, one.second_row) for one in answers.choices()} <= {(0, 2), (2, 0)}

@@ -154,3 +154,15 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
         words("fr", tmp_path)
     with pytest.raises(StudyError, match="a language is written"):
         words("../en", tmp_path)
+
+
+def test_the_stimulus_of_a_baseline_is_its_trajectory_which_must_be_given(front: hpop.Front, tmp_path: Path) -> None:
+    beside = study.Baseline("common planner", front.trajectories[4], {})
+    made = study.Design.of(front, [0], participants=2, consent=CONSENT, baselines=[beside])
+    (letter,) = (one.id for one in made.conditions if one.row is None)
+    problem = hpop.Problem.from_description(front.problem or {})
+    shown = [made.condition(letter)]
+    with pytest.raises(StudyError, match=f"stimulus {letter} is a baseline, no row of the front"):
+        study.save_stimuli(problem, front, shown, tmp_path)
+    path = study.save_stimuli(problem, front, shown, tmp_path, baselines={letter: beside.trajectory})[letter]
+    assert payload(path.read_text())["track"]["duration"] == pytest.approx(beside.trajectory.execution().duration)
