@@ -214,7 +214,7 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
 
 
 def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """A problem whose files, of world and model, are also named as seen from the folder of a front's file."""
+    """A problem whose files, of world, model and criteria, are also named as seen from the folder of a front's file."""
     folder = _folder(path)
     return _changed(problem, partial(seen_from, folder), partial(files.seen_from, folder))
 
@@ -230,6 +230,6 @@ def _folder(path: str | os.PathLike[str]) -> str:
 
 
 def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Callable[[Any], Any]) -> dict[str, Any]:
-    """A problem with what is made of the descriptions of its world and its model."""
-    changes = {"world": world, "model": model}
+    """A problem with what is made of the descriptions of its world, and of its model, as of criteria."""
+    changes = {"world": world, "model": model, "criteria": model}
     return {key: changes[key](value) if key in changes else value for key, value in problem.items()}

@@ -1,16 +1,21 @@
-"""Every criterion that comes with hpop, made: those of a target are given one."""
+"""Every criterion that comes with hpop, made: those of a target are given one, the learnt one what was learnt."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.registry import criteria
 
 NAMES = tuple(name for name, cls in criteria.items() if cls.__module__.startswith("hpop."))
 TARGET = (5.0, 4.5, 1.0)
+LEARNT = Path(__file__).with_name("learnt.json")
+NEEDED = {"target": TARGET, "file": str(LEARNT)}
 FINE = {"occlusion": {"radius": 1.0, "rays": 100}}  # the share of few rays jumps within a motion
 
 
 def own_criterion(name: str) -> Criterion:
     """The criterion of a name with what must be given, all else as it is by default but where that is coarse."""
-    targeted = "target" in criteria[name].__dataclass_fields__  # type: ignore[attr-defined]
-    return make_criterion({name: {"target": TARGET, **FINE.get(name, {})}} if targeted else name)
+    fields = criteria[name].__dataclass_fields__  # type: ignore[attr-defined]
+    needed = {key: value for key, value in NEEDED.items() if key in fields}
+    return make_criterion({name: {**needed, **FINE.get(name, {})}} if needed else name)

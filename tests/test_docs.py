@@ -14,6 +14,7 @@ import pytest
 
 from hpop.testing import check_model, check_planner
 from hpop.view import save_pictures
+from tests.own_criteria import LEARNT
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.usefixtures("registered_as_before")
@@ -220,9 +221,10 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     rows = [re.findall(r"`(\w+)`", line.split("|")[2]) for line in table.splitlines() if "`" in line]
     at_home = {name for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}
     assert sorted(name for row in rows for name in row) == sorted(at_home)
+    given = {"target": (0.7, 0.25, 0.43), "file": str(LEARNT)}
     improved, rough, remembering, refused = (
         [
-            make_criterion({name: {"target": (0.7, 0.25, 0.43)} if "target" in _options(criteria[name]) else {}})
+            make_criterion({name: {key: value for key, value in given.items() if key in _options(criteria[name])}})
             for name in row
         ]
         for row in rows

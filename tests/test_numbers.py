@@ -18,7 +18,7 @@ from hpop.search.machinery.covered import least_covered
 from hpop.status import Budget
 from hpop.sweep import processes
 from hpop.world.content import Landmark, Person, Zone
-from tests.own_criteria import TARGET
+from tests.own_criteria import NEEDED
 
 EXTREME = [1e30, -1e30, 1e308, 1e-320, 5e-324, math.inf, math.nan, 2**63, 10**400, -(10**400), True, "1e-3", [1.0]]
 NAMES = [f"{value!r:.12}" for value in EXTREME]
@@ -69,7 +69,7 @@ def test_a_scenario_with_such_a_number_is_refused_with_its_line(tmp_path, change
 def test_no_parameter_of_a_criterion_or_planner_ends_in_a_traceback(registry, value):
     for cls in (cls for cls in registry.values() if cls.__module__.startswith("hpop.")):
         fields = cls.__dataclass_fields__
-        given = {"target": TARGET} if "target" in fields else {}
+        given = {key: value for key, value in NEEDED.items() if key in fields}
         for name in (name for name, field in fields.items() if field.init and type(field.default) in (int, float)):
             with suppress(HpopError):
                 assert math.isfinite(getattr(cls(**given, **{name: value}), name))

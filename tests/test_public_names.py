@@ -128,6 +128,7 @@ hpop.study.Best
 hpop.study.Choice
 hpop.study.Condition
 hpop.study.Design
+hpop.study.Fitted
 hpop.study.Form
 hpop.study.Participant
 hpop.study.People
@@ -136,6 +137,7 @@ hpop.study.Preference
 hpop.study.Prior
 hpop.study.Protocol
 hpop.study.analyse
+hpop.study.fit_criterion
 hpop.study.front_digest
 hpop.study.pick
 hpop.study.power

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.rotation_time import RotationTime
     from hpop.criteria.comfort.sickness import Sickness
     from hpop.criteria.comfort.turns import Turns
+    from hpop.criteria.learnt import Learnt
     from hpop.criteria.others.against_flow import AgainstFlow
     from hpop.criteria.others.cutting_between import CuttingBetween
     from hpop.criteria.others.hall_zones import HallZones
@@ -76,6 +77,7 @@ _HOMES = {
     "JointLimits": "hpop.criteria.robot.joint_limits",
     "LandmarkBlindness": "hpop.criteria.performance.landmark_visibility",
     "LandmarkVisibility": "hpop.criteria.performance.landmark_visibility",
+    "Learnt": "hpop.criteria.learnt",
     "Length": "hpop.criteria.comfort.length",
     "LookAt": "hpop.criteria.performance.look_at",
     "MSDV": "hpop.criteria.comfort.msdv",
@@ -133,6 +135,7 @@ __all__ = [
     "JointLimits",
     "LandmarkBlindness",
     "LandmarkVisibility",
+    "Learnt",
     "Length",
     "LookAt",
     "MeanHeadingMismatch",

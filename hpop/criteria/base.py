@@ -171,7 +171,7 @@ def place_of(role: Role, criteria: Sequence[Criterion]) -> int | None:
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
     """The JSON-able form that :func:`make_criterion` reads back."""
     fields = dataclasses.fields(criterion)  # type: ignore[arg-type]
-    return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields}}
+    return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields if field.init}}
 
 
 def check_usable(criterion: Criterion, model: Model, world: World) -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from hpop.study.design import Design
     from hpop.study.forms import Form
     from hpop.study.identity import front_digest
+    from hpop.study.learning import Fitted, fit_criterion
     from hpop.study.page import session_page
     from hpop.study.participants import Participant
     from hpop.study.picking import pick
@@ -31,6 +32,7 @@ __all__ = [
     "Choice",
     "Condition",
     "Design",
+    "Fitted",
     "Form",
     "Participant",
     "People",
@@ -39,6 +41,7 @@ __all__ = [
     "Prior",
     "Protocol",
     "analyse",
+    "fit_criterion",
     "front_digest",
     "pick",
     "power",
@@ -56,6 +59,7 @@ _HOMES = {
     "Choice": "hpop.study.answers",
     "Condition": "hpop.study.conditions",
     "Design": "hpop.study.design",
+    "Fitted": "hpop.study.learning",
     "Form": "hpop.study.forms",
     "Participant": "hpop.study.participants",
     "People": "hpop.preference",
@@ -64,6 +68,7 @@ _HOMES = {
     "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
     "analyse": "hpop.study.analysis",
+    "fit_criterion": "hpop.study.learning",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",
     "power": "hpop.study.statistics",

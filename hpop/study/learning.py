@@ -1,0 +1,198 @@
+"""A criterion learnt from ratings: which criteria, and how much of each, make people rate trajectories as they do."""
+
+from __future__ import annotations
+
+import errno
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hpop.arrays import FloatArray, IntArray
+from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, trajectory_costs
+from hpop.criteria.learnt import Learnt, Source, checked_parts, document
+from hpop.errors import HpopWarning, StudyError
+from hpop.front import Front
+from hpop.frontier.atomic import replacing
+from hpop.frontier.strict_json import pieces
+from hpop.options import MOST, one_of, real
+from hpop.problem import Problem
+from hpop.text import shown
+from hpop.trajectory import Trajectory
+
+FOLDS = 10
+"""Parts of the trajectories, each left out once, at most."""
+BETTER = ("high", "low")
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Weights of criteria, and how far off they are; :meth:`save` makes a criterion of them.
+
+    parts    weight and criterion; those that count nothing are left out
+    source   where they are from, with the cross-validated error
+    """
+
+    parts: tuple[tuple[float, Criterion], ...]
+    source: Source
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """By the name of a criterion, in points of the rating for each of its units."""
+        return {criterion.name: weight for weight, criterion in self.parts}
+
+    def save(self, path: str | os.PathLike[str]) -> Learnt:
+        """Write the criterion to a JSON file, whole or not at all; the criterion that the file is.
+
+        Raises OSError where it cannot be written.
+        """
+        target = Path(path)
+        if not target.parent.exists():
+            raise FileNotFoundError(errno.ENOENT, "the folder for the criterion is not there; make it first", str(path))
+        told = document(tuple((weight, describe_criterion(criterion)) for weight, criterion in self.parts), self.source)
+        with replacing(target) as file:
+            for piece in pieces(told):
+                file.write(piece.encode())
+        return Learnt(str(target))
+
+    def __str__(self) -> str:
+        """The sum, and where it is from."""
+        return f"{' + '.join(f'{weight:.4g} {name}' for name, weight in self.weights.items())}, {self.source}"
+
+
+def fit_criterion(
+    ratings: Sequence[float],
+    trajectories: Sequence[Trajectory] | Sequence[int],
+    problem: Problem,
+    criteria: Sequence[CriterionSpec],
+    *,
+    people: Sequence[Any] | None = None,
+    front: Front | None = None,
+    better: str = "high",
+    question: str = "comfort",
+    source: str,
+) -> Fitted:
+    """Learn which sum of criteria explains ratings of trajectories: weights of least squares, none negative.
+
+    Each person has a level of their own, which is left out: what counts is how ratings differ within a person. Costs
+    are those by the planning law, which planners add up. The error is cross-validated: weights are learnt with some of
+    the trajectories left out, up to ten times, and their ratings predicted. A warning tells where that is no better
+    than each person's mean.
+
+    Parameters
+    ----------
+    ratings : (N,) numbers
+    trajectories : (N,) what each rating is of, or with ``front`` its rows
+    problem : the world, in which costs are evaluated
+    criteria : that may count, all of them sums: "exposure", not "obstruction", its mean
+    people : (N,) who gave each rating, any ids; one person if left out
+    front : whose rows ``trajectories`` are
+    better : whether a "high" or a "low" rating is the better one
+    question : what was rated
+    source : who was asked, when and where; for those who use the criterion
+
+    Raises StudyError for ratings that do not belong together, CriterionError for a criterion that is no sum.
+    """
+    one_of("better", better, BETTER, error=StudyError)
+    if not isinstance(source, str) or not source.strip():
+        raise StudyError("say who was asked, when and where: source='12 colleagues, May 2026, simulated ride'")
+    rated = [_number(rating) for rating in ratings]
+    ways = [_way(one, front) for one in trajectories]
+    who = [0] * len(rated) if people is None else list(people)
+    if not len(rated) == len(ways) == len(who):
+        raise StudyError(
+            f"expected as many trajectories and people as ratings, got {len(ways)} and {len(who)} for {len(rated)}"
+        )
+    made = [criterion for _, criterion in checked_parts([(0.0, spec) for spec in criteria])]
+    distinct = list({id(way): way for way in ways}.values())
+    places = {id(way): i for i, way in enumerate(distinct)}
+    of = np.array([places[id(way)] for way in ways], dtype=np.intp)
+    if len(distinct) < len(made) + 2:
+        raise StudyError(
+            f"{len(made)} weights are learnt from {len(made) + 2} distinct trajectories at least, got {len(distinct)}; "
+            "rate more of them, or take fewer criteria"
+        )
+    costs = trajectory_costs(made, distinct, problem.world)[of]  # (N, k)
+    ids = {one: i for i, one in enumerate(dict.fromkeys(who))}
+    persons = np.array([ids[one] for one in who], dtype=np.intp)
+    if np.bincount(persons).max() < 2:
+        raise StudyError("each person rated a single trajectory, so nothing within a person differs; ask for more")
+    values = np.array(rated) * (1.0 if better == "low" else -1.0)  # (N,) more is worse
+    weights = _fitted(costs, values, persons)
+    if not weights.any():
+        raise StudyError(
+            "no criterion explains these ratings: each weight is 0, as costs grow where ratings get better; is "
+            f"better={better!r} right?"
+        )
+    error, of_mean = _errors(costs, values, persons, of)
+    if error >= of_mean:
+        warnings.warn(
+            f"the criterion learnt is no better than each person's mean on trajectories left out ({error:.3g} against "
+            f"{of_mean:.3g}); take fewer criteria, or more ratings",
+            HpopWarning,
+            stacklevel=2,
+        )
+    told = Source(question, source, len(rated), len(ids), len(distinct), error, of_mean)
+    return Fitted(tuple((float(w), c) for w, c in zip(weights, made, strict=True) if w > 0), told)
+
+
+def _number(rating: Any) -> float:
+    return float(real("a rating", rating, -MOST, MOST, error=StudyError))
+
+
+def _way(given: Any, front: Front | None) -> Trajectory:
+    """A trajectory that was rated, or that of a row."""
+    if isinstance(given, Trajectory):
+        return given
+    is_row = isinstance(given, int | np.integer) and not isinstance(given, bool)
+    if front is not None and is_row and 0 <= given < len(front):
+        return front.trajectories[int(given)]
+    rows = "its trajectory" if front is None else f"its trajectory, or its row, 0 to {len(front) - 1}"
+    raise StudyError(f"each rating is of a trajectory: give {rows}; got {shown(given)}")
+
+
+def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
+    """Weights (k,) >= 0 of least squares, each person's level left out (Lawson and Hanson 1974)."""
+    from scipy.optimize import nnls
+
+    away = _within(np.column_stack([costs, values]), persons)
+    size = np.sqrt((away**2).mean(axis=0))
+    size = np.where(size > 0, size, 1.0)
+    weights, _ = nnls(away[:, :-1] / size[:-1], away[:, -1])
+    return np.asarray(weights / size[:-1])
+
+
+def _within(table: FloatArray, persons: IntArray) -> FloatArray:
+    """Differences (N, m) from each person's mean."""
+    return np.asarray(table - _levels(table, persons)[persons])
+
+
+def _levels(table: FloatArray, persons: IntArray) -> FloatArray:
+    """The mean (people, m) of each person."""
+    counts = np.maximum(np.bincount(persons), 1)
+    return np.column_stack([np.bincount(persons, column) / counts for column in table.T])
+
+
+def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArray) -> tuple[float, float]:
+    """Root mean squares on trajectories left out: of the weights, and of each person's mean.
+
+    A person's level is learnt from what is left of their ratings; who has none left is not predicted.
+    """
+    folds = np.random.default_rng(0).permutation(of.max() + 1) % FOLDS
+    squares: list[FloatArray] = []
+    for fold in range(min(FOLDS, len(folds))):
+        out = folds[of] == fold
+        kept = ~out
+        asked = out & np.isin(persons, persons[kept])
+        if not asked.any():
+            continue
+        weights = _fitted(costs[kept], values[kept], persons[kept])
+        both = np.column_stack([values - costs @ weights, values])
+        levels = _levels(both[kept], persons[kept])
+        squares.append((both[asked] - levels[persons[asked]]) ** 2)
+    error, of_mean = np.sqrt(np.concatenate(squares).mean(axis=0)).tolist()
+    return error, of_mean

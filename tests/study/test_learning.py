@@ -1,0 +1,104 @@
+"""Criteria learnt from ratings: the weights that made the ratings come out, and what is told where there are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.arrays import FloatArray
+from hpop.criteria import Learnt
+from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.errors import CriterionError, HpopWarning, StudyError
+from hpop.study import fit_criterion
+from tests.view.explorer.fronts import seeded
+
+PROBLEM, FRONT = seeded(40)
+NAMES = ("rotation", "length", "exposure")
+TRUE = np.array([0.3, 0.0, 0.8])
+
+
+def costs() -> FloatArray:
+    return trajectory_costs([make_criterion(name) for name in NAMES], FRONT.trajectories, PROBLEM.world)
+
+
+def rated(noise: float, people: int = 8, each: int = 15, seed: int = 0) -> tuple[list[float], list[int], list[int]]:
+    """Comfort, more is better, of some rows by people who have levels of their own."""
+    rng = np.random.default_rng(seed)
+    worse = costs() @ TRUE
+    rows, who, ratings = [], [], []
+    for person in range(people):
+        level = rng.normal(100, 20)
+        for row in rng.choice(len(FRONT), each, replace=False).tolist():
+            rows.append(row)
+            who.append(person)
+            ratings.append(float(level - worse[row] + noise * rng.normal()))
+    return ratings, rows, who
+
+
+def test_ratings_without_noise_give_their_weights_back() -> None:
+    ratings, rows, who = rated(0.0)
+    fitted = fit_criterion(ratings, rows, PROBLEM, NAMES, people=who, front=FRONT, source="simulated")
+    assert fitted.weights == pytest.approx({"rotation": 0.3, "exposure": 0.8}, rel=1e-9)
+    assert fitted.source.error < 1e-9 < fitted.source.error_of_mean
+    low = fit_criterion([-r for r in ratings], rows, PROBLEM, NAMES, people=who, front=FRONT, better="low", source="s")
+    assert low.weights == pytest.approx(fitted.weights)
+
+
+def test_noise_is_told_by_the_error_on_trajectories_left_out() -> None:
+    ratings, rows, who = rated(2.0)
+    ways = [FRONT.trajectories[row] for row in rows]
+    fitted = fit_criterion(ratings, ways, PROBLEM, NAMES, people=[f"p{i:02}" for i in who], source="simulated")
+    assert fitted.weights["rotation"] == pytest.approx(0.3, rel=0.3)
+    assert 1.7 < fitted.source.error < 2.6 < fitted.source.error_of_mean
+    assert (fitted.source.ratings, fitted.source.people) == (120, 8)
+
+
+def test_what_is_learnt_is_a_criterion_of_problems(tmp_path: Path) -> None:
+    ratings, rows, who = rated(1.0)
+    fitted = fit_criterion(ratings, rows, PROBLEM, NAMES, people=who, front=FRONT, source="simulated")
+    learnt = fitted.save(tmp_path / "comfort.json")
+    assert {part.name: weight for weight, part in learnt.parts} == fitted.weights
+    assert "source: simulated" in str(learnt)
+    asked = [{"learnt": {"file": learnt.file}}]
+    (again,) = hpop.Problem(PROBLEM.world, PROBLEM.model, (2, 10, 0), (28, 10, 0), asked).criteria
+    assert isinstance(again, Learnt)
+    assert again == learnt
+    worth = trajectory_costs([again], FRONT.trajectories, PROBLEM.world)[:, 0]
+    assert np.corrcoef(worth, costs() @ TRUE)[0, 1] > 0.99
+
+
+def test_ratings_that_have_nothing_to_do_with_costs_are_told() -> None:
+    rng = np.random.default_rng(1)
+    rows = list(range(40)) * 2
+    with pytest.warns(HpopWarning, match="no better than each person's mean"):
+        fit_criterion(rng.normal(size=80).tolist(), rows, PROBLEM, NAMES, front=FRONT, source="noise")
+    ratings, rows, who = rated(0.0)
+    with pytest.raises(StudyError, match="is better='low' right"):
+        fit_criterion(ratings, rows, PROBLEM, ["rotation"], people=who, front=FRONT, better="low", source="s")
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "said"),
+    [
+        ({"source": ""}, StudyError, "say who was asked"),
+        ({"people": [1, 2]}, StudyError, "as many trajectories and people"),
+        ({"better": "more"}, StudyError, "better must be one of high, low"),
+        ({"ratings": [1.0, float("nan")] * 20}, StudyError, "a rating must be a number"),
+        ({"front": None}, StudyError, "give its trajectory; got 0"),
+        ({"trajectories": [99] * 40}, StudyError, "its row, 0 to 39; got 99"),
+        ({"trajectories": [0, 1] * 20}, StudyError, "5 distinct trajectories at least, got 2"),
+        ({"people": list(range(40))}, StudyError, "a single trajectory"),
+        ({"criteria": ["obstruction"]}, CriterionError, "take 'exposure'"),
+        ({"criteria": ["turns", "turns"]}, CriterionError, "'turns' twice"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(change: dict[str, object], kind: type[Exception], said: str) -> None:
+    given: dict[str, object] = {
+        "ratings": np.random.default_rng(0).normal(size=40).tolist(), "trajectories": list(range(40)),
+        "problem": PROBLEM, "criteria": NAMES, "front": FRONT, "source": "s",
+    }  # fmt: skip
+    with pytest.raises(kind, match=said):
+        fit_criterion(**(given | change))  # type: ignore[arg-type]
