@@ -20,7 +20,7 @@ from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
 from hpop.search.timed.calm import NOTHING
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, follow, price_arcs, sweep
+from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, find_quiet, follow, price_arcs, sweep
 from hpop.search.timed.rest import Ways, reversed_graph
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
@@ -46,7 +46,8 @@ class Layout(NamedTuple):
     needed  (n,)
     calm    (n,)    L, or NOTHING
     offset  (n,)    of node v at tick t is the row offset[v] + t, until L(v)
-    order   (w,)    nodes that have such rows, the latest L first; place_in (n,) there, -1 if none
+    order   (w,)    nodes that have such rows, those of a place together; place_in (n,) there, -1 if none
+    entering (w,)   of them, as places in `order`, the latest L first
     size    rows, those of calm nodes included
     """
 
@@ -55,20 +56,22 @@ class Layout(NamedTuple):
     offset: IntArray
     order: IntArray
     place_in: IntArray
+    entering: IntArray
     size: int
 
     @classmethod
-    def of(cls, ways: Ways, needed: BoolArray) -> Layout:
-        """The layout for some nodes (n,)."""
+    def of(cls, ways: Ways, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
+        """The layout for some nodes (n,), which are at places (n,)."""
         n = len(needed)
         calm = np.where(needed, ways.calm, np.int32(NOTHING))
         between = np.maximum(calm - ways.earliest + 1, 0)
         offset = n + np.cumsum(between) - between - np.minimum(ways.earliest, NEVER)
-        latest = np.flatnonzero(between)
-        order = latest[np.argsort(-calm[latest], kind="stable")]
+        order = np.flatnonzero(between)
+        order = order[np.argsort(place[order], kind="stable")]
         place_in = np.full(n, -1)
         place_in[order] = np.arange(len(order))
-        return cls(needed, calm, offset, order, place_in, n + int(between.sum()))
+        entering = np.argsort(-calm[order], kind="stable")
+        return cls(needed, calm, offset, order, place_in, entering, n + int(between.sum()))
 
 
 class Prices(NamedTuple):
@@ -101,7 +104,8 @@ class JointBounds:
         is_target = np.zeros(n, np.uint8)
         is_target[targets] = 1
         arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
-        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target)
+        quiet = np.empty(tables.since.shape, np.int32)
+        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target, quiet)
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
@@ -109,20 +113,21 @@ class JointBounds:
         self.room = tuple(np.empty(n + graph.horizon, np.int64) for _ in range(2))
         self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
-        self.layout = Layout.of(ways, self._needed())
+        self.layout = Layout.of(ways, self._needed(), graph.place)
 
     def make(self, clock: Clock) -> None:
         """Make the tables, as far as there are sums, and memory and time for them."""
         if not len(self.summed):
             return
+        clock.call(find_quiet, self.tables, self.ahead.quiet)
         typical = self._typical()
         weights, self.shift = lone_weights(self.summed, typical)
         prices = self._prices(weights, clock)
         if self.layout.size > MANY:
             near = self._near_best(prices, clock)
             if near is not None:
-                self._seed(self._swept(prices, Layout.of(self.ways, near), clock), clock)
-                self.layout = Layout.of(self.ways, self._needed())
+                self._seed(self._swept(prices, Layout.of(self.ways, near, self.graph.place), clock), clock)
+                self.layout = Layout.of(self.ways, self._needed(), self.graph.place)
         several = 1 if LANES - len(self.summed) > FEW else 2
         for table in range(several):
             if table > 0:
@@ -154,7 +159,8 @@ class JointBounds:
         if not self.rows:
             rows, weights = np.zeros((0, 1, LANES), np.int32), np.zeros((0, LANES, k))
         else:
-            rows, weights = np.stack(self.rows), np.stack(self.weights)
+            rows = self.rows[0][None] if len(self.rows) == 1 else np.stack(self.rows)
+            weights = np.stack(self.weights)
             alone[self.summed] = np.arange(len(self.summed))
         return Joint(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
 
@@ -237,12 +243,12 @@ class JointBounds:
         w, longest = len(layout.order), min(self._longest(), self.graph.horizon)
         work = Sweep(
             prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.place_in,
-            np.empty((_power(longest), w, LANES), np.int32), np.empty((_power(self.tables.hold), w, LANES), np.int64),
-            (prices.columns % 1 > 0).sum(axis=0),
-            np.empty(LANES, np.int32), np.empty(LANES, np.int32), *(np.empty(LANES, np.int64) for _ in range(3)),
+            layout.entering, np.empty((_power(longest) * w, LANES), np.int32),
+            np.empty((_power(self.tables.hold), w, LANES), np.int64), (prices.columns % 1 > 0).sum(axis=0),
+            np.empty((1, LANES), np.int32), np.empty(LANES, np.int32), *(np.empty(LANES, np.int64) for _ in range(3)),
         )  # fmt: skip
         state, active = np.zeros(4, np.int64), np.empty(w, np.int64)
-        state[0] = layout.calm[layout.order[0]] if w else -1
+        state[0] = layout.calm.max() if w else -1
         while not clock.call(sweep, self.tables, self.ahead, work, active, state, STEPS):
             self._report(clock)
             if clock.exceeded(0, 0, record=False) is not None:

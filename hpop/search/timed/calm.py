@@ -121,35 +121,38 @@ def last_gains(
     earliest: IntArray,
     whole: BoolArray,
     settled: NDArray[np.int32],
+    v: int,
     out: NDArray[np.int32],
-) -> None:
-    """The last tick (m,) at which waiting for an arc gained anything, 0 if none, for whoever may be there to wait.
+) -> int:
+    """The last ticks (m,) at which waiting at a node for its arcs gained anything, 0 if none, and the last of these.
 
-    Where both places of a plain arc are settled all the time, or an arc stays where nobody is ever cut off, and parts
-    of counts play no role, all ticks are alike.
+    That is for whoever may be there to wait. Where both places of a plain arc are settled all the time, or an arc stays
+    where nobody is ever cut off, and parts of counts play no role, all ticks are alike.
     """
     last = tables.since.shape[1] - 1
-    for v in range(len(calm)):
-        p = np.int64(tables.place[v])
-        for a in range(tables.start[v], tables.start[v + 1]):
-            out[a] = 0
-            u = tables.heads[a]
-            if tables.hold == 0 or calm[v] < earliest[v] or not leads[u]:
-                continue
-            q = np.int64(tables.place[u])
-            alike = whole[p] and whole[q]
-            if tables.row[a] == STAYS:
-                alike &= tables.since[p, last] == 0 and not tables.cut_on[p]
-            else:
-                alike &= tables.row[a] == PLAIN and settled[p] == 0 and settled[q] == 0
-            t = np.int64(calm[v]) + tables.hold
-            while t > earliest[v]:
-                if gains(tables, a, p, t - 1, t):
-                    out[a] = t
-                    break
-                if alike:
-                    break
-                t -= 1
+    p = np.int64(tables.place[v])
+    latest = np.int64(0)
+    for a in range(tables.start[v], tables.start[v + 1]):
+        out[a] = 0
+        u = tables.heads[a]
+        if tables.hold == 0 or calm[v] < earliest[v] or not leads[u]:
+            continue
+        q = np.int64(tables.place[u])
+        alike = whole[p] and whole[q]
+        if tables.row[a] == STAYS:
+            alike &= tables.since[p, last] == 0 and not tables.cut_on[p]
+        else:
+            alike &= tables.row[a] == PLAIN and settled[p] == 0 and settled[q] == 0
+        t = np.int64(calm[v]) + tables.hold
+        while t > earliest[v]:
+            if gains(tables, a, p, t - 1, t):
+                out[a] = t
+                latest = max(latest, t)
+                break
+            if alike:
+                break
+            t -= 1
+    return int(latest)
 
 
 @lean

@@ -14,14 +14,14 @@ this makes less of the truth, which is still a lower bound.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import lean
-from hpop.search.timed.tables import PLAIN, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
 
 LANES = 8  # 32 bytes: one vector register
 UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
@@ -58,18 +58,35 @@ class Ahead(NamedTuple):
     earliest    (n,)  tick at which a node may be reached
     arrive_by   the latest tick of an arrival
     is_target   (n,)
+    quiet       (P, H + 1)  until when standing at a place, from a tick on, costs what it does at any time
     """
 
     ticks: IntArray
     earliest: IntArray
     arrive_by: int
     is_target: NDArray[np.uint8]
+    quiet: NDArray[np.int32]
 
 
 @lean
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
     """The row of a node at a tick."""
     return v if t > calm[v] else int(offset[v] + t)
+
+
+@lean
+def find_quiet(tables: Tables, quiet: NDArray[np.int32]) -> None:
+    """Write until when (P, H + 1) nothing happens at places: no table of a sum rises, and one may stand there."""
+    last = quiet.shape[1] - 1
+    for p in range(len(quiet)):
+        quiet[p, last] = last
+        for t in range(last - 1, -1, -1):
+            same = tables.since[p, t + 1] <= t
+            for j in range(len(tables.is_max)):
+                s = tables.omega_of[j]
+                if s >= 0 and not tables.is_max[j]:
+                    same &= tables.omega[s, p, t] == tables.omega[s, p, t + 1]
+            quiet[p, t] = quiet[p, t + 1] if same else t
 
 
 @lean
@@ -104,12 +121,12 @@ def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: Int
 def weigh_arc(
     tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, p: int, t: int, out: IntLanes
 ) -> None:
-    """Weigh what an arc costs at a tick into `out` (LANES,), less of it where that passes HALF.
+    """Weigh what an arc costs at a tick into `out` (1, LANES), less of it where that passes HALF.
 
     weights  (k, LANES); most (k,) of a cost that all lanes can weigh
     """
     for lane in range(LANES):
-        out[lane] = fixed[a, lane]
+        out[0, lane] = fixed[a, lane]
     r = tables.row[a]
     if r == PLAIN:
         return
@@ -129,7 +146,7 @@ def weigh_arc(
             more = min(np.float64(spent), most[j])
         if more > 0.0:
             for lane in range(LANES):
-                out[lane] += np.int32(weights[j, lane] * more)
+                out[0, lane] += np.int32(weights[j, lane] * more)
 
 
 @lean
@@ -151,11 +168,12 @@ class Sweep(NamedTuple):
     weights   (k, LANES); most (k,) of a cost that all lanes can weigh
     fixed     (m, LANES)  what of the arcs' costs is the same at all ticks
     rows      (r, LANES)  the table, its calm rows filled
-    order     (w,)        nodes that have other rows, the latest L first; place_in (n,) there, -1 if none
-    recent    (power of two, w, LANES)  rows of the last ticks, a tick at a time: all of them in the processor's cache
+    order     (w,)        nodes that have other rows, those of a place together; place_in (n,) there, -1 if none
+    entering  (w,)        places in `order`, the latest L first
+    recent    (power of two times w, LANES)   rows of the last ticks, a tick at a time: near each other in memory
     held      (power of two, w, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
     rounded   (LANES,)    weights that are no whole numbers: what they weigh is rounded
-    cost, dep, now, then, later  (LANES,)  room
+    cost (1, LANES), dep, now, then, later  (LANES,)  room
     """
 
     weights: FloatArray
@@ -166,6 +184,7 @@ class Sweep(NamedTuple):
     calm: NDArray[np.int32]
     order: IntArray
     place_in: IntArray
+    entering: IntArray
     recent: NDArray[np.int32]
     held: IntArray
     rounded: IntArray
@@ -177,44 +196,84 @@ class Sweep(NamedTuple):
 
 
 @lean
+def lower(dep: IntLanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> None:
+    """Lower what is least (LANES,) to the sum of two rows."""
+    for lane in range(LANES):
+        dep[lane] = min(dep[lane], np.int32(rows[row, lane] + costs[of, lane]))
+
+
+@lean
 def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: bool) -> None:
     """Write the least weighted rests of whoever leaves a node at tick t into `dep`; swept, if all rows are filled."""
-    cost, dep = work.cost, work.dep
+    dep = work.dep
     for lane in range(LANES):
         dep[lane] = FAR
-    p = np.int64(tables.place[v])
+    p, w = np.int64(tables.place[v]), len(work.order)
+    quiet = np.int64(ahead.quiet[p, min(t, ahead.quiet.shape[1] - 1)])
+    slabs = len(work.recent) // w - 1 if w > 0 else 0
     for a in range(tables.start[v], tables.start[v + 1]):
         u = np.int64(tables.heads[a])
         end = t + np.int64(tables.durations[a])
-        if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, t):
+        if ahead.ticks[u] > ahead.arrive_by - end:
             continue
-        weigh_arc(tables, work.weights, work.most, work.fixed, a, p, t, cost)
+        r = tables.row[a]
+        always = r == PLAIN or (r == STAYS and end <= quiet)
+        if not always:
+            if not is_open(tables, a, p, t):
+                continue
+            weigh_arc(tables, work.weights, work.most, work.fixed, a, p, t, work.cost)
         if swept or end > work.calm[u]:
             row = row_of(work.offset, work.calm, u, end)
-            for lane in range(LANES):
-                dep[lane] = min(dep[lane], np.int32(work.rows[row, lane] + cost[lane]))
+            if always:
+                lower(dep, work.rows, row, work.fixed, a)
+            else:
+                lower(dep, work.rows, row, work.cost, 0)
         else:
-            slab, at = end & (len(work.recent) - 1), work.place_in[u]
-            for lane in range(LANES):
-                dep[lane] = min(dep[lane], np.int32(work.recent[slab, at, lane] + cost[lane]))
+            row = (end & slabs) * w + work.place_in[u]
+            if always:
+                lower(dep, work.recent, row, work.fixed, a)
+            else:
+                lower(dep, work.recent, row, work.cost, 0)
+
+
+@lean
+def enter_nodes(work: Sweep, t: int, active: IntArray, count: Any, coming: Any) -> Any:
+    """Add the nodes whose rows begin at tick t to the first `count` of `active`, which rise; return how many."""
+    more = np.int64(0)
+    while coming + more < len(work.order) and work.calm[work.order[work.entering[coming + more]]] == t:
+        more += 1
+    old, new, at = count - 1, coming + more - 1, count + more - 1
+    while new >= coming:
+        if old >= 0 and active[old] > work.entering[new]:
+            active[at] = active[old]
+            old -= 1
+        else:
+            active[at] = work.entering[new]
+            new -= 1
+        at -= 1
+    return more
 
 
 @lean
 def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: IntArray, steps: int) -> bool:
     """Fill the rows of so many states in between, or of all that are left; whether all are filled.
 
-    state (4,) is where it is: the tick, how many nodes have rows at it, how many of `order` have had, and which of
-    them is next, for a start the latest tick and zeros; active (w,) are the nodes that have rows at this tick.
+    state (4,) is where it is: the tick, how many nodes have rows at it, how many of `entering` have had, and which of
+    them is next, for a start the latest tick and zeros; active (w,) are the nodes that have rows at this tick. They
+    come in the order of memory, so that rows of the places about are in the processor's cache.
     """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows
-    ring = len(work.held) - 1
+    ring, slabs = len(work.held) - 1, len(work.recent) // max(1, len(order)) - 1
     t, count, coming, i = state[0], state[1], state[2], state[3]
+    before = np.int64(-1)  # the place of the last node: what standing there costs is known
+    stands = may_hold = False
     while t >= 0 and steps > 0:
-        while coming < len(order) and calm[order[coming]] == t:
-            active[count] = coming
-            coming += 1
-            count += 1
+        if i == 0:
+            more = enter_nodes(work, t, active, count, coming)
+            count += more
+            coming += more
+            before = -1
         while i < count and steps > 0:
             steps -= 1
             at = active[i]
@@ -223,8 +282,11 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: In
             if hold > 0:
                 p = np.int64(tables.place[v])
                 last = np.int64(calm[v])
-                weigh_standing(tables, work.weights, p, t, now)
-                stands = free_since(tables, p, t + 1) <= t
+                if p != before:
+                    before = p
+                    weigh_standing(tables, work.weights, p, t, now)
+                    stands = free_since(tables, p, t + 1) <= t
+                    may_hold = free_since(tables, p, t + hold) <= t
                 if stands and t == last:
                     weigh_standing(tables, work.weights, p, t + 1, then)
                 for lane in range(LANES):  # of leaving at t or later
@@ -232,7 +294,7 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: In
                     if stands:
                         after = rows[v, lane] + then[lane] if t == last else work.held[(t + 1) & ring, at, lane]
                         later[lane] = min(later[lane], after)
-                if free_since(tables, p, t + hold) <= t:
+                if may_hold:
                     if t + hold > last:
                         weigh_standing(tables, work.weights, p, t + hold, then)
                     for lane in range(LANES):
@@ -244,18 +306,17 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: In
                             dep[lane] = np.int32(min(np.int64(dep[lane]), max(np.int64(0), after)))
                 for lane in range(LANES):
                     work.held[t & ring, at, lane] = later[lane]
-            row = work.offset[v] + t
-            slab = t & (len(work.recent) - 1)
+            row, to = work.offset[v] + t, (t & slabs) * len(order) + at
             for lane in range(LANES):
                 least = np.int32(0) if ahead.is_target[v] else min(dep[lane], np.int32(FAR))
                 rows[row, lane] = least
-                work.recent[slab, at, lane] = least
-            if t == ahead.earliest[v]:
-                count -= 1
-                active[i] = active[count]
-            else:
-                i += 1
+                work.recent[to, lane] = least
+            i += 1
         if i == count:
+            count = np.int64(0)
+            for at in active[:i]:
+                active[count] = at
+                count += t != ahead.earliest[order[at]]
             t, i = t - 1, np.int64(0)
     state[0], state[1], state[2], state[3] = t, count, coming, i
     return bool(t < 0)
@@ -288,11 +349,14 @@ def follow(
         depart(tables, ahead, work, v, t, True)
         best = np.int64(dep[lane])
         last = np.int64(work.calm[v])
-        if hold > 0 and t <= last:  # else a hold has no use
+        least = np.int64(work.rows[row_of(work.offset, work.calm, v, t), lane])
+        if hold > 0 and t <= last and best > least:  # else a hold has no use
             weigh_standing(tables, work.weights, p, t, now)
             base = now[lane]
             s = t + hold
-            while free_since(tables, p, s) <= t and (s <= last + 1 or s == t + hold):
+            while (
+                best > least + work.rounded[lane] and free_since(tables, p, s) <= t and (s <= last + 1 or s == t + hold)
+            ):
                 depart(tables, ahead, work, v, s, True)
                 weigh_standing(tables, work.weights, p, s, now)
                 if dep[lane] + now[lane] - base < best:
@@ -308,7 +372,7 @@ def follow(
             if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, begin):
                 continue
             weigh_arc(tables, work.weights, work.most, work.fixed, a, p, begin, cost)
-            rest = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane]) + cost[lane]
+            rest = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane]) + cost[0, lane]
             if rest <= dep[lane] and rest < FAR and (chosen < 0 or end + ahead.ticks[u] < nearest):
                 chosen, nearest = a, end + ahead.ticks[u]
         if chosen < 0:

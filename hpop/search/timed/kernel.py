@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.compiled import lean
-from hpop.search.machinery.covered import least_covered
 from hpop.search.machinery.slices import (
     CLOSED,
     DONE,
@@ -52,54 +51,14 @@ from hpop.search.timed.sets import (
     make_room,
     refresh,
 )
+from hpop.search.timed.solutions import Goal, is_covered, solve
 from hpop.search.timed.tables import STAYS, Tables, arc_cost, is_open, omega_at
+from hpop.search.timed.uses import Rest, needs_one_stay, wait_until
 
 # Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
 # many nodes wait, the first free row of the queue and how many rows were ever used, and solutions ever found.
 NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, SOLVED, STATE = range(9)
 ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
-
-
-class Rest(NamedTuple):
-    """What is known of the way that is left from each node.
-
-    least   (k, n)  least costs, at whatever tick
-    ticks   (n,)    fewest ticks
-    earliest (n,)   the tick at which a node may be reached
-    calm    (n,)    L of :mod:`.calm`
-    gain    (m,)    the last tick at which waiting for an arc gains anything
-    until   (n,)    the last tick at which waiting at a node may have a use
-    one_stay (P,)   whether no use is in arcs that stay one after another: see :mod:`.stays`
-    """
-
-    least: IntArray
-    ticks: IntArray
-    earliest: IntArray
-    calm: NDArray[np.int32]
-    gain: NDArray[np.int32]
-    until: IntArray
-    one_stay: NDArray[np.uint8]
-
-
-class Goal(NamedTuple):
-    """Solutions, and what counts as one.
-
-    costs, reach  (s, k)  of solutions; the least estimates that they cover
-    values        (s,)    as of labels; leaves (s,) the tick at which the last arc is left for
-    most          (k,)    what no solution may exceed
-    arrive_by     the latest tick of an arrival
-    is_target     (n,)
-    """
-
-    costs: IntArray
-    reach: IntArray
-    values: IntArray
-    leaves: IntArray
-    most: IntArray
-    arrive_by: int
-    is_target: NDArray[np.uint8]
-    eps: float
-    tolerance: IntArray
 
 
 class Queue(NamedTuple):
@@ -172,48 +131,6 @@ def is_hopeless(
     if is_covered(goal, count, f):
         return True
     return not may_improve(joint, bounds.corners, bounds.lanes, row, g, f, bounds.hint, bounds.weighed)
-
-
-@lean
-def is_covered(goal: Goal, count: int, f: IntArray) -> bool:
-    """Whether a solution covers an estimate, or it exceeds what it may."""
-    k = len(f)
-    for j in range(k):
-        if f[j] > goal.most[j]:
-            return True
-    for i in range(count - 1, -1, -1):
-        covers = True
-        for j in range(k):
-            covers &= goal.reach[i, j] <= f[j]
-        if covers:
-            return True
-    return False
-
-
-@lean
-def solve(goal: Goal, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
-    """Enter a solution, and leave out those that it dominates."""
-    k = len(g)
-    kept = 0
-    for i in range(counters[N_FRONT]):
-        dominated = True
-        for j in range(k):
-            dominated &= g[j] <= goal.costs[i, j]
-        if dominated:
-            continue
-        if kept < i:
-            for j in range(k):
-                goal.costs[kept, j] = goal.costs[i, j]
-                goal.reach[kept, j] = goal.reach[i, j]
-            goal.values[kept] = goal.values[i]
-            goal.leaves[kept] = goal.leaves[i]
-        kept += 1
-    for j in range(k):
-        goal.costs[kept, j] = g[j]
-        goal.reach[kept, j] = least_covered(g[j], goal.eps, goal.tolerance[j])
-    goal.values[kept] = value
-    goal.leaves[kept] = leaves
-    counters[N_FRONT] = kept + 1
 
 
 @lean
@@ -343,14 +260,14 @@ def advance(
                 break
             counters[N_EXPANDED] += 1
             p = np.int64(tables.place[v])
-            stayed = rest.one_stay[p] and arc >= 0 and tables.row[arc] == STAYS
+            stayed = arc >= 0 and tables.row[arc] == STAYS and needs_one_stay(tables, rest, p)
             for j in range(k):
                 g[j] = known.costs[state[NEXT], j]
             for a in range(tables.start[v], tables.start[v + 1]):
                 if not (stayed and tables.row[a] == STAYS) and is_open(tables, a, p, t):
                     offer(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, label + 1, scratch)
             work -= 2 * degree
-            if t < rest.until[v] and known.waits[v] == 0:
+            if known.waits[v] == 0 and t < wait_until(tables, rest, v):
                 known.waits[v] = 1
                 known.nodes[state[WAITING]] = v
                 state[WAITING] += 1
@@ -425,7 +342,8 @@ def leave_after_hold(
             if for_good and sets.rows[i, TICK] + hold != t:
                 continue
             arc = (known.values[owner] & 0xFFFFFFFF) - 1
-            if tables.row[a] == STAYS and rest.one_stay[p] and arc >= 0 and tables.row[arc] == STAYS:
+            stayed = tables.row[a] == STAYS and arc >= 0 and tables.row[arc] == STAYS
+            if stayed and needs_one_stay(tables, rest, p):
                 continue
             if not gains(tables, a, p, b, t):
                 continue

@@ -11,11 +11,10 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, reverse
 from hpop.search.machinery.slices import Clock
-from hpop.search.timed.calm import NOTHING, last_changes, last_gains, settle, spread_back
+from hpop.search.timed.calm import NOTHING, last_changes, settle, spread_back
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.kernel import Rest
-from hpop.search.timed.stays import mark_one_stay
 from hpop.search.timed.tables import Tables
+from hpop.search.timed.uses import UNKNOWN, Rest
 from hpop.status import Status
 
 
@@ -72,14 +71,16 @@ def ways_through(
     return Ways(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
 
 
-def rest_of_way(graph: TimedGraph, tables: Tables, ways: Ways, needed: BoolArray, clock: Clock) -> Rest:
+def rest_of_way(graph: TimedGraph, ways: Ways, needed: BoolArray) -> Rest:
     """What is known of the rest of the way from the nodes (n,) that anybody has to come to."""
-    calm = np.where(needed, ways.calm, np.int32(NOTHING))
-    gain = np.empty(graph.graph.arcs, np.int32)
-    clock.call(last_gains, tables, ways.leads, calm, ways.earliest, ways.whole, ways.settled, gain)
-    one_stay = np.ones(graph.places, np.uint8)
-    clock.call(mark_one_stay, tables, np.flatnonzero(needed), one_stay)
-    return Rest(ways.least, ways.ticks, ways.earliest, calm, gain, _until(graph, gain, calm), one_stay)
+    n, nodes = graph.graph.nodes, np.flatnonzero(needed)
+    nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
+    return Rest(
+        ways.least, ways.ticks, ways.earliest, np.where(needed, ways.calm, np.int32(NOTHING)),
+        ways.leads, ways.whole, ways.settled,
+        np.zeros(graph.graph.arcs, np.int32), np.full(n, UNKNOWN), np.full(graph.places, UNKNOWN, np.int8),
+        nodes, np.searchsorted(graph.place[nodes], np.arange(graph.places + 1)),
+    )  # fmt: skip
 
 
 def reversed_graph(graph: Graph) -> Graph:
@@ -97,12 +98,3 @@ def _cheapest(graph: TimedGraph) -> Graph:
     never[graph.timed] = graph.blocked.all(axis=1)
     part = Graph.from_csr(graph.graph.indptr, graph.graph.heads, costs, aggregates=graph.graph.aggregates)
     return part.without(never) if never.any() else part
-
-
-def _until(graph: TimedGraph, gain: NDArray[np.int32], calm: NDArray[np.int32]) -> IntArray:
-    """The last tick (n,) at which waiting at a node may have a use; -1 where it never has."""
-    static, hold = graph.graph, graph.hold or 0
-    until = np.full(static.nodes, -1)
-    leaving = np.diff(static.indptr) > 0
-    until[leaving] = np.maximum.reduceat(gain.astype(np.int64), static.indptr[:-1][leaving])
-    return np.where(until > 0, np.minimum(until + 2 * hold, calm + hold), -1)

@@ -41,16 +41,14 @@ from hpop.search.timed.kernel import (
     USED,
     WAITING,
     Bounds,
-    Goal,
     Known,
     Queue,
-    Rest,
     advance,
-    is_covered,
-    solve,
 )
 from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
+from hpop.search.timed.solutions import Goal, is_covered, solve
 from hpop.search.timed.tables import NEVER, Tables
+from hpop.search.timed.uses import Rest
 from hpop.status import Status
 
 WAYS = 32  # that are followed after each slice of work

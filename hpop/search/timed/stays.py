@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.compiled import lean
@@ -25,21 +24,18 @@ from hpop.search.timed.tables import STAYS, Tables
 
 
 @lean
-def mark_one_stay(tables: Tables, needed: IntArray, out: NDArray[np.uint8]) -> None:
-    """Mark the places (P,) where no two arcs that stay need follow each other; out is 1 before.
-
-    needed are the nodes that anybody has to come to.
-    """
-    for u in needed:
+def one_stay_suffices(tables: Tables, nodes: IntArray) -> bool:
+    """Whether no two arcs that stay need follow each other at a place; nodes are those of it that anybody comes to."""
+    for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
-            if out[p] == 0 or tables.row[first] != STAYS:
+            if tables.row[first] != STAYS:
                 continue
             v = np.int64(tables.heads[first])
             for second in range(tables.start[v], tables.start[v + 1]):
                 if tables.row[second] == STAYS and not is_needless(tables, u, p, first, second):
-                    out[p] = 0
-                    break
+                    return False
+    return True
 
 
 @lean

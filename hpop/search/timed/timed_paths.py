@@ -139,7 +139,7 @@ class _TimedRun:
         if (status := clock.exceeded(0, 0, record=False)) is not None:
             self.keep()
             return status
-        rest = rest_of_way(self.graph, tables, self.ways, bounds.layout.needed, clock)
+        rest = rest_of_way(self.graph, self.ways, bounds.layout.needed)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
         for precision, enough in self._stages():
