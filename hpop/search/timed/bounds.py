@@ -18,9 +18,10 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
+from hpop.search.timed.best_ways import follow
 from hpop.search.timed.calm import NOTHING
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, find_quiet, follow, price_arcs, sweep
+from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, find_quiet, price_arcs, sweep
 from hpop.search.timed.rest import Ways, reversed_graph
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
@@ -142,6 +143,7 @@ class JointBounds:
     def make_for_all(self, clock: Clock) -> None:
         """Make the first table for whoever comes from the source, whichever way; it tells no solutions."""
         if len(self.summed):
+            clock.call(find_quiet, self.tables, self.ahead.quiet)
             weights, self.shift = lone_weights(self.summed, self._typical())
             work = self._swept(self._prices(weights, clock), self.layout, clock)
             if work is not None:

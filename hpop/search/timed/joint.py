@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import lean
-from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register
 UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
@@ -210,7 +210,7 @@ def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: boo
         dep[lane] = FAR
     p, w = np.int64(tables.place[v]), len(work.order)
     quiet = np.int64(ahead.quiet[p, min(t, ahead.quiet.shape[1] - 1)])
-    slabs = len(work.recent) // w - 1 if w > 0 else 0
+    slabs = len(work.recent) // max(1, w) - 1
     for a in range(tables.start[v], tables.start[v + 1]):
         u = np.int64(tables.heads[a])
         end = t + np.int64(tables.durations[a])
@@ -273,7 +273,7 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: In
             more = enter_nodes(work, t, active, count, coming)
             count += more
             coming += more
-            before = -1
+            before = np.int64(-1)
         while i < count and steps > 0:
             steps -= 1
             at = active[i]
@@ -320,71 +320,3 @@ def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: In
             t, i = t - 1, np.int64(0)
     state[0], state[1], state[2], state[3] = t, count, coming, i
     return bool(t < 0)
-
-
-@lean
-def follow(
-    tables: Tables,
-    ahead: Ahead,
-    work: Sweep,
-    lane: int,
-    node: int,
-    tick: int,
-    arcs: IntArray,
-    leaves: IntArray,
-    total: IntArray,
-) -> int:
-    """Follow a best way of a lane from a node reached at tick t; write its arcs, and when they are left for.
-
-    What it costs is added to total (k,). Returns the number of arcs, -1 if it leads nowhere in time.
-    """
-    cost, dep, now = work.cost, work.dep, work.now
-    hold = np.int64(tables.hold)
-    v, t, count = np.int64(node), np.int64(tick), 0
-    while not ahead.is_target[v]:
-        if count == len(arcs):
-            return -1
-        p = np.int64(tables.place[v])
-        begin = t
-        depart(tables, ahead, work, v, t, True)
-        best = np.int64(dep[lane])
-        last = np.int64(work.calm[v])
-        least = np.int64(work.rows[row_of(work.offset, work.calm, v, t), lane])
-        if hold > 0 and t <= last and best > least:  # else a hold has no use
-            weigh_standing(tables, work.weights, p, t, now)
-            base = now[lane]
-            s = t + hold
-            while (
-                best > least + work.rounded[lane] and free_since(tables, p, s) <= t and (s <= last + 1 or s == t + hold)
-            ):
-                depart(tables, ahead, work, v, s, True)
-                weigh_standing(tables, work.weights, p, s, now)
-                if dep[lane] + now[lane] - base < best:
-                    best = dep[lane] + now[lane] - base
-                    begin = s
-                s += 1
-        chosen = -1
-        nearest = np.int64(0)
-        depart(tables, ahead, work, v, begin, True)
-        for a in range(tables.start[v], tables.start[v + 1]):
-            u = np.int64(tables.heads[a])
-            end = begin + np.int64(tables.durations[a])
-            if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, begin):
-                continue
-            weigh_arc(tables, work.weights, work.most, work.fixed, a, p, begin, cost)
-            rest = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane]) + cost[0, lane]
-            if rest <= dep[lane] and rest < FAR and (chosen < 0 or end + ahead.ticks[u] < nearest):
-                chosen, nearest = a, end + ahead.ticks[u]
-        if chosen < 0:
-            return -1
-        for j in range(len(total)):
-            more = arc_cost(tables, chosen, p, j, begin)
-            if tables.is_max[j]:
-                total[j] = max(total[j], more, worst_rate(tables, p, j, t, begin))
-            else:
-                total[j] += more + omega_at(tables, p, j, begin) - omega_at(tables, p, j, t)
-        arcs[count], leaves[count] = chosen, begin
-        count += 1
-        t = begin + np.int64(tables.durations[chosen])
-        v = np.int64(tables.heads[chosen])
-    return count

@@ -86,7 +86,7 @@ class PreparedTimed:
         ways = ways._replace(earliest=self.earliest, through=through)
         self.bounds = JointBounds(graph, self.tables, ways, first, self.targets, begin=begin)
         self.bounds.make_for_all(clock)
-        self.rest = rest_of_way(graph, self.tables, ways, self.bounds.layout.needed, clock)
+        self.rest = rest_of_way(graph, ways, self.bounds.layout.needed)
         self.joint = self.bounds.joint()
 
     @property
