@@ -57,14 +57,17 @@ def test_a_notebook_is_valid_and_kept_without_what_running_it_leaves(path):
 @pytest.mark.parametrize(
     ("name", "pictures", "expression", "expected"),
     [
-        (
+        # These two do what examples/01_museum.py and 03_own_criterion.py do, which have tests of their own.
+        pytest.param(
             "01_museum",
             5,
             "[front.status, len(few) > 5, Path('out/camera.csv').read_text()[:5]]",
             ["complete", True, "t (s)"],
+            marks=pytest.mark.proof,
         ),
-        # Sixty degrees beside the sun, cos^4 = 1/16 of 26 s.
-        ("02_own_criterion", 3, "round(aside.best('length').costs['glare'], 6)", 1.625),
+        pytest.param(  # sixty degrees beside the sun, cos^4 = 1/16 of 26 s
+            *("02_own_criterion", 3, "round(aside.best('length').costs['glare'], 6)", 1.625), marks=pytest.mark.proof
+        ),
         ("03_real_map", 4, "['obstacle' in str(refused), bool(point.costs['turns'] <= 6)]", [True, True]),
         (
             "04_own_graph",
