@@ -40,7 +40,7 @@ def described(name: str, command: click.Command) -> Iterator[str]:
 
 
 class Commands(SphinxDirective):
-    """All commands, in alphabetical order."""
+    """All commands, in alphabetical order, and those that are parts of one after it."""
 
     def run(self) -> list[nodes.Node]:
         context = click.Context(main)
@@ -49,6 +49,9 @@ class Commands(SphinxDirective):
             command = main.get_command(context, name)
             if command is not None and not command.hidden:
                 lines += described(name, command)
+                several = command.commands if isinstance(command, click.Group) else {}
+                for part in sorted(several):
+                    lines += described(f"{name} {part}", several[part])
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 

@@ -31,6 +31,7 @@ from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
 from hpop.cli.riding import ride
 from hpop.cli.saved import pick, show
+from hpop.cli.studying import study
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import OptionError, OutputError
 from hpop.interrupts import stopping_told
@@ -194,6 +195,7 @@ main.add_command(export)
 main.add_command(ros)
 main.add_command(look)
 main.add_command(new)
+main.add_command(study)
 for each in listing.COMMANDS:
     main.add_command(each)
 

@@ -12,7 +12,7 @@ from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
 
 
-def _listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
+def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
     """Names and numbers of several options, each with some between commas."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
@@ -26,7 +26,7 @@ def _listed(context: click.Context, option: click.Parameter, given: Sequence[str
     "--rows",
     metavar="ROW,ROW",
     multiple=True,
-    callback=_listed,
+    callback=listed,
     default=["knee"],
     help="Trajectories: numbers of `hpop show`, knee, or names of criteria for the least in them. [knee]",
 )
@@ -35,7 +35,7 @@ def _listed(context: click.Context, option: click.Parameter, given: Sequence[str
     "formats",
     metavar="NAME,NAME",
     multiple=True,
-    callback=_listed,
+    callback=listed,
     default=["csv"],
     help="Formats, such as tum,unity-csv,mcap,glb; `hpop formats` lists them. [csv]",
 )

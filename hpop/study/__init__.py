@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior
     from hpop.study.analysis import Analysis, analyse
     from hpop.study.answers import Answers, Choice
+    from hpop.study.checks import Checked, check
     from hpop.study.conditions import Baseline, Condition
     from hpop.study.design import Design
+    from hpop.study.folder import Withdrawal, prepare, replace, withdraw
     from hpop.study.forms import Form
     from hpop.study.identity import front_digest
     from hpop.study.learning import Fitted, fit_criterion
@@ -29,6 +31,7 @@ __all__ = [
     "Answers",
     "Baseline",
     "Best",
+    "Checked",
     "Choice",
     "Condition",
     "Design",
@@ -40,15 +43,20 @@ __all__ = [
     "Preference",
     "Prior",
     "Protocol",
+    "Withdrawal",
     "analyse",
+    "check",
     "fit_criterion",
     "front_digest",
     "pick",
     "power",
+    "prepare",
+    "replace",
     "save_stimuli",
     "score",
     "session_page",
     "simulate",
+    "withdraw",
 ]
 
 _HOMES = {
@@ -56,6 +64,7 @@ _HOMES = {
     "Answers": "hpop.study.answers",
     "Baseline": "hpop.study.conditions",
     "Best": "hpop.preference",
+    "Checked": "hpop.study.checks",
     "Choice": "hpop.study.answers",
     "Condition": "hpop.study.conditions",
     "Design": "hpop.study.design",
@@ -67,15 +76,20 @@ _HOMES = {
     "Preference": "hpop.preference",
     "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
+    "Withdrawal": "hpop.study.folder",
     "analyse": "hpop.study.analysis",
+    "check": "hpop.study.checks",
     "fit_criterion": "hpop.study.learning",
     "front_digest": "hpop.study.identity",
     "pick": "hpop.study.picking",
     "power": "hpop.study.statistics",
+    "prepare": "hpop.study.folder",
+    "replace": "hpop.study.folder",
     "save_stimuli": "hpop.study.stimuli",
     "score": "hpop.study.scoring",
     "session_page": "hpop.study.page",
     "simulate": "hpop.study.simulating",
+    "withdraw": "hpop.study.folder",
 }
 
 __getattr__ = on_first_use(__name__, _HOMES)

@@ -75,28 +75,41 @@ def lettered(
     baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
     """Rows, the still view where it is among them, and baselines under letters dealt at random; in their order."""
-    names = {row.number: row.name for row in rows if isinstance(row, NamedRow)}
-    asked = [row.number if isinstance(row, NamedRow) else row for row in rows]
-    found = named_rows(front, [row for row in asked if row != VIEW])
-    count = len(found) + (VIEW in asked) + len(baselines)
+    found = [_named(front, row) for row in rows if row != VIEW]
+    count = len(found) + (VIEW in rows) + len(baselines)
     if not found or not 2 <= count <= MOST_STIMULI:
         raise StudyError(
-            f"a study shows 2 to {MOST_STIMULI} different stimuli, at least one of them a row of the front, got {count}"
+            f"a study shows 2 to {MOST_STIMULI} stimuli, at least one of them a row of the front, got {count}"
         )
+    _check_different(found)
     lasts = [row.point.trajectory.execution().duration for row in found]
     letters = iter(rng.permutation(list(string.ascii_uppercase[:count])).tolist())
     made = [
-        Condition(
-            next(letters), row.number, row.name or names.get(row.number, ""), kind, dict(row.point.costs), lasts[i]
-        )
+        Condition(next(letters), row.number, row.name, kind, dict(row.point.costs), lasts[i])
         for i, row in enumerate(found)
     ]
     for beside in baselines:
         lasts.append(beside.trajectory.execution().duration)
         made.append(Condition(next(letters), None, beside.name, kind, dict(beside.costs), lasts[-1]))
-    if VIEW in asked:
+    if VIEW in rows:
         made.append(Condition(next(letters), None, VIEW, VIEW, {}, float(np.mean(lasts))))
     return tuple(sorted(made, key=lambda condition: condition.id))
+
+
+def _named(front: Front, row: int | str | NamedRow) -> NamedRow:
+    """A row, with the name by which it was asked for."""
+    (found,) = named_rows(front, [row.number if isinstance(row, NamedRow) else row])
+    return NamedRow(found.point, row.name if isinstance(row, NamedRow) else found.name)
+
+
+def _check_different(rows: Sequence[NamedRow]) -> None:
+    """StudyError where two names stand for the same row."""
+    first: dict[int, NamedRow] = {}
+    for row in rows:
+        if row.number in first:
+            same = first[row.number]
+            raise StudyError(f"{same} and {row} are the same trajectory: show each once, and name another row instead")
+        first[row.number] = row
 
 
 def unlike(conditions: Sequence[Condition]) -> list[str]:
@@ -106,5 +119,5 @@ def unlike(conditions: Sequence[Condition]) -> list[str]:
         return []
     return [
         f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure makes "
-        "sicker by itself. hpop.study.pick(front, count, share=0.1) takes rows that last alike"
+        "sicker by itself. `hpop study init --count N --share 0.1` takes rows that last alike"
     ]

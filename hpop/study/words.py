@@ -42,8 +42,8 @@ def words(language: str, study: Path | None = None) -> Words:
             raise StudyError(f"{own}: {error.strerror or error}") from None
     if not shipped.joinpath(name).is_file():
         raise StudyError(
-            f"hpop brings no texts in {shown(language)}: translate its hpop/study/words/en.json, and put it into the "
-            f"study's folder as {FOLDER}/{name}"
+            f"hpop brings no texts in {shown(language)}: translate its hpop/study/words/en.json, and give "
+            f"the file to `hpop study init --words`, which keeps it as {FOLDER}/{name}"
         )
     return _checked(_read(shipped.joinpath(name).read_bytes(), name), english, name)
 

@@ -30,14 +30,14 @@ def test_the_papers_design_has_three_f_and_three_m_in_each_of_six_orders(front: 
 
 
 def test_letters_are_dealt_by_the_seed_and_not_by_the_rows(front: hpop.Front) -> None:
-    dealt = {tuple(one.row for one in of(front, seed=seed).conditions) for seed in range(30)}
+    dealt = {tuple(one.row for one in of(front, seed=seed).conditions) for seed in range(20)}
     assert len(dealt) == 6
     assert of(front, seed=3).document == of(front, seed=3).document
 
 
 def test_what_the_page_knows_names_no_row_no_cost_and_nobody_else(front: hpop.Front) -> None:
     """Nothing of the front is in it, by its words or its numbers, but how long a stimulus lasts."""
-    design = of(front, rows=["knee", "least turns", "view"], seed=4)
+    design = of(front, rows=["knee", "least length", "view"], seed=4)
     public = design.public("p02")
     text = json.dumps(public)
     for word in ("row", "knee", "least", "exposure", "turns", "front", "sha", "seed", "strata", "p01", "p03"):
@@ -116,9 +116,9 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
         ({"consent": " \n\t "}, "the consent text is empty"),
         ({"consent": "Yes \x1b[2J"}, "control character"),
         ({"consent": "x" * 20_001}, "20,001 characters"),
-        ({"rows": ["knee"]}, "2 to 26 different stimuli"),
-        ({"rows": ["view"]}, "2 to 26 different stimuli"),
-        ({"rows": [0, 0, "0"]}, "2 to 26 different stimuli"),
+        ({"rows": ["knee"]}, "2 to 26 stimuli"),
+        ({"rows": ["view"]}, "2 to 26 stimuli"),
+        ({"rows": ["knee", 0, 3]}, r"knee \(row 3\) and row 3 are the same trajectory"),
         ({"participants": 0}, "participants must be"),
         ({"participants": 1001}, "from 1 to 1,000"),
         ({"participants": 40}, "multiple of 6 participants, got 40: take 36 or 42"),
@@ -146,7 +146,7 @@ def test_a_protocol_rests_up_to_an_hour_and_says_how_to_stop(rest_s: float, rule
 def test_more_conditions_than_letters_are_refused(front: hpop.Front) -> None:
     costs = [[float(i), float(40 - i)] for i in range(40)]
     many = hpop.Front.of(costs, [front.trajectories[0]] * 40, names=("turns", "length"))
-    with pytest.raises(StudyError, match=r"2 to 26 different stimuli, .* got 27"):
+    with pytest.raises(StudyError, match=r"2 to 26 stimuli, .* got 27"):
         of(many, rows=list(range(27)), order="latin", comparisons=False)
     assert len(of(many, rows=list(range(26)), order="latin", comparisons=False).letters) == 26
     with pytest.raises(StudyError, match="9 stimuli have 36 pairs"):

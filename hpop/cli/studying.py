@@ -1,0 +1,332 @@
+"""``hpop study``: a study of what people make of some trajectories, from its design to its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpop.cli.command import user_errors
+from hpop.cli.exporting import listed
+from hpop.cli.front_file import loaded
+from hpop.cli.terminal import Commands, echo
+from hpop.errors import StudyError
+from hpop.text import counted
+
+if TYPE_CHECKING:
+    from hpop.front import Front
+    from hpop.named_rows import NamedRow
+    from hpop.study import Answers, Design
+
+DEFAULT_COUNT = 3
+MOST_LINES = 40
+MOST_CONSENT = 100_000  # bytes
+
+folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+
+
+@click.group(cls=Commands)
+def study() -> None:
+    """Ask people what they make of trajectories: design, pages, answers, scores.
+
+    Everything lies in one folder DIR: `hpop study init DIR` makes it, and each of the others takes it.
+    """
+
+
+def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
+    """Levels by stratum of several options such as sex=f,m."""
+    found: dict[str, list[str]] = {}
+    for text in given:
+        name, _, levels = text.partition("=")
+        if not name or not levels or name in found:
+            raise click.BadParameter(
+                f"expected NAME=LEVEL,LEVEL, each once, such as sex=f,m, got {text!r}", context, option
+            )
+        found[name] = levels.split(",")
+    return found
+
+
+@study.command()
+@folder_argument
+@click.option("--front", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Where `hpop plan` wrote.")
+@click.option(
+    "--rows",
+    metavar="ROW,ROW",
+    multiple=True,
+    callback=listed,
+    help="What is shown: numbers of `hpop show`, knee, names of criteria for the least in them; view is the still view "
+    "from the start, a baseline. [the knee and two others]",
+)
+@click.option("--count", type=int, metavar="N", help="So many in all: rows that differ most from these are added.")
+@click.option("--by", default="costs", metavar="NAME", help="In what they differ: costs, or paths. [costs]")
+@click.option(
+    "--share",
+    type=float,
+    metavar="SHARE",
+    help="Added are only rows that last alike: the longest so much longer than the shortest at most, such as 0.1.",
+)
+@click.option("--participants", type=int, required=True, metavar="N", help="How many people take part.")
+@click.option(
+    "--order",
+    default="permutations",
+    metavar="NAME",
+    help="permutations, williams, latin or random: how orders are balanced. [permutations]",
+)
+@click.option(
+    "--strata", multiple=True, metavar="NAME=A,B", callback=_strata, help="Balanced within orders: sex=f,m. Repeatable."
+)
+@click.option(
+    "--consent", type=click.Path(path_type=Path), required=True, metavar="FILE", help="Text that participants agree to."
+)
+@click.option(
+    "--forms",
+    metavar="NAME,NAME",
+    multiple=True,
+    callback=listed,
+    default=["ssq,comfort"],
+    help="Questionnaires: ssq, vrsq, fms, comfort, naturalness, mssq, or files of your own. [ssq,comfort]",
+)
+@click.option("--comparisons/--no-comparisons", default=True, help="Whether pairs are compared after all. [yes]")
+@click.option("--rest", type=float, default=180.0, metavar="S", help="Rest after each stimulus, at least. [180]")
+@click.option("--video", is_flag=True, help="Show videos all round in a player of your own, not rides in the page.")
+@click.option("--language", default="en", metavar="CODE", help="Language of the pages. [en]")
+@click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Of letters, orders and pairs. [0]")
+@user_errors
+def init(
+    folder: Path,
+    front: Path,
+    rows: list[str],
+    count: int | None,
+    by: str,
+    share: float | None,
+    participants: int,
+    order: str,
+    strata: dict[str, list[str]],
+    consent: Path,
+    forms: list[str],
+    comparisons: bool,
+    rest: float,
+    video: bool,
+    language: str,
+    words: Path | None,
+    seed: int,
+) -> None:
+    """Begin a study of some rows of a front in a new folder DIR.
+
+    Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front.
+    """
+    from hpop import following
+    from hpop.status import Progress
+    from hpop.study import Design, Protocol
+    from hpop.study import folder as folders
+
+    folders.check_unused(folder)
+    text = _consent(consent)
+    path, planned = loaded(front)
+    shown = _rows(planned, rows, count, by, share)
+    design = Design.of(
+        planned,
+        shown,
+        participants=participants,
+        consent=text,
+        order=order,
+        strata=strata,
+        forms=forms,
+        comparisons=comparisons,
+        kind="video" if video else "ride",
+        protocol=Protocol(rest_s=rest),
+        language=language,
+        seed=seed,
+    )
+    with following.progress_bar() as progress:
+        progress(Progress("stimuli and pages"))
+        folders.prepare(design, planned, folder, words=words, progress=progress)
+    for note in design.notes:
+        echo(f"note: {note}")
+    echo(f"{participants:,} participants, {len(design.orders):,} orders of {len(design.letters)} stimuli of {path}")
+    echo(
+        f"written to {folder}: schedule.csv says who sees what; `hpop study serve {quote(str(folder))}` shows the pages"
+    )
+
+
+@study.command()
+@folder_argument
+@user_errors
+def check(folder: Path) -> None:
+    """Check the front, stimuli, pages and answers of the study in DIR; exit code 17 where there are faults."""
+    from hpop.study.checks import check as checked
+
+    found = checked(folder)
+    for note in found.notes:
+        echo(f"note: {note}")
+    for fault in found.faults[:MOST_LINES]:
+        echo(f"fault: {fault}", err=True)
+    if found.faults:
+        more = f", {MOST_LINES} of them listed" if len(found.faults) > MOST_LINES else ""
+        raise StudyError(f"{folder} has {counted(len(found.faults), 'fault')}{more}")
+    echo("no faults")
+
+
+@study.command()
+@folder_argument
+@user_errors
+def score(folder: Path) -> None:
+    """Make tables of the answers in DIR, and print the medians of the scores.
+
+    Writes answers.csv, scores.csv, choices.csv and answers.sqlite; what participants wrote goes to remarks.csv alone.
+    """
+    from hpop.study import Answers
+
+    answers = Answers.load(folder)
+    for said in (*answers.faults, *answers.notes):
+        echo(f"note: {said}")
+    written = answers.save_tables(folder)
+    _print_scores(answers)
+    _print_letters(answers.design)
+    echo(f"written to {folder}: {', '.join(path.name for path in written)}")
+
+
+@study.command()
+@folder_argument
+@click.argument("participant")
+@user_errors
+def replace(folder: Path, participant: str) -> None:
+    """Give the place of a PARTICIPANT who dropped out to the next person; the answers so far stay.
+
+    PARTICIPANT is an id such as p07.
+    """
+    from hpop.study.folder import replace as replaced
+
+    successor = replaced(folder, participant)
+    echo(f"{participant} dropped out; {successor} takes the place, in the same order: pages/{successor}.html")
+
+
+@study.command()
+@folder_argument
+@click.argument("participant")
+@user_errors
+def withdraw(folder: Path, participant: str) -> None:
+    """Delete all that is known of a PARTICIPANT who withdraws, and make the tables again.
+
+    PARTICIPANT is an id such as p07. The next person takes the place, under another id.
+    """
+    from hpop.study.folder import withdraw as withdrawn
+
+    done = withdrawn(folder, participant)
+    echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'nothing, there was nothing'}")
+    for note in done.notes:
+        echo(f"note: {note}", err=True)
+    echo(f"{done.successor} takes the place, in the same order")
+
+
+def _rows(front: Front, asked: list[str], count: int | None, by: str, share: float | None) -> list[str | NamedRow]:
+    """The rows that are asked for, and so many in all that differ most from them."""
+    from hpop.study import pick
+    from hpop.study.conditions import VIEW
+
+    if asked and count is None:
+        return [*asked]
+    views = [row for row in asked if row == VIEW]
+    named = [row for row in asked if row != VIEW] or ["knee"]
+    return [*pick(front, (count or DEFAULT_COUNT) - len(views), always=named, by=by, share=share), *views]
+
+
+@study.command()
+@click.option("--effect", metavar="SD,SD", help="Shift of each stimulus in standard deviations; one: of the last.")
+@click.option("--people", type=int, metavar="N", help="Whose power is asked for; the least number if left out.")
+@click.option("--stimuli", type=int, default=3, metavar="K", help="How many there are. [3]")
+@click.option("--correlation", type=float, default=0.5, metavar="R", help="Of two answers of one person. [0.5]")
+@click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; of two stimuli wilcoxon]")
+@click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
+@click.option(
+    "--pilot", type=click.Path(path_type=Path), metavar="DIR", help="People are drawn from this study's answers."
+)
+@click.option("--score", "named", default="ssq.total", metavar="FORM.SCORE", help="Of the pilot. [ssq.total]")
+@click.option("--seed", type=int, default=0, metavar="N", help="Of the simulated studies. [0]")
+@user_errors
+def power(
+    effect: str | None,
+    people: int | None,
+    stimuli: int,
+    correlation: float,
+    test: str | None,
+    target: float,
+    pilot: Path | None,
+    named: str,
+    seed: int,
+) -> None:
+    """Say how likely a study finds a difference, or how many people it needs; before it is made, by simulation.
+
+    Give --effect, the least difference that would matter, or --pilot.
+    """
+    from hpop.study import Answers
+    from hpop.study import power as simulated
+
+    if (effect is None) == (pilot is None):
+        raise click.UsageError("give --effect or --pilot, one of them")
+    form, _, score = named.partition(".")
+    found = simulated(
+        None if effect is None else _shifts(effect),
+        n=people,
+        k=stimuli,
+        correlation=correlation,
+        test=test,
+        pilot=None if pilot is None else Answers.load(pilot).matrix(form, score).values,
+        target=target,
+        seed=seed,
+    )
+    echo(found.text())
+
+
+def _shifts(text: str) -> Any:
+    """A number, or several between commas; "observed" is told why it is refused."""
+    if text == "observed":
+        return text
+    try:
+        several = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise click.UsageError(f"--effect is a number or several between commas, such as 0.5, got {text!r}") from None
+    return several if len(several) > 1 else several[0]
+
+
+def _consent(path: Path) -> str:
+    """The text of a file."""
+    from hpop.study.documents import read_bytes
+
+    try:
+        return read_bytes(path, MOST_CONSENT).decode()
+    except UnicodeDecodeError:
+        raise StudyError(
+            f"{path}: expected the consent text as UTF-8, found something else; save it as UTF-8"
+        ) from None
+
+
+def _print_scores(answers: Answers) -> None:
+    """Medians of each score before and after each stimulus, and how many people they are of."""
+    import numpy as np
+    from rich.console import Console
+
+    from hpop.cli.report import plain_table, print_wide
+
+    if not answers.sessions:
+        return
+    table = plain_table()
+    for name in ("form", "score", "before", *answers.design.letters):
+        table.add_column(name, justify="left" if name in ("form", "score") else "right")
+    for form in (form for form in answers.design.questionnaires if form.kind == "ratings"):
+        for name in form.score_names:
+            matrix = answers.matrix(form.id, name)
+            columns = [answers.before(form.id, name), *matrix.values.T]
+            present = [column[~np.isnan(column)] for column in columns]
+            cells = [f"{np.median(column):.2f} (n {column.size})" if column.size else "-" for column in present]
+            table.add_row(form.id, name, *cells)
+    echo("Medians")
+    print_wide(Console(), table)
+
+
+def _print_letters(design: Design) -> None:
+    echo("; ".join(f"{condition.id} is {condition}" for condition in design.conditions))

@@ -1,0 +1,146 @@
+"""`hpop study`: a study from its first command to its tables, as a researcher types it; mistakes end in one message."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import shapely
+from click.testing import CliRunner, Result
+
+import hpop
+from hpop.cli import main
+from hpop.study import Design
+from tests.study.sessions import answered
+
+Study = Callable[..., Result]
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a front, as `hpop plan` writes it."""
+    folder = tmp_path_factory.mktemp("planned")
+    world = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0, 0, 5, 4))
+    robot = hpop.DifferentialDrive(radius=0.2)
+    problem = hpop.Problem(world, robot, (0.5, 2, 0), (4.5, 2, None), ["exposure", "turns", "length"])
+    problem.solve(step=0.5).save(folder / "front.json")
+    return folder
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
+    """Run a command in a folder of its own, in which a text of consent lies."""
+    monkeypatch.chdir(tmp_path)
+    Path("consent.txt").write_text("You ride along with a robot, and may stop at any time.\n")
+
+    def run(*given: object) -> Result:
+        return CliRunner().invoke(main, ["study", *map(str, given)])
+
+    return run
+
+
+def test_from_the_front_to_the_tables_and_without_whoever_withdrew(study: Study, planned: Path) -> None:
+    """init, answers, check, score, withdraw, score."""
+    options = ["--rows", "knee,least turns", "--count", 3, "--participants", 12, "--strata", "sex=f,m", "--seed", 7]
+    begun = study("init", "s", "--front", planned, *options, "--consent", "consent.txt")
+    assert begun.exit_code == 0, begun.output
+    assert "12 participants, 6 orders of 3 stimuli" in begun.output
+    design = Design.load("s")
+    assert {condition.name for condition in design.conditions} == {"knee", "least turns", ""}
+
+    people = [person.id for person in design.participants]
+    answered(design, Path("s"), people, lambda who, place, form, item: float(who == "p07" and item == "nausea"))
+    checked = study("check", "s")
+    assert checked.exit_code == 0, checked.output
+    assert "note: 12 of 12 sessions are complete" in checked.output
+    assert checked.output.endswith("no faults\n")
+
+    scored = study("score", "s")
+    assert scored.exit_code == 0, scored.output
+    lines = [line.split() for line in scored.output.splitlines()]
+    assert ["ssq", "total", *["0.00", "(n", "12)"] * 4] in lines
+    assert scored.output.count(" is ") == 3  # what each letter stands for
+    assert totals() == (12, 29.92)  # nausea 1 is in N and in D: 2 x 3.74, before and after each of three
+
+    gone = study("withdraw", "s", "p07")
+    assert gone.exit_code == 0, gone.output
+    assert "removed: answers/p07.json, pages/p07.html" in gone.output
+    assert "p13 takes the place" in gone.output
+    again = study("score", "s")
+    assert again.exit_code == 0, again.output
+    assert "11 of 12 sessions are complete" in again.output
+    assert totals() == (11, 0.0)
+
+
+def totals() -> tuple[int, float]:
+    """Of how many people there are SSQ totals, and their sum."""
+    with sqlite3.connect("s/answers.sqlite") as base:
+        found = base.execute(
+            "SELECT count(DISTINCT participant), sum(value) FROM scores WHERE score = 'total'"
+        ).fetchone()
+    base.close()
+    return found[0], round(found[1], 6)
+
+
+def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path) -> None:
+    assert study("init", "s", "--front", planned, "--participants", 6, "--consent", "consent.txt").exit_code == 0
+    Path("s/answers/p01.json").write_text("{}")
+    done = study("check", "s")
+    assert done.exit_code == 17
+    assert "fault: s/answers/p01.json: expected the answers of a participant" in done.output
+    assert done.output.endswith("error: s has 1 fault\n")
+    assert study("score", "s").exit_code == 17
+    dropped = study("replace", "s", "p02")
+    assert dropped.exit_code == 0, dropped.output
+    assert "p02 dropped out; p07 takes the place" in dropped.output
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        (["--rows", "knee,lest turns"], 7, "Did you mean 'least turns'"),
+        (["--rows", "knee,99"], 10, "no row 99"),
+        (["--rows", "knee"], 17, "shows 2 to 26 stimuli"),
+        (["--count", "27"], 17, "count must be"),
+        (["--count", "4", "--share", "0.001"], 17, "allow a larger one"),
+        (["--participants", "7"], 17, "multiple of 6 participants, got 7: take 6 or 12"),
+        (["--order", "latn"], 17, "Did you mean 'latin'"),
+        (["--consent", "empty.txt"], 17, "the consent text is empty"),
+        (["--consent", "nowhere.txt"], 17, "cannot read nowhere.txt: No such file"),
+        (["--consent", "latin1.txt"], 17, "expected the consent text as UTF-8"),
+        (["--consent", "steers.txt"], 17, r"control character, '\x1b'"),
+        (["--forms", "sqq"], 17, "Did you mean 'ssq'"),
+        (["--strata", "sex=f"], 17, "two levels or more"),
+        (["--strata", "sex"], 2, "expected NAME=LEVEL,LEVEL"),
+        (["--front", "nowhere"], 12, "cannot read nowhere"),
+        (["--language", "xx"], 17, "not written in 'xx'"),
+        (["--rest", "-1"], 17, "rest_s must be"),
+    ],
+)
+def test_a_mistake_is_one_message_and_leaves_nothing(
+    study: Study, planned: Path, options: list[str], code: int, said: str
+) -> None:
+    for name, data in {"empty": b" \n", "latin1": b"caf\xe9", "steers": b"Yes \x1b[2J"}.items():
+        Path(f"{name}.txt").write_bytes(data)
+    before = sorted(Path().iterdir())
+    given = {"--front": planned, "--participants": 6, "--consent": "consent.txt"} | {
+        options[i]: options[i + 1] for i in range(0, len(options), 2)
+    }
+    done = study("init", "s", *[part for pair in given.items() for part in pair])
+    assert done.exit_code == code, done.output
+    assert said in done.output
+    assert "Traceback" not in done.output
+    assert "\x1b" not in done.output
+    assert sorted(Path().iterdir()) == before
+
+
+def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
+    done = study("power", "--effect", "0.5", "--people", 35, "--stimuli", 2)
+    assert done.exit_code == 0, done.output
+    assert done.output.startswith("With 35 people the Wilcoxon test finds the difference")
+    observed = study("power", "--effect", "observed", "--people", 35)
+    assert observed.exit_code == 17
+    assert "observed power is not given" in observed.output
+    assert study("power").exit_code == study("power", "--effect", "some").exit_code == 2

@@ -1,0 +1,184 @@
+"""Claims: a study's folder is made whole or not at all, keeps what it was made of, and forgets whoever withdraws."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hpop
+from hpop.errors import StudyError
+from hpop.study import Answers, Design, folder
+from hpop.study.checks import check
+from tests.study.sessions import answered, events_of, put, session
+
+
+@pytest.fixture(scope="module")
+def prepared(front: hpop.Front, design: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study that nobody has taken part in."""
+    return folder.prepare(design, front, tmp_path_factory.mktemp("studies") / "begun")
+
+
+@pytest.fixture
+def begun(prepared: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(prepared, tmp_path / "study"))
+
+
+def files_of(path: Path) -> list[str]:
+    return sorted(str(file.relative_to(path)) for file in path.rglob("*") if file.is_file())
+
+
+def test_all_that_a_study_needs_is_there(prepared: Path, design: Design) -> None:
+    people = [f"pages/p{i:02d}.html" for i in range(1, 13)]
+    stimuli = ["stimuli/A.html", "stimuli/B.html", "stimuli/C.html"]
+    assert files_of(prepared) == ["design.json", "front.json", *people, "schedule.csv", *stimuli]
+    assert prepared.stat().st_mode & 0o077 == 0  # its owner's alone
+    assert os.listdir(prepared.parent) == ["begun"]
+    found = check(prepared)
+    assert found.faults == ()
+    assert found.notes[-1] == "0 of 12 sessions are complete"
+    assert len(folder.front_of(prepared, design)) == 6
+
+
+def test_a_page_knows_what_its_participant_may_know(prepared: Path, design: Design) -> None:
+    """Neither the criteria nor the costs of any row are in it."""
+    text = (prepared / "pages" / "p02.html").read_text()
+    assert design.digest in text
+    assert "exposure" not in text
+    for condition in design.conditions:
+        assert str(condition.costs["exposure"]) not in text
+        assert str(condition.costs["length"]) not in text
+
+
+@pytest.mark.parametrize("name", ["full", "file", "link"])
+def test_a_folder_in_use_is_refused_and_left_as_it_is(
+    front: hpop.Front, design: Design, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("x")
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(StudyError, match="in use: a study begins in a folder that is new or empty"):
+        folder.prepare(design, front, tmp_path / name)
+    assert sorted(os.listdir(tmp_path)) == before
+    assert files_of(tmp_path / "full") == ["thesis.txt"]
+
+
+def test_nothing_is_left_of_a_study_that_could_not_be_made(
+    front: hpop.Front, design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However late it fails."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(folder, "write_pages", fail)
+    with pytest.raises(StudyError, match="No space left on device"):
+        folder.prepare(design, front, tmp_path / "deep" / "study")
+    assert os.listdir(tmp_path / "deep") == []
+
+
+def test_only_the_front_of_the_design_and_whole_texts_are_taken(
+    front: hpop.Front, design: Design, tmp_path: Path
+) -> None:
+    with pytest.raises(StudyError, match="not the front that the design was made of"):
+        folder.prepare(design, front[1:], tmp_path / "study")
+    (tmp_path / "en.json").write_text('{"stop": "Halt"}')
+    with pytest.raises(StudyError, match=r"en.json lacks agree, "):
+        folder.prepare(design, front, tmp_path / "study", words=tmp_path / "en.json")
+    assert os.listdir(tmp_path) == ["en.json"]
+
+
+def test_a_front_that_changed_since_is_told(front: hpop.Front, begun: Path, design: Design) -> None:
+    front[1:].save(begun / "front.json")
+    with pytest.raises(StudyError, match="has changed since the study began"):
+        folder.front_of(begun, design)
+    (fault,) = check(begun).faults
+    assert "has changed since the study began" in fault
+    (begun / "front.json").unlink()
+    assert "cannot be read" in check(begun).faults[0]
+
+
+def test_all_faults_are_told_at_once(begun: Path, design: Design) -> None:
+    (begun / "stimuli" / "B.html").unlink()
+    (begun / "pages" / "p04.html").unlink()
+    put(begun, session(design, "p01", events_of(design, "p01")[:30]))
+    put(begun, {**session(design, "p02"), "design": "0" * 64})
+    put(begun, session(design, "p03"), "p03 (1)")
+    put(begun, session(design, "p05"))
+    said = "\n".join(check(begun).faults)
+    for part in (
+        "B.html is missing",
+        "p04.html is missing",
+        "p02.json: these are answers to another design",
+        "p03 (1).json: these are the answers of p03; call the file p03.json",
+        "p01 has half a session",
+    ):
+        assert part in said
+    assert len(check(begun).faults) == 5
+
+
+def test_nothing_is_kept_of_whoever_withdraws(begun: Path, design: Design) -> None:
+    """Not in any file but the design and the list of who left, and the others' scores are as they were."""
+    people = ["p01", "p02", "p03"]
+    answered(design, begun, people, lambda who, place, form, item: float(int(who[1:]) % 4))
+    put(begun, session(design, "p02", events_of(design, "p02", remark="I know the robot")))
+    Answers.load(begun).save_tables(begun)
+    put(begun, session(design, "p02"), "copy")
+    (begun / "answers" / ".p02.json.0123.tmp").write_text("{}")  # of a writer that was killed
+    (begun / "p02_preference.json").write_text("{}")
+    done = folder.withdraw(begun, "p02")
+    assert done.successor == "p13"
+    assert done.notes == ()
+    assert set(done.removed) == {
+        "answers/p02.json",
+        "answers/copy.json",
+        "answers/.p02.json.0123.tmp",
+        "p02_preference.json",
+        "pages/p02.html",
+    }
+    for path in begun.rglob("*"):
+        if path.is_file() and path.name not in ("design.json", "people.json", "schedule.csv"):
+            assert b"p02" not in path.read_bytes(), path
+            assert b"I know the robot" not in path.read_bytes(), path
+    assert (begun / "pages" / "p13.html").is_file()
+    after = Answers.load(begun)
+    assert after.people == ("p01", "p03")
+    assert after.matrix("ssq", "fatigue").values.tolist() == [[1.0] * 3, [3.0] * 3]
+    assert check(begun).faults == ()
+    assert folder.withdraw(begun, "p02").removed == ()  # again, as after a crash
+
+
+def test_tables_that_cannot_be_made_again_are_removed_with_the_rest(begun: Path, design: Design) -> None:
+    answered(design, begun, ["p01", "p02"])
+    Answers.load(begun).save_tables(begun)
+    (begun / "answers" / "p01.json").write_text("{")
+    (begun / "report").mkdir()
+    done = folder.withdraw(begun, "p02")
+    assert not any((begun / name).exists() for name in ("answers.csv", "answers.sqlite", "remarks.csv", "scores.csv"))
+    assert "the tables were removed" in done.notes[0]
+    assert "`hpop study report` makes it again" in done.notes[1]
+
+
+def test_who_dropped_out_keeps_what_was_answered(begun: Path, design: Design) -> None:
+    answered(design, begun, ["p02"])
+    assert folder.replace(begun, "p02") == "p13"
+    assert Answers.load(begun).people == ("p02",)
+    with pytest.raises(StudyError, match="p02 dropped out before; p13 has the place"):
+        folder.replace(begun, "p02")
+    assert (begun / "pages" / "p13.html").is_file()
+    assert check(begun).faults == ()
+
+
+@pytest.mark.parametrize("given", ["Anna", "p99", "../p01", "p1"])
+@pytest.mark.parametrize("act", [folder.replace, folder.withdraw])
+def test_nobody_else_is_removed(begun: Path, act: Any, given: str) -> None:
+    before = files_of(begun)
+    with pytest.raises(StudyError, match=r"names, initials|no participant p99"):
+        act(begun, given)
+    assert files_of(begun) == before
