@@ -29,7 +29,7 @@ from hpop.world.content import Landmark
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
 #: Whole pages that tests run from top to bottom, the README's first block, and the template of a planner.
-RUN_THERE = {"docs/arm.md", "docs/front.md", "docs/optimisers.md", "docs/questions.md"}
+RUN_THERE = {"docs/arm.md", "docs/front.md", "docs/optimisers.md", "docs/questions.md", "docs/study.md"}
 CLAIMED = ("save_pictures(problem", "class Straight:")
 TOUR = yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 pytestmark = pytest.mark.usefixtures("registered_as_before")

@@ -92,15 +92,20 @@ def single_page(
     data = (
         json.dumps(payload, allow_nan=False, separators=(",", ":")).replace("</", "<\\/").replace("<!--", "<\\u0021--")
     )
-    deflated = base64.b64encode(zlib.compress(code, LEVEL)).decode()
     return PAGE.format(
         language=html.escape(language),
         policy=policy,
         title=html.escape(printable(title)),
         payload=data,
-        bundle=deflated,
+        bundle=_deflated(script),
         loader=LOADER,
     )
+
+
+@cache
+def _deflated(name: str) -> str:
+    """A bundle as a page holds it; a study has a page for each participant."""
+    return base64.b64encode(zlib.compress(bundle(name).encode(), LEVEL)).decode()
 
 
 def _hash_of(script: bytes) -> str:
