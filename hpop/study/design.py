@@ -103,8 +103,7 @@ class Design:
         strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
         forms : questionnaires that hpop brings, by id, or files of one's own
         comparisons : whether pairs of stimuli are compared after all
-        baselines : trajectories beside the rows, which no front holds; their stimuli are written by
-            :func:`hpop.study.save_stimuli`
+        baselines : trajectories beside the rows, which no front holds; :func:`hpop.study.prepare` takes them as well
         kind : "ride" (pages) or "video" (all round, for a headset's own player)
         seed : of letters, orders and pairs
 

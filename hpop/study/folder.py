@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from hpop.problem import Problem
 from hpop.status import ProgressCallback
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers
 from hpop.study.answers import FOLDER as ANSWERS
+from hpop.study.conditions import VIEW, Baseline
 from hpop.study.design import Design
 from hpop.study.design_file import FRONT
 from hpop.study.documents import read_bytes, write_bytes
@@ -25,6 +26,7 @@ from hpop.study.page import rides_of, session_page
 from hpop.study.stimuli import save_stimuli
 from hpop.study.words import FOLDER as WORDS
 from hpop.study.words import MOST_BYTES as MOST_WORDS
+from hpop.trajectory import Trajectory
 
 PAGES, STIMULI = "pages", "stimuli"
 BEGINNING = 2**20
@@ -50,6 +52,7 @@ def prepare(
     front: Front,
     folder: str | os.PathLike[str],
     *,
+    baselines: Sequence[Baseline] = (),
     words: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
@@ -60,6 +63,7 @@ def prepare(
 
     Parameters
     ----------
+    baselines : those of the design, with their trajectories
     words : texts of the pages in the design's language, where hpop brings none: a translation of its ``en.json``
     progress : for videos, as for :func:`hpop.view.save_video`
 
@@ -78,10 +82,30 @@ def prepare(
         design.save(made)
         front.save(made / FRONT)
         (made / ANSWERS).mkdir()
-        several, language = design.conditions, design.language
-        save_stimuli(problem, front, several, made / STIMULI, language=language, study=made, progress=progress)
+        save_stimuli(
+            problem,
+            front,
+            design.conditions,
+            made / STIMULI,
+            baselines=_ridden(design, baselines),
+            language=design.language,
+            study=made,
+            progress=progress,
+        )
         write_pages(design, made, [person.id for person in design.enrolled])
     return target
+
+
+def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
+    """The trajectories of a design's baselines, by letter; StudyError where one is not given."""
+    known = {baseline.name: baseline.trajectory for baseline in baselines}
+    wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
+    if known.keys() != wanted.keys():
+        raise StudyError(
+            f"the design's baselines are {', '.join(wanted) or 'none'}, got {', '.join(known) or 'none'}; give "
+            "prepare those that Design.of was given"
+        )
+    return {wanted[name]: trajectory for name, trajectory in known.items()}
 
 
 def check_unused(folder: Path) -> None:

@@ -15,7 +15,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -97,15 +97,15 @@ def single_page(
         policy=policy,
         title=html.escape(printable(title)),
         payload=data,
-        bundle=_deflated(script),
+        bundle=_deflated(code),
         loader=LOADER,
     )
 
 
-@cache
-def _deflated(name: str) -> str:
-    """A bundle as a page holds it; a study has a page for each participant."""
-    return base64.b64encode(zlib.compress(bundle(name).encode(), LEVEL)).decode()
+@lru_cache(maxsize=4)
+def _deflated(code: bytes) -> str:
+    """A script as a page holds it, kept, since a study has a page for each participant."""
+    return base64.b64encode(zlib.compress(code, LEVEL)).decode()
 
 
 def _hash_of(script: bytes) -> str:

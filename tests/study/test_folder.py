@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import hpop
+from hpop import study
 from hpop.errors import StudyError
 from hpop.study import Answers, Design, folder
 from hpop.study.checks import check
@@ -182,3 +183,15 @@ def test_nobody_else_is_removed(begun: Path, act: Any, given: str) -> None:
     with pytest.raises(StudyError, match=r"names, initials|no participant p99"):
         act(begun, given)
     assert files_of(begun) == before
+
+
+def test_a_baseline_is_ridden_as_rows_are(front: hpop.Front, tmp_path: Path) -> None:
+    """Its name is not on the page; without its trajectory nothing is made."""
+    other = study.Baseline("what RRT does", front.trajectories[2], front[2].costs)
+    rows = ["knee", "least length"]
+    design = Design.of(front, rows, participants=2, order="latin", baselines=[other], forms=["comfort"], consent="Yes")
+    with pytest.raises(StudyError, match="the design's baselines are what RRT does, got none"):
+        folder.prepare(design, front, tmp_path / "study")
+    folder.prepare(design, front, tmp_path / "study", baselines=[other])
+    assert check(tmp_path / "study").faults == ()
+    assert not any(b"RRT" in path.read_bytes() for path in tmp_path.rglob("*.html"))
