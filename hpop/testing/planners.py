@@ -30,12 +30,13 @@ from hpop.testing.checks import Check, fault_of, raise_faults
 from hpop.testing.models import drawn_states
 from hpop.text import shown
 from hpop.verify import collision_free, verify
-from hpop.world import Solid, Sphere, World, pose_at
+from hpop.world import Person, Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m
 LEFT, RIGHT = 1.2, 3.8  # m: a start has a smaller x, a goal a larger one
 ASIDE = 0.6  # m: neither is farther from the middle, where the box is
 WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between them
+WALKER = Person(2.4, 3.7, velocity=(0.0, -0.1), until=8.0, name="Ada")  # towards the box, and then gone
 TRIES = 1000  # states drawn, of which two free ones become start and goal
 POSTURES = 50  # drawn of a robot that is not of the plane, for the same
 BALL = 0.2  # radius, of the way between the start and the goal of a robot that is not of the plane
@@ -86,6 +87,10 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
         yield Check(f"finds the same again{of}", fault_of(lambda: _again(planner, problem, first)))  # noqa: B023
         if "plane" in model.provides:  # no wall parts the postures of any arm
             yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
+            yield Check(
+                f"plans among people who move, or refuses them by name{of}",
+                fault_of(lambda: _among_people(planner, problem)),  # noqa: B023
+            )
         yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria(planner, problem)))  # noqa: B023
         yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupted(planner, problem)))  # noqa: B023
         if "time_limit" in {option.name for option in fields(cast(Any, planner))}:
@@ -273,6 +278,20 @@ def _walled(planner: Planner, problem: Problem) -> str:
     if len(found.trajectories):
         return f"it found {len(found.trajectories)} through a wall"
     return "it calls nothing complete" if found.status is Status.COMPLETE and not found.notes else ""
+
+
+def _among_people(planner: Planner, problem: Problem) -> str:
+    """Somebody crosses the room: what is found touches nobody, planned or executed, or it says who is in the way."""
+    among = replace(problem, world=problem.world.with_content(people=[WALKER]))
+    try:
+        found = planner.solve(among)
+    except HpopError as error:
+        said = str(error)
+        known = WALKER.name in said or any(criterion.name in said for criterion in problem.criteria)
+        return "" if known else f"it refuses somebody who moves, but names neither whom nor a criterion: {said}"
+    if fault := _said(among, found) or _costs(among, found) or _verified(among, found):
+        return fault
+    return _same(found, pickle.loads(pickle.dumps(planner)).solve(among))
 
 
 class _Begun(BaseException):

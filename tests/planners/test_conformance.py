@@ -83,7 +83,7 @@ def test_every_planner_is_looked_at_with_some_model():
 def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
     checks = list(planner_checks(make_planner({name: OPTIONS[name]}), models=[MODELS[model]]))
     assert [check for check in checks if check.fault] == []
-    assert len(checks) >= (11 if "plane" in MODELS[model].provides else 10)
+    assert len(checks) >= (12 if "plane" in MODELS[model].provides else 10)
 
 
 @pytest.mark.cases("holonomic")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.errors import OptionError, UnsupportedCriterion
+from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.planners import Candidates, Lattice
 from hpop.problem import Problem
 from hpop.status import ProgressCallback, Status
@@ -30,11 +30,12 @@ COSTS = "costs what it planned"
 KEEPS = "keeps ends and stays free"
 SAVED = "is saved and loaded"
 AGAIN = "finds the same again"
+PEOPLE = "plans among people who move, or refuses them by name"
 NO_PATH = "says so where no path leads"
 CRITERIA = "takes criteria or refuses them by name"
 INTERRUPTED = "ends when it is interrupted"
 LATE = "ends at its time limit"
-CLAIMS = [NEEDS, REFUSES, FINDS, SAYS, COSTS, KEEPS, SAVED, AGAIN, NO_PATH, CRITERIA, INTERRUPTED, LATE]
+CLAIMS = [NEEDS, REFUSES, FINDS, SAYS, COSTS, KEEPS, SAVED, AGAIN, NO_PATH, PEOPLE, CRITERIA, INTERRUPTED, LATE]
 
 Change = Callable[[Candidates, Problem], Candidates]
 
@@ -92,6 +93,23 @@ def elsewhere(found: Candidates, problem: Problem) -> Candidates:
     states = found.trajectories[0].states
     rows = [(float(states.x[i]), float(states.y[i]), 0.0) for i in range(states.size - 1)]
     return made(found, problem, [problem.start, *rows])
+
+
+def into_people(found: Candidates, problem: Problem) -> Candidates:
+    """Where somebody walks, by way of the upper wall."""
+    x, (to_x, to_y, _) = problem.start[0], problem.goals[0]
+    if not problem.world.content.people:
+        return found
+    return made(found, problem, [problem.start, (x, 3.2, 0.0), (to_x, 3.2, 0.0), (to_x, to_y, 0.0)])
+
+
+class Curt(Changed):
+    """Refuses people without a name."""
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        if problem.world.content.people:
+            raise QueryError("not here")
+        return super().solve(problem, progress)
 
 
 CALLS = count()
@@ -187,6 +205,8 @@ MISTAKES = [
     (AGAIN, "on an executor: ", Sweeping()),
     (AGAIN, "cannot be pickled", Copied()),
     (NO_PATH, "it calls nothing complete", Changed(dumb)),
+    (PEOPLE, "touches Ada at", Changed(into_people)),
+    (PEOPLE, "it refuses somebody who moves, but names neither", Curt()),
     (CRITERIA, "it refuses .* without saying so", Mumbling()),
     (INTERRUPTED, "ValueError: half a front", Crashing()),
     (LATE, "length of trajectory 0 is planned as", Hurried()),

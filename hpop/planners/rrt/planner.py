@@ -98,9 +98,9 @@ class RRT:
         moving = [p.name or f"number {i}" for i, p in enumerate(problem.world.content.people) if p.moves]
         if moving:
             raise QueryError(
-                f"rrt plans round people who stand; {', '.join(moving)} move. Give them no velocity to plan round "
-                "where they are now, or leave them out and evaluate the criteria on the trajectory in the world with "
-                "them."
+                f"rrt plans round people who stand, but {' and '.join(moving)} move{'s' * (len(moving) == 1)}. The "
+                "planners lattice and roadmap have a clock. Else give people no velocity to plan round where they are "
+                "now, or leave them out and evaluate the criteria on the trajectory in the world with them."
             )
         checked_ends(problem)
         model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")

@@ -336,5 +336,5 @@ def test_a_long_robot_needs_room_to_turn_at_its_ends():
 
 def test_people_who_move_are_refused():
     world = ROOM.with_content(people=[Person(1.0, 4.0, 0.0, velocity=(0.5, 0.0), name="Ada")])
-    with pytest.raises(QueryError, match="Ada move"):
+    with pytest.raises(QueryError, match="but Ada moves"):
         RRT(runs=1).solve(Problem(world, ROBOT, (1, 1, 0), (5, 1, 0), ["length"]))
