@@ -32,7 +32,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "lattice": {"step": 0.5},
     "roadmap": {"samples": 60},
     "rrt": {"runs": 2, "max_extensions": 1000},
-    "smoothing": {"step": 1.0, "intervals": 8},
+    "smoothing": {"step": 2.0, "intervals": 8},
     "spline": {"pieces": 2, "warm_start": {"roadmap": {"samples": 4, "trees": 1}}},
     "weighted-sum": {"step": 0.5},
     "weighted-sum-corridor": {"step": 0.5},

@@ -327,13 +327,25 @@ ELSEWHERE = (
     *("against_flow", "cutting_between", "social_force", "speeding", "time_to_collision", "visibility_to_people"),
     *("expected_contacts", "hall_zones"),
 )
-PROVED = [pytest.param(name, marks=pytest.mark.proof) if name in ALIKE + ELSEWHERE else name for name in NAMES]
+#: With fewer rays in `make test`.
+FEWER = {"optic_flow": {"bearings": 4}}
+PROVED = [
+    pytest.param(name, marks=pytest.mark.proof) if name in (*ALIKE, *ELSEWHERE, *FEWER) else name for name in NAMES
+]
 
 
 @pytest.mark.parametrize("name", PROVED)
 def test_every_criterion_that_comes_with_hpop_passes(name):
     """With its defaults; other options and other worlds are in the criterion's own tests."""
     check_criterion(own_criterion(name))
+
+
+@pytest.mark.parametrize("name", FEWER)
+def test_criteria_of_many_rays_pass_with_few(name):
+    """In a world that is turned few rays look elsewhere."""
+    checks = list(conformance(make_criterion({name: FEWER[name]})))
+    assert len(checks) >= 11
+    assert {check.claim for check in checks if check.fault} <= {FRAME}
 
 
 def test_a_good_criterion_in_an_unusual_unit_passes():

@@ -117,13 +117,13 @@ def nondominated(vectors: set[Vector]) -> list[Vector]:
 QUESTIONS = [
     ([OBSTRUCTION], 4, 2.4, None),
     (["turns", OBSTRUCTION, "duration"], 4, 2.3, None),
-    (["turns", OBSTRUCTION, "clearance"], 4, 2.4, None),
     ([OBSTRUCTION, "turns", "length"], 4, 2.0, 4),
     (["length", "turns", OBSTRUCTION, "clearance"], 4, {"length": 1.7}, 5),
     (["turns", OBSTRUCTION, "length", "rotation", "duration"], 4, {"length": 1.4}, 6),
     ([OBSTRUCTION, "turns", "length"], 8, {"length": 1.2}, 5),
 ]
 MORE = [
+    (["turns", OBSTRUCTION, "clearance"], 4, 2.4, None),
     ([OBSTRUCTION, "turns", "length"], 4, 2.4, None),
     ([OBSTRUCTION, "turns", "length"], 8, 1.8, None),
     ([OBSTRUCTION, "turns", "length"], 4, {"length": 1.4}, 6),

@@ -152,12 +152,12 @@ def random_problem(seed, criteria, goal_yaw):
 
 SEEDS = (0, 2, 3, 5)  # no path leads to the goal in world 2
 FRONTS = [
-    ([EXPOSURE, "turns"], 4, False, 0.0),
-    (["turns", "length"], 8, False, np.pi / 2),
     (["turns", "length"], 8, True, None),
     ([OBSTRUCTION, "rotation", "length", "clearance", "duration"], 4, False, np.pi),
 ]
 MORE = [
+    ([EXPOSURE, "turns"], 4, False, 0.0),
+    (["turns", "length"], 8, False, np.pi / 2),
     ([EXPOSURE, "turns", "length", "clearance"], 4, False, 0.0),
     ([EXPOSURE, "turns", "length"], 8, False, 0.0),
     ([OBSTRUCTION, "turns", "length"], 4, True, None),

@@ -116,8 +116,8 @@ def test_the_compared_fronts_are_not_trivial():
 LONG = DifferentialDrive(footprint=((0.5, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.5, -0.2)), camera_height=0.8)
 
 
-@pytest.mark.cases("-1.1-round-40", "None-long-40")
-@pytest.mark.parametrize("samples", [40, pytest.param(60, marks=pytest.mark.proof)])
+@pytest.mark.cases("-1.1-round-40", "None-long-25")
+@pytest.mark.parametrize("samples", [25, 40, pytest.param(60, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("robot", [ROBOT, LONG], ids=["round", "long"])
 @pytest.mark.parametrize("goal_yaw", [-1.1, None])
 def test_what_is_found_holds_what_it_claims(robot, goal_yaw, samples):
