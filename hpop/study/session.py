@@ -133,18 +133,23 @@ class Session:
         """Read answers/p01.json; StudyError for what is none, or of another design, or not as the design asks."""
         stored = read(path, AnswersFile, "the answers of a participant", MOST_BYTES)
         try:
-            if stored.design != design.digest:
-                raise StudyError(
-                    f"these are answers to another design (it begins {stored.design[:12]}, this one "
-                    f"{design.digest[:12]}); put them back into the folder of their own study"
-                )
-            person = design.participant(stored.participant)
-            for key, value in stored.device.items():
-                if isinstance(value, str) and (len(value) > 400 or HARMFUL.search(value)):
-                    raise StudyError(f"device.{key} must be at most 400 plain characters, got {shown(value)}")
-            standing_after(design, person, stored.events)
+            return cls.of(stored, design)
         except StudyError as error:
             raise StudyError(f"{path}: {error}") from None
+
+    @classmethod
+    def of(cls, stored: AnswersFile, design: Design) -> Session:
+        """A session of what a file of answers holds; StudyError where the design asks for something else."""
+        if stored.design != design.digest:
+            raise StudyError(
+                f"these are answers to another design (it begins {stored.design[:12]}, this one "
+                f"{design.digest[:12]}); put them back into the folder of their own study"
+            )
+        person = design.participant(stored.participant)
+        for key, value in stored.device.items():
+            if isinstance(value, str) and (len(value) > 400 or HARMFUL.search(value)):
+                raise StudyError(f"device.{key} must be at most 400 plain characters, got {shown(value)}")
+        standing_after(design, person, stored.events)
         return cls(person, stored.device, tuple(stored.events))
 
     @property

@@ -193,7 +193,7 @@ export class Session {
     this.banner.className = `banner ${standing.kind}`;
     if (said === "") return;
     this.banner.append(element("p", "", said));
-    if (isLost && this.recorder.isUnsaved) {
+    if (standing.kind === "waiting" || (isLost && this.recorder.isUnsaved)) {
       this.banner.append(button(this.voice.say("save_file"), "", () => { this.recorder.save(); }));
     }
   }

@@ -1,0 +1,344 @@
+"""The study's own server: it gives each participant a page, and writes down each answer as soon as it is given.
+
+It answers this machine alone, by its own name: another page in the same browser, made to look as if it came from here
+(DNS rebinding), is refused, and so is one that posts from elsewhere. It gives the pages, the stimuli and what a page
+has recorded so far to that page, and no other file.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import secrets
+import ssl
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from socketserver import TCPServer
+from threading import Lock
+from typing import Any
+
+from hpop.errors import HpopError, OutputError
+from hpop.frontier.strict_json import parse
+from hpop.regular_file import open_regular
+from hpop.study.answers import FOLDER
+from hpop.study.design import Design
+from hpop.study.design_file import FILE, PEOPLE
+from hpop.study.ledger import Ledger
+from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
+
+LOCAL = "127.0.0.1"
+READING = 30.0
+"""s that a request may take to arrive."""
+MOST_BODY = 16_384
+"""Bytes of what a page sends: one event, and what it is seen on."""
+MOST_VIDEO = 2**33
+"""Bytes of a video."""
+PIECE = 2**18
+KEYS = {"design", "tab", "device"}
+"""Of what a page sends; with an event where there is one."""
+LONGEST_LENGTH = 9
+"""Digits."""
+LONGEST_TAB = 64
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+LIST = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
+<link rel="icon" href="data:,">
+<style>
+:root {{ color-scheme: light dark }}
+body {{ font: 18px/2.2 system-ui, sans-serif; margin: 2em auto; max-width: 36em; padding: 0 1em }}
+a {{ display: inline-block; min-width: 4em }}
+</style>
+<title>hpop: sessions</title>
+</head>
+<body><h1>Sessions</h1><p>{links}</p></body>
+</html>
+"""
+
+
+class Refused(Exception):
+    """What a page is told instead of what it asked for: a status, and why in words."""
+
+    def __init__(self, status: HTTPStatus, said: str, why: str = "") -> None:
+        super().__init__(said)
+        self.status, self.said, self.why = status, said, why
+
+
+@dataclass(eq=False)
+class Study:
+    """A study's folder as its pages see it. What is on the disk counts: it is read again at each request.
+
+    folder  of the study
+    tabs    the window that records, by participant: the one that was opened last
+    """
+
+    folder: Path
+    tabs: dict[str, str] = field(default_factory=dict)
+    _lock: Lock = field(default_factory=Lock)
+    _known: tuple[tuple[int, ...], Design] | None = None
+    _rides: tuple[tuple[int, ...], Rides] | None = None
+
+    @property
+    def design(self) -> Design:
+        """The design, read again when its files have changed: somebody may have left since."""
+        state = _state(self.folder / FILE, self.folder / PEOPLE)
+        if self._known is None or self._known[0] != state:
+            self._known = (state, Design.load(self.folder))
+        return self._known[1]
+
+    def page(self, participant: str) -> str:
+        """The page of a participant; Refused where there is none."""
+        design = self._with(participant)
+        public = design.public(participant)
+        state = _state(*(self.folder / condition.stimulus for condition in design.conditions))
+        if self._rides is None or self._rides[0] != state:
+            self._rides = (state, rides_of(public, self.folder))
+        return session_page(public, self.folder, served=True, rides=self._rides[1])
+
+    def stimulus(self, name: str) -> Path:
+        """The file of a stimulus, by the name that the design gives it; Refused for any other."""
+        for condition in self.design.conditions:
+            if condition.stimulus == name:
+                return self.folder / name
+        raise Refused(HTTPStatus.NOT_FOUND, "there is no such stimulus")
+
+    def taken(self, participant: str, sent: Any) -> dict[str, Any]:
+        """What a page is replied that has sent something: all events where it was opened, or that one has arrived."""
+        design = self._with(participant)
+        if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
+            raise Refused(
+                HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
+            )
+        tab, event = sent["tab"], sent.get("event")
+        if not isinstance(tab, str) or not 0 < len(tab) <= LONGEST_TAB or not isinstance(sent["device"], dict):
+            raise Refused(HTTPStatus.BAD_REQUEST, "expected a short text as tab and an object as device")
+        if sent["design"] != design.digest:
+            raise Refused(
+                HTTPStatus.CONFLICT, "this page is of another design than the one that is served; reload it", "design"
+            )
+        with self._lock:
+            ledger = Ledger(self.folder / FOLDER / f"{participant}.json", design, participant)
+            if event is None:
+                self.tabs[participant] = tab
+                return {"events": ledger.events}
+            if self.tabs.setdefault(participant, tab) != tab:
+                raise Refused(HTTPStatus.CONFLICT, "the session was opened in another window since", "elsewhere")
+            if not isinstance(event, dict):
+                raise Refused(HTTPStatus.BAD_REQUEST, "expected an object as event")
+            ledger.path.parent.mkdir(exist_ok=True)
+            return {"added": ledger.add(event, sent["device"])}
+
+    def _with(self, participant: str) -> Design:
+        """The design, if somebody of this id is expected; Refused otherwise."""
+        design = self.design
+        if participant not in {person.id for person in design.participants}:
+            raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
+        if participant in design.withdrawn:
+            raise Refused(HTTPStatus.GONE, f"{participant} withdrew from the study")
+        return design
+
+
+class StudyServer(ThreadingHTTPServer):
+    """Serves the sessions of a study's folder.
+
+    Parameters
+    ----------
+    port : 0 takes any that is free
+    host : an address of this machine; another than 127.0.0.1 needs ``secured`` and ``token``
+    names : further names by which it may be asked for
+    token : without which nothing is answered, the first part of each address
+    secured : what encrypts the connections
+    tell : called with what whoever runs the study should know: that answers cannot be written
+
+    Raises StudyError where the folder holds no study or lacks stimuli, OutputError where the port cannot be had.
+    """
+
+    daemon_threads = True
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        port: int = 0,
+        host: str = LOCAL,
+        names: Sequence[str] = (),
+        token: str = "",
+        secured: ssl.SSLContext | None = None,
+        tell: Callable[[str], None] | None = None,
+    ) -> None:
+        self.study = Study(Path(folder))
+        self.tell = tell
+        first = self.study.design.participants[0].id
+        self.study.page(first)  # what lacks is said now, not to the first participant
+        self.token = token
+        try:
+            super().__init__((host, port), _Handler)
+        except OSError as error:
+            raise OutputError(
+                f"cannot serve on port {port}: {error.strerror or error}; choose another --port"
+            ) from None
+        here = self.server_address[1]
+        self.hosts = {f"{name}:{here}" for name in (LOCAL, "localhost", *names)}
+        self.scheme = "http" if secured is None else "https"
+        if secured is not None:
+            self.socket = secured.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
+
+    def server_bind(self) -> None:
+        """Without the name of this machine, for which http.server would ask the network, and may wait long."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+
+    def address(self, name: str = LOCAL) -> str:
+        """Where the sessions are, as it is typed into a browser; a participant's is this and the id."""
+        return f"{self.scheme}://{name}:{self.server_address[1]}/{self.token}{'/' if self.token else ''}"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A page that was closed is no error."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One request."""
+
+    timeout = READING
+    server: StudyServer
+    server_version, sys_version = "hpop", ""
+
+    def do_GET(self) -> None:
+        """A page or a stimulus."""
+        with self._told():
+            name = self._asked()
+            if name == "":
+                self._send(self._list())
+            elif name.startswith("stimuli/"):
+                self._file(self.server.study.stimulus(name))
+            else:
+                self._send(self.server.study.page(name).encode(errors="backslashreplace"))
+
+    def do_POST(self) -> None:
+        """An event of a session, or that its page was opened."""
+        with self._told():
+            folder, _, participant = self._asked().partition("/")
+            if folder != FOLDER:
+                raise Refused(HTTPStatus.NOT_FOUND, "nothing is taken here")
+            self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
+
+    def _asked(self) -> str:
+        """What is asked for, without the token; Refused for who does not know that, or asks by another's name."""
+        host = self.headers.get("Host", "")
+        if host not in self.server.hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, f"ask for {self.server.address()}")
+        path = self.path.partition("?")[0].removeprefix("/")
+        if self.server.token:
+            given, _, path = path.partition("/")
+            if not secrets.compare_digest(given.encode("utf-8", "replace"), self.server.token.encode()):
+                raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+        return path
+
+    def _body(self) -> Any:
+        """What was posted; Refused where it is no JSON, too long, or comes from another page."""
+        origin = self.headers.get("Origin")
+        if origin not in (None, f"{self.server.scheme}://{self.headers.get('Host')}"):
+            raise Refused(HTTPStatus.FORBIDDEN, "only pages of this server may send answers")
+        if self.headers.get_content_type() != "application/json":
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdigit()):
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
+        if len(length) > LONGEST_LENGTH or int(length) > MOST_BODY:
+            self.close_connection = True  # without reading what it sends
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
+        try:
+            return parse(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            raise Refused(HTTPStatus.BAD_REQUEST, "expected JSON") from None
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """A refusal is said to who asked: to pages as JSON."""
+        try:
+            yield
+        except Refused as refused:
+            self._reply(refused.status, {"error": refused.said, "why": refused.why})
+        except HpopError as error:
+            # What a page should not have sent is its fault; a disk that is full is not, and the page tries again.
+            is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
+            status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
+            if is_ours and self.server.tell is not None:
+                self.server.tell(str(error))
+            self._reply(status, {"error": str(error), "why": "disk" if is_ours else "answer"})
+
+    def _reply(self, status: HTTPStatus, values: dict[str, Any]) -> None:
+        self._send(json.dumps(values, allow_nan=False).encode(), "application/json", status)
+
+    def _send(self, data: bytes, kind: str = "text/html; charset=utf-8", status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+    def _list(self) -> bytes:
+        """Links to the sessions that are expected; nothing of how far they are."""
+        names = [person.id for person in self.server.study.design.expected]
+        root = f"/{self.server.token}/" if self.server.token else "/"
+        links = " ".join(f'<a href="{root}{name}">{name}</a>' for name in map(html.escape, names))
+        return LIST.format(links=links).encode()
+
+    def _file(self, path: Path) -> None:
+        """A stimulus, or the part of a video that is asked for."""
+        is_page = path.suffix == ".html"
+        try:
+            file = open_regular(path, MOST_BYTES if is_page else MOST_VIDEO)
+        except OSError:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such stimulus") from None
+        with file:
+            size = os.fstat(file.fileno()).st_size
+            begin, end = _range(self.headers.get("Range"), size)
+            is_part = (begin, end) != (0, size)
+            self.send_response(HTTPStatus.PARTIAL_CONTENT if is_part else HTTPStatus.OK)
+            self.send_header("Content-Type", "text/html; charset=utf-8" if is_page else "video/mp4")
+            self.send_header("Content-Length", str(end - begin))
+            self.send_header("Accept-Ranges", "bytes")
+            if is_part:
+                self.send_header("Content-Range", f"bytes {begin}-{end - 1}/{size}")
+            self.end_headers()
+            file.seek(begin)
+            while begin < end and (piece := file.read(min(PIECE, end - begin))):
+                self.wfile.write(piece)
+                begin += len(piece)
+
+    def end_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Nothing is printed of who asks for what."""
+
+
+def _range(asked: str | None, size: int) -> tuple[int, int]:
+    """First byte, and the one after the last, of what a player asks for: "bytes=0-", "bytes=5-9"; else of all."""
+    first, dash, last = (asked or "").removeprefix("bytes=").partition("-")
+    if not (asked and asked.startswith("bytes=") and dash and first.isdigit() and (last == "" or last.isdigit())):
+        return 0, size
+    begin, end = int(first), min(int(last) + 1, size) if last else size
+    return (begin, end) if begin < end else (0, size)
+
+
+def _state(*paths: Path) -> tuple[int, ...]:
+    """By which changes of files are noticed."""
+    return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)
