@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -55,9 +56,9 @@ def through(model: object, points: list[tuple[float, float]]) -> hpop.Trajectory
     return hpop.Trajectory.from_poses(model, poses)
 
 
-def front_of(problem: hpop.Problem) -> hpop.Front:
+def front_of(problem: hpop.Problem, through_points: Mapping[str, list[tuple[float, float]]] = WAYS) -> hpop.Front:
     """The two ways: row 0 is straight, row 1 goes round."""
-    ways = [through(problem.model, points) for points in WAYS.values()]
+    ways = [through(problem.model, points) for points in through_points.values()]
     return hpop.Front.of(
         trajectory_costs(problem.criteria, ways, problem.world),
         ways,

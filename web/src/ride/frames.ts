@@ -8,7 +8,7 @@ const MOST_SLOW = 0.05;
 export interface FrameReport {
   /** Pictures shown. */
   readonly count: number;
-  /** s, from the first to the last */
+  /** s, from the beginning to the last of them */
   readonly seconds: number;
   /** Share of that time in which fewer than 60 a second were shown. */
   readonly slow: number;
@@ -19,19 +19,19 @@ export interface FrameReport {
 
 export class Frames {
   private count = 0;
-  private last: number | null = null;
   private all = 0;
   private slow = 0;
   private longest = 0;
 
+  /** Of a ride that begins at a time in ms: a first picture that comes late counts as well. */
+  constructor(private last: number) {}
+
   /** A picture is shown, at a time in ms. */
   shown(now: number): void {
-    if (this.last !== null) {
-      const step = Math.max(now - this.last, 0);
-      this.all += step;
-      if (step > SLOW) this.slow += step;
-      this.longest = Math.max(this.longest, step);
-    }
+    const step = Math.max(now - this.last, 0);
+    this.all += step;
+    if (step > SLOW) this.slow += step;
+    this.longest = Math.max(this.longest, step);
     this.last = now;
     this.count += 1;
   }

@@ -29,7 +29,7 @@ export class StimulusPage {
   private readonly headset: Headset;
   private readonly gaze: GazeButtons;
   private readonly card = element("div");
-  private frames = new Frames();
+  private frames = new Frames(0);
   /** ms, when the ride began; null before and after it */
   private began: number | null = null;
   /** Whether it was in the headset when it began. */
@@ -86,9 +86,9 @@ export class StimulusPage {
 
   private begin(): void {
     this.card.hidden = true;
-    this.frames = new Frames();
     this.worn = this.headset.isOn;
     this.began = performance.now();
+    this.frames = new Frames(this.began);
     this.stage.canvas.style.visibility = "visible";
     this.stage.place(this.track, 0);
     this.stage.fade("view", "black");

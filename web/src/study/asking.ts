@@ -160,12 +160,12 @@ export function remarks({ voice, design, recorder }: Context, done: () => void):
   text.rows = 6;
   label.append(element("span", "unseen", voice.say("remarks_label")), text);
   const place = design.places.length + 1;
-  const go = button(voice.say("continue"), "", () => {
-    if (text.value.trim() !== "") {
-      recorder.add({ kind: "remark", place, value: text.value.trim() });
-    }
-    done();
+  const before = recorder.events.findLast((event) => event.kind === "remark")?.value;
+  if (typeof before === "string") text.value = before;
+  text.addEventListener("change", () => { // whenever it is left, so that who stops loses nothing
+    recorder.add({ kind: "remark", place, value: text.value.trim() });
   });
+  const go = button(voice.say("continue"), "", done);
   go.className = "main";
   go.id = "continue";
   const row = element("div", "row");

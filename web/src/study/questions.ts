@@ -6,6 +6,9 @@ import { type Form, type Item, type Scale, valuesOf } from "./model";
 const MOST_CHOICES = 21;
 const MOST_IN_ROW = 11;
 const MOST_ON_PHONE = 7;
+/** Words in a row on a phone, and how many it takes where there are more. */
+const MOST_WORDS = 4;
+const FEWER_WORDS = 3;
 
 let names = 0;
 
@@ -61,6 +64,7 @@ export function choices(
   group.append(element("legend", "", legend));
   const row = element("div", "choices");
   row.style.setProperty("--count", String(Math.min(options.length, MOST_IN_ROW)));
+  row.style.setProperty("--words", String(options.length > MOST_WORDS ? FEWER_WORDS : options.length));
   row.style.setProperty("--few", String(Math.min(options.length, MOST_ON_PHONE)));
   names += 1;
   for (const { value, text, spoken } of options) {
@@ -74,8 +78,9 @@ export function choices(
       group.classList.remove("missing");
       chosen(value);
     });
-    label.append(input, element("span", "", text));
-    if (spoken !== "") label.append(element("span", "unseen", `, ${spoken}`));
+    const shown = element("span", "", text);
+    if (spoken !== "") shown.append(element("span", "unseen", `, ${spoken}`));
+    label.append(input, shown);
     row.append(label);
   }
   group.append(row);

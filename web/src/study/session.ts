@@ -56,6 +56,7 @@ export class Session {
     if (events.some((event) => event.kind === "end")) this.at = this.steps.length - 1;
     else if (events.length > 0) this.recorder.add({ kind: "resume" });
     this.show();
+    this.showStanding();
     document.documentElement.dataset["ready"] = "yes";
   }
 

@@ -68,7 +68,7 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
       if (!isRunning) return;
       isRunning = false;
       const { frames } = told;
-      const rate = frames.seconds > 0 ? Math.round((frames.count - 1) / frames.seconds) : 0;
+      const rate = frames.seconds > 0 ? Math.round(frames.count / frames.seconds) : 0;
       recorder.device.refresh_hz = Math.max(recorder.device.refresh_hz ?? 0, rate);
       const { flagged, ...value } = frames;
       recorder.add({ kind: "frames", place, condition, value });

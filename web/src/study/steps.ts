@@ -76,7 +76,7 @@ function isDone(step: Step, events: readonly Event[]): boolean {
     case "ride": return events.some((e) => e.kind === "stimulus" && e.value === "end" && e.place === step.at.place);
     case "rest": return events.some((e) => e.kind === "pause" && e.value === "end" && e.place === step.after.place);
     case "compare": return step.form.items.every((i) => chosenOf(events, step.pair, i.id) !== undefined);
-    case "remarks": return events.some((e) => e.kind === "remark");
+    case "remarks": // until the end
     case "end": return false;
   }
 }
