@@ -52,7 +52,7 @@ class PageServer(ThreadingHTTPServer):
             ) from None
         if certificate is not None:
             # Each connection greets in a thread of its own: one that says nothing keeps nobody waiting.
-            self.socket = _context(certificate).wrap_socket(
+            self.socket = context_of(certificate).wrap_socket(
                 self.socket, server_side=True, do_handshake_on_connect=False
             )
         self.scheme = "http" if certificate is None else "https"
@@ -153,7 +153,7 @@ def certificate_for(*hosts: str) -> Certificate:
     )
 
 
-def _context(certificate: Certificate) -> ssl.SSLContext:
+def context_of(certificate: Certificate) -> ssl.SSLContext:
     """What a server needs of a certificate; its key is on the disk only while it is read, and only for its owner."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     with TemporaryDirectory(prefix="hpop-") as folder:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 DEFAULT_COUNT = 3
 MOST_LINES = 40
+PORT = 8000
 MOST_CONSENT = 100_000  # bytes
 
 folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
@@ -151,6 +152,46 @@ def init(
     echo(
         f"written to {folder}: schedule.csv says who sees what; `hpop study serve {quote(str(folder))}` shows the pages"
     )
+
+
+@study.command()
+@folder_argument
+@click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]")
+@click.option("--network", is_flag=True, help="To headsets in the network too, over https: hpop[serve].")
+@user_errors
+def serve(folder: Path, port: int, network: bool) -> None:
+    """Show the pages of the study in DIR and write down each answer, until Ctrl-C.
+
+    To this machine alone, and to a headset on its cable after `adb reverse`; with --network to other machines too.
+    """
+    from hpop.cli.serving import EVERYWHERE, LOCAL, certificate_for, context_of, own_address
+    from hpop.study import Design
+    from hpop.study.server import StudyServer, token_of
+
+    Design.load(folder)  # what is no study gets no token
+    here = own_address() if network else LOCAL
+    certificate = certificate_for(here) if network else None
+    with StudyServer(
+        folder,
+        port=port,
+        host=EVERYWHERE if network else LOCAL,
+        names=[here],
+        token=token_of(folder),
+        secured=None if certificate is None else context_of(certificate),
+        tell=lambda said: echo(f"error: {said}", err=True),
+    ) as server:
+        if certificate is None:
+            echo(
+                f"a headset on a cable comes to it after: adb reverse tcp:{server.server_port} tcp:{server.server_port}"
+            )
+        else:
+            echo("a browser warns once that nobody vouches for the certificate, which is made for this; its SHA-256 is")
+            echo(f"  {certificate.fingerprint}")
+        echo(f"sessions, until Ctrl-C: {server.address(here)}")
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            echo("no longer served; every answer that a page called saved is in answers/")
 
 
 @study.command()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import html
 import json
 import os
+import re
 import secrets
 import ssl
 from collections.abc import Callable, Iterator, Sequence
@@ -22,12 +23,13 @@ from socketserver import TCPServer
 from threading import Lock
 from typing import Any
 
-from hpop.errors import HpopError, OutputError
+from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.regular_file import open_regular
 from hpop.study.answers import FOLDER
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
+from hpop.study.documents import read_bytes, write_bytes
 from hpop.study.ledger import Ledger
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
@@ -39,6 +41,7 @@ MOST_BODY = 16_384
 MOST_VIDEO = 2**33
 """Bytes of a video."""
 PIECE = 2**18
+TOKEN, TOKEN_BYTES, MOST_TOKEN = "token", 9, 100
 KEYS = {"design", "tab", "device"}
 """Of what a page sends; with an event where there is one."""
 LONGEST_LENGTH = 9
@@ -328,6 +331,19 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:
         """Nothing is printed of who asks for what."""
+
+
+def token_of(folder: str | os.PathLike[str]) -> str:
+    """The token of a study's addresses: made once and kept in its folder, so that pages survive its server."""
+    path = Path(folder) / TOKEN
+    if not path.exists():
+        write_bytes(path, secrets.token_urlsafe(TOKEN_BYTES).encode())
+    token = read_bytes(path, MOST_TOKEN).decode("ascii", "replace").strip()
+    if not re.fullmatch(r"[A-Za-z0-9_-]{8,64}", token):
+        raise StudyError(
+            f"{path} holds no token of at least 8 letters, digits, - and _; remove it, and another is made"
+        )
+    return token
 
 
 def _range(asked: str | None, size: int) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -144,3 +145,20 @@ def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
     assert observed.exit_code == 17
     assert "observed power is not given" in observed.output
     assert study("power").exit_code == study("power", "--effect", "some").exit_code == 2
+
+
+def test_serve_says_where_and_what_cannot_be_served_is_told(study: Study, planned: Path) -> None:
+    study(
+        "init", "s", "--front", planned, "--rows", "knee,least turns", "--participants", 2, "--consent", "consent.txt"
+    )
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = study("serve", "s", "--port", other.getsockname()[1])
+    assert (taken.exit_code, "choose another --port" in taken.output) == (12, True)
+    assert "Traceback" not in study("serve", "nowhere").output
+    assert study("serve", "nowhere").exit_code == 17
+    assert not Path("nowhere").exists()
+    Path("s/stimuli/A.html").unlink()
+    gone = study("serve", "s", "--port", 0)
+    assert (gone.exit_code, "make the stimuli" in gone.output) == (17, True)
