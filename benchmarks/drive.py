@@ -119,6 +119,7 @@ class Drive:
             "front": len(self.front),
             "prepare_s": self.seconds,
             "prepared_mb": self.prepared.memory / 2**20,
+            "graph_mb": sum(a.nbytes for a in vars(self.graph).values() if isinstance(a, np.ndarray)) / 2**20,
             "close_ms": spread(closing),
             "open_ms": spread(opening),
             "deadline_s": self.deadline,
@@ -157,7 +158,7 @@ def answers(rows: list[tuple[float, ParetoPaths]], deadline: float) -> dict[str,
         "overruns_above_30_ms": int((over > SLACK).sum()),
         "gaps": spread(gaps, 1.0),
         "gaps_above_a_tenth": sum(gap > 0.1 for gap in gaps),
-        "search_mb": max(found.stats.peak_memory for _, found in rows) / 2**20,
+        "search_mb": max(found.stats.peak_memory for _, found in rows) / 2**20,  # beside what is kept
     }
 
 

@@ -179,6 +179,34 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             """A file that keeps a search which was stopped: `hpop plan --checkpoint FILE` goes on from there.""",
         ),
     ),
+    "On the way": (
+        _entry(
+            "drive, plan, announced",
+            """A trajectory of a front that is driven, and changed on the way: `hpop drive`. The plan is what is driven
+            if nothing changes any more; the announced way is that to the goal, also where it is closed.""",
+        ),
+        _entry(
+            "option, options, leaves at, next turn, same side, keeps on",
+            """A way on which a drive may go on: one of the front of the rest, or the present plan. It says when it
+            leaves the announced way, how long until the robot turns next, and whether it passes obstacles on the
+            same sides.""",
+        ),
+        _entry(
+            "commit",
+            """The place from which options begin: the first one later than the deadline at which the robot may leave
+            its plan, going straight on or stopping to turn. Until there nothing changes, so nothing jumps.""",
+        ),
+        _entry(
+            "wish, hurry",
+            """What somebody aboard asks for, such as "fewer turns" or "hurry": a choice among the options, at the least
+            loss in the other costs. The criteria stay the same.""",
+        ),
+        _entry(
+            "deadline",
+            """Seconds of processor time in which options are looked for. What is known of the ways is there at once;
+            what is missing when time is up is bounded by the gap.""",
+        ),
+    ),
     "Maps": (
         _entry(
             "free space, usable",

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from hpop.drive.execution import Change, Execution
+    from hpop.drive.change import Change
+    from hpop.drive.execution import Execution
     from hpop.drive.moment import Moment
     from hpop.drive.options import Commit, Option, Options
     from hpop.drive.record import load
@@ -31,7 +32,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Change": "hpop.drive.execution",
+    "Change": "hpop.drive.change",
     "Commit": "hpop.drive.options",
     "Event": "hpop.drive.script",
     "Execution": "hpop.drive.execution",

@@ -17,7 +17,7 @@ from shapely.geometry import Polygon, mapping
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.errors import DriveError, MapError, did_you_mean
+from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
 from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.arcs import MOVE
@@ -131,6 +131,16 @@ def to_open(given: Any, known: Mapping[str, BaseGeometry], closed: Sequence[Clos
             f"closed; closed are {listed(closed)}"
         )
     return found
+
+
+def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> None:
+    """Raise CoversRobot where a robot, in a state (1,), is within what is closed."""
+    for closing in closings:
+        if not closing.collision(model).states_free(here)[0]:
+            raise CoversRobot(
+                f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
+                "planned; close an area beside it"
+            )
 
 
 def _no_door(name: str, known: Any, hint: str) -> str:

@@ -6,28 +6,28 @@ it is told the same, and can be repeated from its record.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from shapely.geometry import mapping
 
 from hpop.drive import storage
-from hpop.drive.closings import Closing, polygon_of
+from hpop.drive.adaptation import NOTICE, PATIENCE, adapted
+from hpop.drive.change import Change, written
+from hpop.drive.closings import Closing, refuse_covered
 from hpop.drive.cuts import Cut, closed_ways, cut_of
-from hpop.drive.departures import next_turn, same_side
+from hpop.drive.departures import same_side
 from hpop.drive.moment import Moment, Stretch, past
 from hpop.drive.network import Found, Network
 from hpop.drive.options import Commit, Compared, Option, Options
 from hpop.drive.plan import SAME, Plan, between, held, joined, part, until
 from hpop.drive.rest import front_of_rest
 from hpop.drive.surroundings import Surroundings
+from hpop.drive.telling import Telling
 from hpop.drive.wishes import Wish, wished
-from hpop.errors import CoversRobot, DriveError
+from hpop.errors import DriveError
 from hpop.front import Point
 from hpop.frontier.choices import Preferring
 from hpop.motions import States
@@ -36,38 +36,17 @@ from hpop.options import MOST, real, whole
 from hpop.planners.base import Planner
 from hpop.trajectory import Trajectory
 from hpop.world import Person
-from hpop.world.people import described_person
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 DEADLINE = 0.2
 """s, for options, where none is given."""
-PATIENCE = 0.1
-"""By how much, as a share, another way must be better for the robot to take it by itself."""
-NOTICE = 2.0
-"""s before the first turn that nobody was told of, at least, where the robot changes its plan by itself."""
+SHIFT = 0.01
+"""s: by less a robot is not earlier or later than it was taken to be."""
 
 
-@dataclass(frozen=True)
-class Change:
-    """What a change of the world makes of a drive.
-
-    now         s, of the drive
-    safe_until  s, of the drive, until when the present plan may be driven; None for all the way
-    stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
-    brakes      whether it cannot come to where it might take another way
-    invalid     of the last options, by number, those that are closed now
-    """
-
-    now: float
-    safe_until: float | None
-    stops_at: float | None
-    brakes: bool
-    invalid: tuple[int, ...]
-
-
-class Execution:
+class Execution(Telling):
     """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
 
     problem     as it was planned
@@ -100,18 +79,16 @@ class Execution:
         preference: Preferring | None = None,
     ) -> None:
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
-        self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
+        super().__init__(begin)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
         self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
         self.preference = preference
-        self.record: list[dict[str, Any]] = []
         self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
         self._lag = float(
             self.begin
         )  # s of the drive at which the plan began, as far as it is known where the robot is
-        self._last = -np.inf  # s, when it was last told anything
-        self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0)]
+        self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0, self._lag)]
         self._latest: Options | None = None
         self._lay_out(self.begin)  # ahead of the first question
 
@@ -158,6 +135,8 @@ class Execution:
             given = space.state(state, what="state that is seen")
             planned = self._plan.seen(given, self._planned(now))
             self._lag = now - planned
+            if abs(self._lag - self._stretches[-1].lag) > SHIFT:
+                self._shift(now)
             self._note("seen", now, state=list(space.values(given)))
         planned = self._planned(now)
         return Moment(
@@ -218,7 +197,7 @@ class Execution:
         found = self._network.found(surroundings, commit, kept, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(held(part(self._plan.driven, 0, commit.place), commit.stands))
-        gone = partial(past, before, before.end, self._stretches, self._lag, self.problem.criteria)
+        gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
         front, point, place = front_of_rest(problem, found.candidates, kept, gone)
         closings = () if kept is None else surroundings.closed
         compared = Compared(
@@ -295,39 +274,10 @@ class Execution:
         """
         if options is not self._latest:
             raise DriveError("these are not the last options; ask for options again")
-        if not len(options.front):
-            return None
-        if options.keep_on is None:
-            chosen = options.knee() if self.preference is None else options.select(preference=self.preference)
-        else:
-            found = self._better(options)
-            if found is None:
-                return None
-            chosen = found
-        self.take(chosen)
+        chosen = adapted(options, self.patience, self.notice)
+        if chosen is not None:
+            self.take(chosen)
         return chosen
-
-    def _better(self, options: Options) -> Option | None:
-        """An option that is better than the present plan by the patience, and is announced in time."""
-        assert options.keep_on is not None
-        plan = np.array([options[options.keep_on].costs[name] for name in options.front.names])
-        costs = options.front.costs
-        if self.preference is not None:  # one cost: what the person is expected to make of it
-            plan, costs = (self.preference.expected(options.front, of)[:, None] for of in (plan[None], costs))
-            plan = plan[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            shares = np.where(plan > 0, costs / plan, np.where(costs > 0, np.inf, 1.0)).mean(axis=1)
-        for row in np.argsort(shares, kind="stable").tolist():
-            if shares[row] > 1.0 - self.patience:
-                return None
-            option: Option = options[row]
-            if option.keeps_on or option.leaves_at is None:
-                continue
-            t = option.leaves_at - options.commit.time
-            turn = next_turn(option.item, t - 2 * SAME)
-            if turn is None or options.commit.time + turn - options.now >= self.notice:
-                return option
-        return None
 
     def world(
         self,
@@ -372,27 +322,14 @@ class Execution:
         else:
             after = before.stop(now, stop)
         new = [closing for closing in after.closed if closing not in before.closed]
-        self._refuse_covered(now, new)
-        self._note(what, self._told(now), **_written(close, open, people, groups, stop, name))
+        refuse_covered(new, self.problem.model, self._plan.driven.at(self._planned(now)))
+        self._note(what, self._told(now), **written(close, open, people, groups, stop, name))
         return self._change(now, after, new)
-
-    def _refuse_covered(self, now: float, closings: Sequence[Closing]) -> None:
-        """Raise DriveError where the robot is within what is closed."""
-        here = self._plan.driven.at(self._planned(now))
-        for closing in closings:
-            if not closing.collision(self.problem.model).states_free(here)[0]:
-                raise CoversRobot(
-                    f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
-                    "planned; close an area beside it"
-                )
 
     def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
         """Go on in other surroundings, in which some closings are new."""
         self._stand(now)
-        t, plan = self._planned(now), self._plan
-        times = plan.announced.times
-        begins = float(times[min(int(np.searchsorted(times, t - SAME)), times.size - 1)])
-        self._stretches.append(Stretch(after, begins))
+        self._stretches.append(Stretch(after, self._next_state(now), self._lag))
         cut = self._cut(now)
         self._lay_out(now)
         ways = [] if self._latest is None else self._latest.ways
@@ -401,6 +338,19 @@ class Execution:
         stops = None if cut.stops is None else self._lag + cut.stops
         brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
         return Change(now, None if cut.safe is None else self._lag + cut.safe, stops, bool(brakes), invalid)
+
+    def _next_state(self, now: float) -> float:
+        """When the motion that is under way ends, s of the plan."""
+        times = self._plan.announced.times
+        return float(times[min(int(np.searchsorted(times, self._planned(now) - SAME)), times.size - 1)])
+
+    def _shift(self, now: float) -> None:
+        """Note that the robot is earlier or later than it was taken to be: what is driven from now on is."""
+        begins, last = self._next_state(now), self._stretches[-1]
+        if last.begins >= begins - SAME:
+            self._stretches.pop()
+            begins = last.begins
+        self._stretches.append(Stretch(last.surroundings, begins, self._lag))
 
     def _stand(self, now: float) -> None:
         """Note that the robot has stood until now, where it does because the rest of its way is closed."""
@@ -431,57 +381,17 @@ class Execution:
         self._plan = self._plan.closed_at(cut.stops)
         return cut
 
-    # Time and record
+    # Where on the plan
 
     def _planned(self, now: float) -> float:
         """Where on the plan the robot is, s."""
         return min(max(now - self._lag, 0.0), self._plan.end)
-
-    def _time(self, now: float) -> float:
-        return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
-
-    def _in_order(self, now: float) -> float:
-        """A time at which something is told or asked; DriveError where something was told later."""
-        now = self._time(now)
-        if now < self._last - SAME:
-            raise DriveError(f"it was {self._last:.3f} s already, now it is {now:.3f} s: tell events in order of time")
-        return max(now, self._last)
-
-    def _told(self, now: float) -> float:
-        """The same, and that it is told now."""
-        self._last = self._in_order(now)
-        return self._last
-
-    def _now(self) -> float:
-        """When it was last told anything, s."""
-        return max(self._last, self.begin)
 
     def _options_at_hand(self) -> Options:
         if self._latest is None:
             raise DriveError("there are no options at hand since the plan was last changed: ask options(now) first")
         return self._latest
 
-    def _note(self, event: str, now: float, **what: Any) -> None:
-        """Write into the record."""
-        self.record.append(json.loads(json.dumps({"event": event, "now": now, **what}, allow_nan=False)))
-
 
 def _deadline(deadline: float) -> float:
     return float(real("deadline", deadline, 0, MOST, "a time in s", error=DriveError))
-
-
-def _written(
-    close: Any,
-    open_: Any,
-    people: Iterable[Person] | None,
-    groups: Iterable[Iterable[int]],
-    stop: Any,
-    name: str,
-) -> dict[str, Any]:
-    """What a change was told by, as JSON."""
-    if close is not None or open_ is not None:
-        area = open_ if close is None else close
-        return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}
-    if people is not None:
-        return {"people": [described_person(person) for person in people], "groups": [list(group) for group in groups]}
-    return {"person": stop.name if isinstance(stop, Person) else stop}

@@ -15,13 +15,15 @@ from hpop.trajectory import Trajectory
 
 
 class Stretch(NamedTuple):
-    """Since when a drive is in some surroundings.
+    """Since when a drive is in some surroundings, and as early or late as it is.
 
     begins  s, of the plan: a motion that is under way is of the surroundings in which it began
+    lag     s, of the drive, at which the plan began, as far as it was known where the robot is
     """
 
     surroundings: Surroundings
     begins: float
+    lag: float
 
 
 class Past(NamedTuple):
@@ -42,12 +44,10 @@ class Past(NamedTuple):
         return total
 
 
-def past(plan: Plan, until: float, stretches: Sequence[Stretch], lag: float, criteria: Sequence[Criterion]) -> Past:
-    """What a plan has cost until a time of its own, s: each stretch as its world was then.
+def past(plan: Plan, until: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
+    """What a plan has cost until a time of its own, s: each stretch as its world was when the robot was there.
 
     Criteria with memory are of the whole way in the world as it is now.
-
-    lag  s, of the drive, at which the plan began
     """
     totals = dict.fromkeys((criterion.name for criterion in criteria), 0.0)
     plain = [criterion for criterion in criteria if criterion.aggregate != "trajectory"]
@@ -57,7 +57,7 @@ def past(plan: Plan, until: float, stretches: Sequence[Stretch], lag: float, cri
         if end <= stretch.begins:
             continue
         way = between(plan.announced, stretch.begins, end)
-        problem = stretch.surroundings.at(way.states.take([0]), lag + stretch.begins)
+        problem = stretch.surroundings.at(way.states.take([0]), stretch.lag + stretch.begins)
         values = trajectory_costs(plain, [way], problem.world)[0].tolist()
         for criterion, value in zip(plain, values, strict=True):
             name = criterion.name
@@ -114,5 +114,5 @@ class Moment:
         if self.stands:
             plan = Plan(held(plan.driven, self.now - self._lag - end))
             end = plan.end
-        found = past(plan, end, self._stretches, self._lag, criteria)
+        found = past(plan, end, self._stretches, criteria)
         return {criterion.name: found.cost(criterion) for criterion in criteria}

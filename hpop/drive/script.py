@@ -10,8 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hpop.drive.change import Change
 from hpop.drive.closings import Closing
-from hpop.drive.execution import DEADLINE, Change, Execution
+from hpop.drive.execution import DEADLINE, Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
 from hpop.errors import CoversRobot, DriveError, OptionError

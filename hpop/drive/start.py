@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, cast
 
-from hpop.drive.execution import NOTICE, PATIENCE, Execution
+from hpop.drive.adaptation import NOTICE, PATIENCE
+from hpop.drive.execution import Execution
 from hpop.errors import DriveError, QueryError, did_you_mean
 from hpop.front import Front, Point, question_of
 from hpop.frontier.choices import Preferring

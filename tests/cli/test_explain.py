@@ -18,7 +18,21 @@ pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @pytest.mark.parametrize(
-    "word", ["gap", "certificate", "hypervolume", "supported", "exposure", "knee", "eps", "quantum"]
+    "word",
+    [
+        "gap",
+        "certificate",
+        "hypervolume",
+        "supported",
+        "exposure",
+        "knee",
+        "eps",
+        "quantum",
+        "commit",
+        "option",
+        "drive",
+        "wish",
+    ],
 )
 def test_the_words_that_puzzled_are_explained(run: Callable[..., Result], word: str) -> None:
     result = run("explain", word)

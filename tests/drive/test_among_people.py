@@ -108,6 +108,28 @@ def test_what_is_known_among_people_takes_no_search() -> None:
     assert later[later.keep_on].item.duration == pytest.approx(rest.duration)
 
 
+def test_what_was_driven_costs_what_it_did_when_the_robot_was_there() -> None:
+    """A robot that is seen later than planned met people later from then on, not before."""
+    problem, front, planner = among(Person(5.0, 3.6, velocity=(-0.4, 0.0), until=12.0))
+    drive = hpop.follow(problem, front, "least turns", planner=planner)
+    way, late = drive.plan, 1.5
+    before = drive.at(3.0).past["hall_zones"]
+    assert before > 0.1
+    at = float(way.times[np.searchsorted(way.times, 3.0)])  # the motion that is under way is of the time before
+    seen = way.at(3.0)
+    moment = drive.at(3.0 + late, problem.model.space.values(seen))
+    assert moment.past["hall_zones"] == pytest.approx(before, abs=1e-3)
+    later = drive.at(6.0 + late).past["hall_zones"]
+    first = problem.evaluate(between(way, 0.0, at))["hall_zones"]
+    rest = between(way, at, 6.0)
+    then = problem.at(problem.model.space.values(rest.states.take([0])), at + late)
+    assert later == pytest.approx(first + then.evaluate(rest)["hall_zones"], abs=1e-3)
+    # Seen again where it is taken to be, nothing changes, however often.
+    for t in (6.1, 6.2, 6.3):
+        drive.at(t + late, problem.model.space.values(way.at(t)))
+    assert len(drive._stretches) == 2
+
+
 def test_a_drive_keeps_the_margin_with_which_it_was_planned() -> None:
     problem, front, planner = among(Person(9.0, 2.0, velocity=(-0.6, 0.0), until=8.0), margin=0.2)
     drive = hpop.follow(problem, front, "knee")
