@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from hpop.front import Front
     from hpop.named_rows import NamedRow
     from hpop.study import Answers, Design
+    from hpop.study.results import Method
+    from hpop.study.statistics.corrections import Correction
 
 DEFAULT_COUNT = 3
 MOST_LINES = 40
@@ -233,6 +235,47 @@ def score(folder: Path) -> None:
 
 @study.command()
 @folder_argument
+@click.option(
+    "--score",
+    "named",
+    default="ssq.total",
+    metavar="FORM.SCORE",
+    help="What is tested, such as comfort.comfort. [ssq.total]",
+)
+@click.option(
+    "--method", default="default", metavar="NAME", help="default, or paper: the tests of the paper. [default]"
+)
+@click.option("--correction", metavar="NAME", help="Of several comparisons: holm, bonferroni or none. [the method's]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the report. [DIR/report]")
+@user_errors
+def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
+    """Test a score of the answers in DIR, and write a report: a page, tables, figures, and the code that repeats it."""
+    from hpop.study import Answers, analyse
+    from hpop.study.folder import REPORT
+
+    answers = Answers.load(folder)
+    analysis = analyse(
+        answers.design,
+        answers,
+        method=cast("Method", method),
+        score=_score(named),
+        correction=cast("Correction | None", correction),
+    )
+    page = analysis.save(out or folder / REPORT)
+    echo(analysis.text())
+    echo(f"written: {page}")
+
+
+def _score(text: str) -> tuple[str, str]:
+    """A form and the name of a score of it."""
+    form, _, name = text.partition(".")
+    if not form or not name:
+        raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
+    return form, name
+
+
+@study.command()
+@folder_argument
 @click.argument("participant")
 @user_errors
 def replace(folder: Path, participant: str) -> None:
@@ -309,14 +352,13 @@ def power(
 
     if (effect is None) == (pilot is None):
         raise click.UsageError("give --effect or --pilot, one of them")
-    form, _, score = named.partition(".")
     found = simulated(
         None if effect is None else _shifts(effect),
         n=people,
         k=stimuli,
         correlation=correlation,
         test=test,
-        pilot=None if pilot is None else Answers.load(pilot).matrix(form, score).values,
+        pilot=None if pilot is None else Answers.load(pilot).matrix(*_score(named)).values,
         target=target,
         seed=seed,
     )

@@ -28,7 +28,7 @@ from hpop.study.words import FOLDER as WORDS
 from hpop.study.words import MOST_BYTES as MOST_WORDS
 from hpop.trajectory import Trajectory
 
-PAGES, STIMULI = "pages", "stimuli"
+PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
 BEGINNING = 2**20
 PRIVATE = 0o700
 """A study's folder is its owner's alone: it holds what people answer about how they feel."""
@@ -166,9 +166,9 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
     for path in removed:
         path.unlink(missing_ok=True)
     notes = _tables_again(target, design)
-    if (target / "report").exists():
+    if (target / REPORT).exists():
         notes.append(
-            f"{target / 'report'} was made with the answers of {participant}: `hpop study report` makes it again"
+            f"{target / REPORT} was made with the answers of {participant}: `hpop study report` makes it again"
         )
     return Withdrawal(tuple(str(path.relative_to(target)) for path in removed), successor, tuple(notes))
 

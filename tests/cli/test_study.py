@@ -85,6 +85,23 @@ def totals() -> tuple[int, float]:
     return found[0], round(found[1], 6)
 
 
+@pytest.mark.proof
+def test_a_report_is_written_beside_the_answers(study: Study, planned: Path) -> None:
+    begun = study("init", "s", "--front", planned, "--participants", 6, "--consent", "consent.txt")
+    assert begun.exit_code == 0, begun.output
+    design = Design.load("s")
+    people = [person.id for person in design.participants]
+    answered(design, Path("s"), people, lambda who, place, form, item: float(int(who[1:]) * place % 4))
+    reported = study("report", "s", "--score", "ssq.N", "--method", "paper")
+    assert reported.exit_code == 0, reported.output
+    assert "written: s/report/report.html" in reported.output
+    assert Path("s/report/report.html").is_file()
+    misspelt = study("report", "s", "--method", "papre")
+    assert misspelt.exit_code == 17
+    assert "Did you mean 'paper'" in misspelt.output
+    assert study("report", "s", "--score", "ssq").exit_code == 2
+
+
 def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path) -> None:
     assert study("init", "s", "--front", planned, "--participants", 6, "--consent", "consent.txt").exit_code == 0
     Path("s/answers/p01.json").write_text("{}")

@@ -8,11 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import hpop
 from hpop import study
 from hpop.errors import StudyError
+from hpop.study.conditions import lettered
 from hpop.study.design import Design
 from tests.study.conftest import CONSENT
 
@@ -30,7 +32,8 @@ def test_the_papers_design_has_three_f_and_three_m_in_each_of_six_orders(front: 
 
 
 def test_letters_are_dealt_by_the_seed_and_not_by_the_rows(front: hpop.Front) -> None:
-    dealt = {tuple(one.row for one in of(front, seed=seed).conditions) for seed in range(20)}
+    rngs = map(np.random.default_rng, range(20))
+    dealt = {tuple(one.row for one in lettered(front, [3, 0, 5], "ride", rng)) for rng in rngs}
     assert len(dealt) == 6
     assert of(front, seed=3).document == of(front, seed=3).document
 
