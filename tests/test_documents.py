@@ -14,6 +14,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -118,6 +119,9 @@ def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: s
 def test_a_command_in_a_document_has_the_arguments_that_there_are(line: str) -> None:
     _, name, *arguments = shlex.split(line, comments=True)
     command = main.get_command(None, name)
+    if isinstance(command, click.Group):
+        name = arguments.pop(0)
+        command = command.get_command(None, name)
     assert command is not None, f"no command {name}"
     command.make_context(name, arguments, parent=main.make_context("hpop", ["--help"], resilient_parsing=True)).close()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from hpop.errors import StudyError
 from hpop.study import Answers, Design, folder
 from hpop.study.checks import check
 from tests.study.sessions import answered, events_of, put, session
+
+WORD = re.compile(rb"(?<![A-Za-z0-9+/])p02(?![A-Za-z0-9+/])")  # not by chance, in what is written as base64
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +148,7 @@ def test_nothing_is_kept_of_whoever_withdraws(begun: Path, design: Design) -> No
     }
     for path in begun.rglob("*"):
         if path.is_file() and path.name not in ("design.json", "people.json", "schedule.csv"):
-            assert b"p02" not in path.read_bytes(), path
+            assert not WORD.search(path.read_bytes()), path
             assert b"I know the robot" not in path.read_bytes(), path
     assert (begun / "pages" / "p13.html").is_file()
     after = Answers.load(begun)
