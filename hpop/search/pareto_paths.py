@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import IntArray
-from hpop.errors import OptionError, did_you_mean
-from hpop.options import MOST_COUNTED, amounts, whole
+from hpop.errors import OptionError
+from hpop.search.demands import asked_in_words, bounds_of, precision_of
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
+from hpop.search.machinery.approximation import Precision, proven_gap
 from hpop.search.methods import Question, chosen_method, chosen_order
-from hpop.search.networks import WHOLE
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.text import shown
@@ -98,8 +97,8 @@ def pareto_paths(
     from hpop.search.machinery.checkpoint import Keeper
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
-    precision = _precision(graph, eps, tolerance)
-    bounds = _bounds(graph, at_most)
+    precision = precision_of(graph, eps, tolerance)
+    bounds = bounds_of(graph, at_most)
     asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
     keeper = Keeper.of(checkpoint, graph, start, targets, method, *asked, *["lazily"][: free is not None])
 
@@ -218,7 +217,7 @@ class _ParetoRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        asked = _in_words(self.graph, self.precision, self.at_most)
+        asked = asked_in_words(self.graph, self.precision, self.at_most)
         return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap, asked=asked)
 
 
@@ -229,50 +228,6 @@ def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
             raise OptionError("costs, quanta and aggregates are for graphs of networkx; this Graph has its own")
         return graph
     return Graph.from_networkx(graph, () if costs is None else costs, quanta=quanta, aggregates=aggregates)
-
-
-def _bounds(graph: Graph, at_most: Any) -> tuple[int, ...]:
-    """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
-    given = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
-    name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
-    first = "" if graph.edges is None else graph.edges.names[0]
-    hint = f"or give bounds by name, in units, such as {{{first!r}: 30.0}}" * bool(first)
-    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1, hint=hint), ANYTHING) for b in given)
-    return bounds if any(b < ANYTHING for b in bounds) else ()
-
-
-def _precision(graph: Graph, eps: float, tolerance: Any) -> Precision:
-    return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number", 0))
-
-
-def _in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
-    """What was asked beside all vectors, as part of a certificate."""
-    names = graph.edges.names if graph.edges is not None else [f"cost {j}" for j in range(graph.criteria)]
-    quanta = graph.edges.quanta.tolist() if graph.edges is not None else [1] * graph.criteria
-    steps, bounds = precision.of(range(graph.criteria)).tolist(), at_most or [ANYTHING] * graph.criteria
-    near = [f"{n} {s * q:.9g}" for n, s, q in zip(names, steps, quanta, strict=True) if s]
-    within = [f"{n} {b * q:.9g}" for n, b, q in zip(names, bounds, quanta, strict=True) if b < ANYTHING]
-    return f" of at most {', '.join(within)}" * bool(within) + f" within a tolerance of {', '.join(near)}" * bool(near)
-
-
-def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, nothing: int | None) -> tuple[Any, ...]:
-    """What is given for each cost, or for none of them, as counts; by name in units, ``nothing`` where not named."""
-    if isinstance(values, Mapping):
-        if graph.edges is None:
-            raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs: this graph's have no names")
-        amounts(name, values, MOST_COUNTED)
-        counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, nothing)
-        for cost, amount in values.items():
-            if cost not in counts:
-                known = ", ".join(counts)
-                raise OptionError(f"{name} has {shown(cost)}; the costs are {known}.{did_you_mean(cost, counts)}")
-            quantum = graph.edges.quanta[graph.edges.names.index(cost)]
-            counts[cost] = min(math.floor(amount / quantum + WHOLE), 2**62)
-        return tuple(counts.values())
-    listed = isinstance(values, Sequence) and not isinstance(values, str)
-    if not (listed or (isinstance(values, np.ndarray) and values.ndim)) or len(values) not in (0, graph.criteria):
-        raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
-    return tuple(values)
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:

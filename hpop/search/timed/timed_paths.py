@@ -11,8 +11,8 @@ import numpy as np
 from hpop.arrays import IntArray
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
+from hpop.search.demands import asked_in_words, bounds_of, precision_of
 from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
-from hpop.search.pareto_paths import _bounds, _in_words, _precision
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.paths import TimedPaths
@@ -80,7 +80,7 @@ def timed_paths(
     from hpop.search.machinery.slices import Clock  # numba: on first use
     from hpop.search.timed.kept import KeptSolutions
 
-    precision, bounds = _precision(static, eps, tolerance), _bounds(static, at_most)
+    precision, bounds = precision_of(static, eps, tolerance), bounds_of(static, at_most)
     asked = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
     kept = KeptSolutions(graph, checkpoint, *asked)
     clock = Clock(budget, progress)
@@ -213,5 +213,5 @@ class _TimedRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        asked = _in_words(self.graph.graph, self.precision, self.at_most)
+        asked = asked_in_words(self.graph.graph, self.precision, self.at_most)
         return TimedPaths(costs, status, stats, self.graph, self.source, tuple(paths), gap=gap, asked=asked)
