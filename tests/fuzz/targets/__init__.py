@@ -8,7 +8,7 @@ import numpy as np
 from harness import Attempt, Target
 
 from hpop.search import Graph, pareto_paths
-from targets import drives, fronts, interfaces, maps, robots, scenarios
+from targets import drives, fronts, interfaces, maps, robots, scenarios, studies
 from targets.drives import saved_drive
 from targets.fronts import saved_front
 from targets.given import PLANNERS, ROOM, as_yaml, command
@@ -28,6 +28,7 @@ def warm(folder: Path) -> None:
             pareto_paths(Graph.from_arcs(60, tails, heads, maker.integers(1, 3, (400, costs))), 0, 59, method=method)
     saved_front()
     saved_drive()
+    studies.designed()
 
 
 EVERY: list[Attempt] = [
@@ -35,5 +36,6 @@ EVERY: list[Attempt] = [
     *(maps.ros_bag, robots.arm, scenarios.scenario, scenarios.plan, fronts.front, fronts.show, fronts.checkpoint),
     *(fronts.pick, interfaces.python, interfaces.problem, interfaces.graph, interfaces.ros, interfaces.arguments),
     *(drives.events, drives.drive),
+    *(studies.design, studies.form, studies.answers, studies.preference, studies.learnt),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
