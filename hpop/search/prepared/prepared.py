@@ -35,6 +35,8 @@ from hpop.search.prepared.run import PreparedRun
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
 from hpop.status import Budget, ProgressCallback, Status
 
+MANY = 100_000  # nodes: of fewer the exact search is mostly done before joint bounds are needed
+
 
 class Prepared:
     """A graph ready to be searched from any node to the same targets, again and again.
@@ -86,7 +88,7 @@ class Prepared:
             self.outlook = Outlook.of(graph, far, self.targets, self.plans[0][1], h, groups, clock)
         self.closings = Closings(graph, groups)
         self.hull: HullRepair | None = None
-        if self.outlook.hull is not None:
+        if self.outlook.hull is not None and graph.nodes > MANY:
             first, _, rest = self.plans[0][1]
             self.hull = HullRepair(self.outlook.hull, groups, graph.costs, (first, rest), h, self.is_target)
         self._entering: tuple[IntArray, NDArray[np.int32]] | None = None

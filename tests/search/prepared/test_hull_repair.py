@@ -9,12 +9,18 @@ import pytest
 
 from hpop.search import Graph, Prepared, pareto_paths
 from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.prepared import prepared as prepared_graph
 from hpop.search.staircase.turn_hull import STEP_BITS
 from hpop.status import Status
 from tests.search.prepared.test_prepared import an_event, any_graph
 
 EVENTS = 5
 ROUNDED = 8  # of 2^27, what a whole way weighs
+
+
+@pytest.fixture(autouse=True)
+def of_any_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prepared_graph, "MANY", 0)
 
 
 @pytest.mark.seeds(2, of=100)
