@@ -1,6 +1,6 @@
 """Benchmark of a drive: the front of the rest, again and again, while places are closed and opened.
 
-    python benchmarks/drive.py [--maps museum pal_office nav2_depot m200] [--events 300] [--out FILE]
+    python benchmarks/drive.py [--maps museum pal_office nav2_depot m200 visitors small] [--events 300] [--out FILE]
 
 Of each map the lattice at 0.25 m with exposure, turns and length, prepared once (:class:`hpop.search.Prepared`), and
 the exact front from its start. An event is a place on a way of that front from which all that is left is asked for; the
@@ -9,6 +9,11 @@ closed before, which may leave nothing known, and opened after. Seconds are proc
 with a deadline of them: of 0.1 s, on m200 of 0.3 s. Where an answer is complete its front is compared with that of
 ``pareto_paths`` on a fresh graph without what is closed; where it is not, some are, and the gap that was claimed with
 the true one. Fails where any differs, or a gap is larger than claimed. Maps that are absent are skipped.
+
+Among people who move (``visitors``, the museum of examples/visitors.yaml, and ``small``, that of timed_worlds.py) an
+event is a question on a drive (:func:`hpop.follow`) along a plan of the front, at 0.25 m and 1/20 s; before one of
+three a person is predicted otherwise, before another one an area is closed. Beside are answers of the planner that begins
+from nothing each time, with as many seconds.
 """
 
 from __future__ import annotations
@@ -17,19 +22,26 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import maps
 import museums
 import numpy as np
+import shapely
+import timed_worlds
 
 import hpop
+import hpop.drive
+import hpop.errors
 from hpop.arrays import IntArray
 from hpop.criteria import make_criterion
 from hpop.planners import Lattice
+from hpop.scenario import load_scenario
 from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
 from hpop.status import Status
+from hpop.world import Person
 
 STEP = 0.25  # m
 COSTS = ["exposure", "turns", "length"]
@@ -37,6 +49,8 @@ DEADLINES = {"museum": 0.1, "pal_office": 0.1, "nav2_depot": 0.1, "m100": 0.1, "
 RADII = (0.4, 1.5)  # m, of what is closed
 AHEAD = (5, 40)  # states on the way
 LONG = 10  # answers that are not complete and yet compared, for their gaps
+LIMITS = (0.2, 1.0)  # s, deadlines among people
+LATEST = 8.0  # s: then another drive begins
 SLACK = 0.03  # s, by which no deadline is to be overrun
 
 
@@ -49,6 +63,10 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = []
     for name in arguments.maps:
+        if name in PEOPLE:
+            rows.append(among(name, arguments.events))
+            print(json.dumps(rows[-1], indent=1), flush=True)
+            continue
         if name in maps.FOLDERS and (reason := maps.missing(name)):
             print(f"{name} skipped: {reason}")
             continue
@@ -57,7 +75,7 @@ def main() -> None:
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         arguments.out.write_text(json.dumps({"maps": rows}, indent=1) + "\n")
-    if wrong := [row["map"] for row in rows if row["different"] or row["claims_broken"]]:
+    if wrong := [row["map"] for row in rows if row.get("different") or row.get("claims_broken")]:
         sys.exit(f"answers differ from those of fresh graphs, or claim too small a gap: {', '.join(wrong)}")
 
 
@@ -141,6 +159,88 @@ class Drive:
                 return int(nodes[at]), np.zeros(0, np.int64)
             if not near[nodes[at]] and not near[self.goals].any():
                 return int(nodes[at]), np.flatnonzero(near[self.tails] | near[self.graph.heads])
+
+
+def visitors() -> hpop.Problem:
+    """The museum of the examples with three visitors who walk."""
+    return load_scenario(Path(__file__).parent.parent / "examples" / "visitors.yaml").problem
+
+
+def small() -> hpop.Problem:
+    """Three rooms with two visitors who come through their doors."""
+    return timed_worlds.small().problem
+
+
+PEOPLE = {"visitors": visitors, "small": small}
+
+
+def among(name: str, events: int) -> dict[str, Any]:
+    """What drives among people who move answer."""
+    asked, planner, rng = PEOPLE[name](), Lattice(step=STEP, margin=0.1), np.random.default_rng(0)
+    began = time.process_time()
+    front = asked.solve(planner)
+    row: dict[str, Any] = {"map": name, "events": events, "front": len(front), "front_s": time.process_time() - began}
+    told: dict[str, list[float]] = {"follow": [], "people": [], "close": []}
+    kept: dict[float, list[tuple[float, int, bool]]] = {limit: [] for limit in LIMITS}
+    anew: dict[float, list[tuple[float, int, bool]]] = {limit: [] for limit in LIMITS}
+    drive, now = None, 0.0
+    for number in range(events):
+        if drive is None or now > LATEST:
+            now, row_of = 0.0, int(rng.integers(len(front)))
+            began = time.process_time()
+            drive = hpop.follow(asked, front, row_of, planner=planner)
+            told["follow"].append(time.process_time() - began)
+        now += float(rng.uniform(0.2, 2.5))
+        change = ("none", "people", "close")[number % 3]
+        try:
+            spent = changed(drive, change, now, rng)
+        except hpop.errors.DriveError:  # it covers the robot
+            continue
+        told.setdefault(change, []).append(spent)
+        for limit in LIMITS:
+            began = time.thread_time()
+            options = drive.options(now, limit)
+            kept[limit].append((time.thread_time() - began, len(options), options.status.is_final))
+            commit = options.commit
+            if not commit.arrives:
+                there = drive.surroundings.at(commit.state, commit.time)
+                began = time.process_time()
+                try:
+                    found = replace(planner, time_limit=limit).solve(there)
+                except hpop.errors.QueryError:
+                    continue
+                # Beside what is found the present plan is known.
+                more = len(found.trajectories) + 1
+                anew[limit].append((time.process_time() - began, more, found.status.is_final))
+        options = drive.options(now, LIMITS[0])
+        if len(options) and rng.random() < 0.3:
+            drive.take(int(rng.integers(len(options))))
+        elif options.keep_on is None:
+            drive = None
+    row |= {f"{what}_ms": spread(spent) for what, spent in told.items() if what != "none"}
+    for limit in LIMITS:
+        for words, several in (("kept", kept[limit]), ("anew", anew[limit])):
+            row[f"{words}_{limit:g}_s"] = {
+                "ms": spread([spent for spent, *_ in several]),
+                "more_than_the_plan": sum(count > 1 or final for _, count, final in several) / len(several),
+                "exact": sum(final for *_, final in several) / len(several),
+            }
+    return row
+
+
+def changed(drive: hpop.drive.Execution, change: str, now: float, rng: np.random.Generator) -> float:
+    """Tell a drive that a person will walk otherwise, or that an area is closed; the processor seconds it takes."""
+    there = drive.surroundings
+    people = [person.later(now - there.since) for person in there.people]
+    began = time.process_time()
+    if change == "people":
+        i = int(rng.integers(len(people)))
+        people[i] = Person(people[i].x, people[i].y, velocity=tuple(rng.uniform(-0.8, 0.8, 2)), until=10.0)
+        drive.world(now, people=people)
+    elif change == "close":
+        way = drive.announced.at(drive.announced.duration * float(rng.uniform(0.3, 0.9)))
+        drive.world(now, close=shapely.Point(float(way.x[0]), float(way.y[0])).buffer(0.3))
+    return time.process_time() - began
 
 
 def answers(rows: list[tuple[float, ParetoPaths]], deadline: float) -> dict[str, Any]:
