@@ -12,7 +12,7 @@ the true one. Fails where any differs, or a gap is larger than claimed. Maps tha
 
 Among people who move (``visitors``, the museum of examples/visitors.yaml, and ``small``, that of timed_worlds.py) an
 event is a question on a drive (:func:`hpop.follow`) along a plan of the front, at 0.25 m and 1/20 s; before one of
-three a person is predicted otherwise, before another one an area is closed. Beside are answers of the planner that begins
+three a person is predicted otherwise, before another an area is closed. Beside are answers of the planner that begins
 from nothing each time, with as many seconds.
 """
 
