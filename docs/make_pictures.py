@@ -125,6 +125,13 @@ RECIPES = [
         },
     ),
     Recipe(
+        "session",
+        "python docs/session.py",
+        "study#the-session",
+        {},
+        {"out/session/pages/p01.html": "live/session.html"},
+    ),
+    Recipe(
         "look",
         "hpop look examples/museum.yaml --out out/look.png",
         "gallery#a-map-before-anything-is-planned",

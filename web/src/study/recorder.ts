@@ -149,6 +149,7 @@ export class Posted extends Recorder {
           method: "POST",
           headers: { "Content-Type": "application/json" },
           body,
+          keepalive: true, // what is on its way arrives though the page is closed
           signal: AbortSignal.timeout(PATIENCE),
         });
         const said = (await reply.json()) as Reply;
