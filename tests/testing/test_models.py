@@ -66,9 +66,10 @@ def test_the_robots_of_the_house_and_of_its_example_pass_every_check(model: Any)
 
 
 @pytest.fixture(autouse=True)
-def few_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The judge takes its time, most of all that of an arm."""
+def few_motions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The judge takes its time, most of all that of an arm, and motions are sampled one by one."""
     monkeypatch.setattr("hpop.testing.models.JUDGED", 30)
+    monkeypatch.setattr("hpop.testing.models.PAIRS", 5)
 
 
 def registered() -> list[str]:
