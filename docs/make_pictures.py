@@ -86,7 +86,14 @@ RECIPES = [
         "tutorials/03_own_criterion",
         {"out/own_criterion/map.png": "A criterion of one's own: ways that spare the camera the evening sun"},
     ),
-    example("04_study", {"study": "The three trajectories of the paper's study"}),
+    example(
+        "04_study",
+        {
+            "study": "The three trajectories of the paper's study",
+            "report/scores": "A study's scores, person by person (simulated answers)",
+            "report/choices": "What was chosen of pairs (simulated answers)",
+        },
+    ),
     example(
         "05_pan_tilt",
         {

@@ -1,24 +1,30 @@
-"""The three trajectories of the study in Becerra et al. 2020 (arXiv 2002.10696), on another museum.
+"""The three trajectories of the study in Becerra et al. 2020 (arXiv 2002.10696), on another museum, and its people.
 
 Users compared the path with the least turns, the shortest path, and what a common planner makes: an RRT under wheel
 accelerations, of many runs the one whose curvature changes its sign least often. They felt best with the first, worst
-with the last. Needs OMPL: pip install 'hpop[rrt]'.
+with the last. Needs OMPL: pip install 'hpop[rrt]'. The people's answers are SIMULATED here: nobody gave them.
 """
 
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.stats import norm
 from shapely.plotting import plot_polygon
 
 import hpop
+from hpop import study
+from hpop.named_rows import NamedRow
 
 HERE = Path(__file__).parent
 LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-.")}
+PAPER = {"before": 5.61, "least turns": 9.35, "shortest": 14.96, "RRT": 20.57}  # its medians of the SSQ
+FELT = {"before": 0.1, "least turns": 0.35, "shortest": 0.65, "RRT": 0.9}  # chosen so that medians come near these
+LIKED = {"least turns": 0.3, "shortest": 0.6, "RRT": -0.9}  # preferred is not most comfortable
 
 
-def main(folder: Path = Path("out/04_study"), runs: int = 30, step: float = 0.5) -> dict[str, hpop.Trajectory]:
-    """Plan all three, compare them in a table, draw them on one map."""
+def main(folder: Path = Path("out/04_study"), runs: int = 10, step: float = 0.5) -> dict[str, hpop.Trajectory]:
+    """Plan all three, compare them in a table, draw them on one map, ask 36 people that a program makes up."""
     # World and criteria: V, N and D of the paper; the sign changes of the curvature are reported beside.
     problem = hpop.Problem(
         world=hpop.World.from_geojson(HERE / "museum.geojson"),
@@ -31,11 +37,9 @@ def main(folder: Path = Path("out/04_study"), runs: int = 30, step: float = 0.5)
     # Plan: two optima of one front, and the baseline (the paper: 1000 runs). executor= spreads the runs over processes.
     front = problem.solve(planner="lattice", step=step)
     baseline = problem.solve(planner="rrt", runs=runs, seed=1)
-    trajectories = {
-        "least turns": front.lexicographic(["turns", "length"]).item,
-        "shortest": front.lexicographic(["length", "turns"]).item,
-        "RRT": baseline.best("length").item,
-    }
+    orders = {"least turns": ["turns", "length"], "shortest": ["length", "turns"]}
+    optima = {name: front.lexicographic(order) for name, order in orders.items()}
+    trajectories = {name: point.item for name, point in optima.items()} | {"RRT": baseline.best("length").item}
 
     # Compare: on curves N counts the stretches in which the heading changes to one side.
     rows = {name: problem.evaluate(trajectory) for name, trajectory in trajectories.items()}
@@ -47,7 +51,41 @@ def main(folder: Path = Path("out/04_study"), runs: int = 30, step: float = 0.5)
     # Look.
     folder.mkdir(parents=True, exist_ok=True)
     draw(problem, trajectories, rows).savefig(folder / "study.png", dpi=150)
+
+    # Ask: three women and three men in each of the six orders.
+    design = study.Design.of(
+        front,
+        [NamedRow(point, name) for name, point in optima.items()],
+        baselines=[study.Baseline("RRT", trajectories["RRT"], rows["RRT"])],
+        participants=36,
+        strata={"sex": ("f", "m")},
+        consent="SIMULATED: nobody is asked.",
+        seed=7,
+    )
+    analyse(design, folder)
     return trajectories
+
+
+def analyse(design: study.Design, folder: Path) -> None:
+    """Simulate answers, repeat the paper's tests on them, and print what it prints beside."""
+    letters = {condition.name: condition.id for condition in design.conditions}
+    felt = {letters.get(name, name): level for name, level in FELT.items()}
+    answers = study.simulate(design, felt, liking={letters[name]: level for name, level in LIKED.items()}, seed=14)
+    study.analyse(design, answers).save(folder / "report")  # Friedman, Wilcoxon, Holm; look at report.html
+    result = study.analyse(design, answers, method="paper")
+    medians = {str(row["stimulus"])[0]: float(row["median"]) for row in result.tables["scores"][1:4]}
+    medians["before"] = float(result.tables["scores"][0]["median"])
+    print(f"\n{result.mark}\n{'median SSQ':19} {'simulated':>9} {'paper':>6}")
+    for name, printed in PAPER.items():
+        print(f"{name:19} {medians[letters.get(name, name)]:9.2f} {printed:6.2f}")
+
+    # The identities of Kruskal-Wallis and Dunn for equal groups tie the paper's printed figures together as well.
+    z = [float(pair["z"]) for pair in result.tables["pairs"]]
+    printed_z = norm.isf(np.array([0.566, 0.008, 0.277]) / 3 / 2)  # from p by Bonferroni: z12, z13, z23 in size
+    chi2 = float(result.tables["test"][0]["chi-square"])
+    print(f"{'Kruskal-Wallis':19} {chi2:9.3f} {9.035:6.3f}")
+    print(f"{'2/3 sum of z^2':19} {2 / 3 * np.square(z).sum():9.3f} {2 / 3 * np.square(printed_z).sum():6.3f}")
+    print(f"{'z12 + z23, z13':19} {z[0] + z[2]:.3f}, {z[1]:.3f}; {printed_z[0] + printed_z[2]:.3f}, {printed_z[1]:.3f}")
 
 
 def draw(problem: hpop.Problem, trajectories: dict[str, hpop.Trajectory], rows: dict[str, dict[str, float]]) -> Figure:

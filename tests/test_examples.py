@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
 import runpy
 import sys
 from functools import partial
@@ -98,8 +99,12 @@ def test_ones_own_criterion_of_the_camera_serves_a_head_as_it_is():
     assert aside.item.kinds.count("pan") == 1
 
 
-def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
-    """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both."""
+def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path, monkeypatch, capsys):
+    """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both.
+
+    Of its people the identities of Kruskal-Wallis and Dunn are printed, and the report says that nobody answered.
+    """
+    monkeypatch.setattr("hpop.study.report.DPI", 30)
     trajectories = example("04_study.py").main(tmp_path, runs=2, step=1.0)
     states = {name: trajectory.states for name, trajectory in trajectories.items()}
     length = {name: np.hypot(np.diff(s.x), np.diff(s.y)).sum() for name, s in states.items()}
@@ -109,6 +114,13 @@ def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path):
     heading = np.sign(np.diff(states["RRT"].yaw))
     assert (np.diff(heading) != 0).sum() > turns["shortest"]
     assert (tmp_path / "study.png").stat().st_size > 10_000
+    printed = capsys.readouterr().out.splitlines()
+    assert "SIMULATED" in (tmp_path / "report" / "report.html").read_text()
+    assert sum("SIMULATED" in line for line in printed) == 1
+    found = {line.split("  ")[0]: re.findall(r"-?[0-9.]+", line[19:]) for line in printed[-3:]}
+    assert found["Kruskal-Wallis"][0] == found["2/3 sum of z^2"][0]
+    assert found["z12 + z23, z13"] == [found["z12 + z23, z13"][0]] * 2 + ["2.998", "3.004"]
+    assert found["2/3 sum of z^2"][1] == "9.056"
 
 
 def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp_path, monkeypatch):
