@@ -17,7 +17,7 @@ from scipy import stats
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST_SEED, one_of, real, whole
-from hpop.study.statistics.pairs import exact_p, signed_ranks
+from hpop.study.statistics.pairs import exact_p, rank_sum_chances
 from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
 from hpop.study.statistics.shares import share
 from hpop.text import shown
@@ -194,11 +194,23 @@ def _p_values(values: FloatArray, test: Test) -> FloatArray:
         p = stats.chi2.sf(_kruskal_statistics(values), values.shape[2] - 1)
     else:
         differences = np.round(values[:, :, 1] - values[:, :, 0], 9)
-        if values.shape[1] <= FEW:
-            return np.array([exact_p(signed_ranks(one)) for one in differences])
-        ranks = stats.rankdata(np.abs(differences), axis=1) * np.sign(differences)
+        ranks = np.asarray(stats.rankdata(np.abs(differences), axis=1)) * np.sign(differences)
         size = np.sqrt((ranks**2).sum(axis=1))
         p = 2 * stats.norm.sf(np.abs(ranks.sum(axis=1)) / np.where(size > 0, size, 1.0))
+        if values.shape[1] <= FEW:
+            return _exact(ranks)
+    return np.asarray(p)
+
+
+def _exact(ranks: FloatArray) -> FloatArray:
+    """Exact P values (s,) of signed ranks (s, n); those without ties and zeros share one distribution."""
+    people = ranks.shape[1]
+    plain = (np.sort(np.abs(ranks), axis=1) == np.arange(1, people + 1)).all(axis=1)
+    tail = np.cumsum(rank_sum_chances(range(1, people + 1)))
+    above = np.where(ranks > 0, ranks, 0.0).sum(axis=1)
+    least = np.minimum(above, people * (people + 1) / 2 - above).astype(int)
+    p = np.minimum(1.0, 2 * tail[np.where(plain, least, 0)])
+    p[~plain] = [exact_p(one[one != 0]) for one in ranks[~plain]]
     return np.asarray(p)
 
 
