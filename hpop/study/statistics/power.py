@@ -82,7 +82,7 @@ def power(
     pilot: Any = None,
     target: float = 0.8,
     alpha: float = 0.05,
-    simulations: int = 4000,
+    simulations: int = 10_000,
     seed: int = 0,
 ) -> Power:
     """The power of a study of n people, or the least n whose power reaches ``target``.
