@@ -179,6 +179,37 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             """A file that keeps a search which was stopped: `hpop plan --checkpoint FILE` goes on from there.""",
         ),
     ),
+    "People who move": (
+        _entry(
+            "prediction, horizon",
+            """Where somebody is taken to be from now on: at a constant velocity, along waypoints, as recorded, or by
+            one of several futures. With a `horizon`, s, no prediction goes farther; afterwards the person is gone, or
+            stays.""",
+        ),
+        _entry(
+            "clock, tick",
+            """Where people move, `lattice` and `roadmap` count time in ticks of `clock` seconds, 1/20 by default, for
+            what a motion costs and whether it is free depends on when it begins. Where nobody moves there is none.""",
+        ),
+        _entry(
+            "hold",
+            """The robot stands and waits, for `hold` seconds at least. A plan that begins with a move stands for as
+            long as it then takes to get going.""",
+        ),
+        _entry(
+            "arrive_by",
+            """The latest arrival, s: plans that come later are left out.""",
+        ),
+        _entry(
+            "margin",
+            """Metres that are kept between robot and people who move, as planned and as executed; 0 is no contact.""",
+        ),
+        _entry(
+            "drift, off the clock",
+            """By how much a plan's times differ from those of the clock at most: people are kept clear of all the
+            same.""",
+        ),
+    ),
     "On the way": (
         _entry(
             "drive, plan, announced",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -79,6 +79,10 @@ class Objectives:
     means: tuple[Criterion, ...]
     filters: tuple[Criterion, ...]
     notes: tuple[str, ...]
+
+    def noted(self, notes: tuple[str, ...]) -> Objectives:
+        """The same with more notes."""
+        return replace(self, notes=(*self.notes, *notes)) if notes else self
 
     @property
     def certificate(self) -> str:

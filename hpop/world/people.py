@@ -20,11 +20,13 @@ from hpop.math import smooth_step
 from hpop.options import LEAST, one_of
 from hpop.text import shown
 from hpop.world.checked import check_radians, named_as, number, pair, set_numbers
-from hpop.world.tracks.track import Track
+from hpop.world.tracks.track import FASTEST, Track
 
 Afterwards = Literal["gone", "stays"]
 STANDS = (0.0, 0.0)
 SAME_PLACE = 1e-3  # m, by which a person's place may differ from where the track has it
+WIDEST = 2.0
+"""m, of a person's radius: with what they push or carry; more is given in another unit."""
 SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
 
 
@@ -55,6 +57,7 @@ class Future:
         what = "a future"
         object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
         object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
+        _check_speed(what, self.velocity)
         if self.track is not None:
             _check_track(what, self.track, self.velocity)
         for name in ("x", "y", "yaw", "until", "spread", "growth"):
@@ -113,12 +116,17 @@ class Person:
         check_radians(what, "yaw", self.yaw)
         if not self.radius >= LEAST:
             raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
+        if self.radius > WIDEST:
+            raise MapError(f"{what} needs a radius of at most {WIDEST:g} m; got {self.radius:g}. Radii are in m.")
+        _check_speed(what, self.velocity)
         for name in ("spread", "growth", "age", *(() if self.until is None else ("until",))):
             object.__setattr__(self, name, number(what, name, getattr(self, name), 0.0))
         one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
         if self.track is not None:
             self._set_track(what, self.track)
         object.__setattr__(self, "futures", _checked_futures(what, self.futures))
+        for future in self.futures:
+            self._check_begin(what, future)
         if self.futures and (self.track is not None or self.velocity != STANDS):
             raise MapError(f"{what} has futures, which say where each goes: leave velocity and track out.")
 
@@ -139,6 +147,17 @@ class Person:
         until = track.end if self.until is None else min(self.until, track.end)
         for name, value in (("x", x), ("y", y), ("until", max(until, 0.0))):
             object.__setattr__(self, name, value)
+
+    def _check_begin(self, what: str, future: Future) -> None:
+        """A track that a future follows begins where the person is, unless the future says that it does not."""
+        if future.track is None or future.x is not None or future.y is not None:
+            return
+        x, y = (float(place) for place in future.track.at(0.0))
+        if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
+            raise MapError(
+                f"{what} is at ({self.x:g}, {self.y:g}), but a future's track has ({x:g}, {y:g}) at time 0; begin it "
+                "where the person is, or give that future x and y of its own."
+            )
 
     @classmethod
     def along(cls, track: Track, **others: Any) -> Person:
@@ -350,6 +369,15 @@ def _check_track(what: str, track: object, velocity: tuple[float, float]) -> Non
         raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
     if velocity != STANDS:
         raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
+
+
+def _check_speed(what: str, velocity: tuple[float, float]) -> None:
+    speed = math.hypot(*velocity)
+    if speed > FASTEST:
+        raise MapError(
+            f"{what} has a velocity of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Velocities are in "
+            "m/s: check the unit."
+        )
 
 
 def _checked_futures(what: str, given: Any) -> tuple[Future, ...]:

@@ -252,3 +252,25 @@ def test_the_likeliest_of_several_futures_is_the_one_of_the_greatest_weight():
     one = Person(1.0, 1.0, futures=(Future(1, velocity=(1, 0)), Future(3, velocity=(0, 1)), Future(2)))
     assert one.likeliest == Person(1.0, 1.0, velocity=(0.0, 1.0))
     assert one.likeliest.likeliest is one.likeliest
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (lambda: Person(1, 1, velocity=(30, 40), name="Ada"), r"person 'Ada' has a velocity of 50 m/s, .*\(10 m/s\)"),
+        (lambda: Person(1, 1, radius=100, name="Ada"), r"person 'Ada' needs a radius of at most 2 m; got 100"),
+        (lambda: Future(1, velocity=(0, -11)), r"a future has a velocity of 11 m/s"),
+        (
+            lambda: Person(5, 5, futures=(Future(1, track=L), Future(1))),
+            r"is at \(5, 5\), but a future's track has \(0, 0\)",
+        ),
+    ],
+)
+def test_what_nobody_does_is_refused(wrong, says):
+    with pytest.raises(MapError, match=says):
+        wrong()
+
+
+def test_a_future_may_begin_elsewhere_if_it_says_so():
+    aside = Person(5, 5, futures=(Future(1, track=L, x=0, y=0), Future(1)))
+    assert [person.at(np.float64(0.0)) for _, person in aside.later(1.0).hypotheses] == [(0.0, 0.0), (5.0, 5.0)]

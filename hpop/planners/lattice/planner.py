@@ -21,7 +21,7 @@ from hpop.planners.lattice.stages import stages
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.planners.timed.asked import Asked, people_move, refuse_needless
+from hpop.planners.timed.asked import Asked, needless, people_move
 from hpop.planners.timed.clock import HOLD, TimeOptions
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
@@ -144,11 +144,11 @@ class Lattice:
         if people_move(problem):
             *_, found = self._among_people(problem, progress, in_stages=False)
             return found
-        refuse_needless(problem, self.time_options)
+        notes = needless(problem, self.time_options)
         spending = self.spending(problem)
         lattice = self.lattice(problem, spending)
         mean = self.max_detour is not None
-        objectives = (mean_objectives if mean else edge_objectives)(problem.criteria, "lattice")
+        objectives = (mean_objectives if mean else edge_objectives)(problem.criteria, "lattice").noted(notes)
         try:
             query = self.query(problem, objectives, progress, lattice)
             if self.max_detour is not None:
@@ -176,7 +176,6 @@ class Lattice:
         elif people_move(problem):
             yield from self._among_people(problem, progress, in_stages=True)
         else:
-            refuse_needless(problem, self.time_options)
             yield from stages(self, problem, progress)
 
     def _among_people(

@@ -25,6 +25,7 @@ from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.timed.asked import needless
 from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.search.machinery.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
 from hpop.search.pareto_paths import main_kernels
@@ -44,7 +45,7 @@ COARSE = 0.1  # relative precision of the last stage before the exact one
 
 def stages(planner: Lattice, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
     """Candidates of each stage; after Ctrl-C what was found, and no more."""
-    objectives = edge_objectives(problem.criteria, "lattice")
+    objectives = edge_objectives(problem.criteria, "lattice").noted(needless(problem, planner.time_options))
     spending = planner.spending(problem)
     try:
         yield from _stages(planner, problem, objectives, spending, progress)

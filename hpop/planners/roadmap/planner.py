@@ -26,7 +26,7 @@ from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configura
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.planners.timed.asked import Asked, people_move, refuse_needless
+from hpop.planners.timed.asked import Asked, needless, people_move
 from hpop.planners.timed.clock import HOLD, TimeOptions
 from hpop.planners.usable import elsewhere
 from hpop.randomness import MaybeRNG, set_seed
@@ -159,7 +159,7 @@ class Roadmap:
         if people_move(problem) and _has_positions(problem):
             yield from self._among_people(problem, objectives, progress)
             return
-        refuse_needless(problem, self.time_options)
+        objectives = objectives.noted(needless(problem, self.time_options))
         refuse_unanswerable(problem, objectives, "roadmap")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()

@@ -36,10 +36,19 @@ def people_move(problem: Problem) -> bool:
     return any(person.moves for person in problem.world.content.people)
 
 
-def refuse_needless(problem: Problem, options: TimeOptions) -> None:
-    """Raise OptionError where nobody moves, so that there is no clock, but a time of arrival is asked for."""
-    if options.arrive_by is not None and not people_move(problem):
+def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
+    """A note that names the options of time that are given where nobody moves, so that there is no clock.
+
+    Raises OptionError where a time of arrival is asked for, which would not be kept.
+    """
+    if people_move(problem):
+        return ()
+    if options.arrive_by is not None:
         raise OptionError(
             "arrive_by needs a clock, and where nobody moves there is none; leave it out, and list the criterion "
             "'duration'"
         )
+    given = [name for name in ("clock", "hold", "margin") if getattr(options, name) != getattr(TimeOptions(), name)]
+    if not given:
+        return ()
+    return (f"nobody moves, so there is no clock: {', '.join(given)} did not matter",)

@@ -11,6 +11,7 @@ import csv
 import re
 from collections.abc import Hashable, Iterator, Sequence
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,9 +41,13 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
     places, unit = _columns(first, asked) if header else (_without_header(first, asked), None)
     if not header:
         rows = iter([first, *rows])
-    chosen = list(islice((_picked(row, places, asked) for row in rows), MOST_ROWS + 1))
+    lines = _Lines(text, header)
+    numbered = enumerate(islice(rows, MOST_ROWS + 1))
+    chosen = [_picked(row, places, asked, lines, number) for number, row in numbered]
     clock = "frame" if "frame" in places else "t"
-    columns = {name: _numbers([row[i] for row in chosen], name, asked) for i, name in enumerate(places) if name != "id"}
+    columns = {
+        name: _numbers([row[i] for row in chosen], name, asked, lines) for i, name in enumerate(places) if name != "id"
+    }
     if clock == "t" and asked.frame_rate is not None:
         raise asked.error("has times in s; leave frame_rate out, which is for frames.")
     times = columns[clock] / (asked.rate(None) if clock == "frame" else 1.0)
@@ -51,9 +56,26 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
     return tracks_of(asked, ids, times, columns["x"] / a_metre, columns["y"] / a_metre, wanted)
 
 
+class _Lines(NamedTuple):
+    """The lines of a file, to say where a row is; counted only where a fault is told."""
+
+    text: str
+    header: bool
+
+    def of(self, row: int) -> int:
+        """The line, from 1, of a row of numbers, from 0."""
+        lines = (number for number, line in enumerate(self.text.splitlines(), 1) if _has_a_row(line))
+        return next(islice(lines, row + self.header, None), 0)
+
+
+def _has_a_row(line: str) -> bool:
+    """Whether a line is no comment and not empty."""
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
 def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
     """Rows that are no comments and not empty."""
-    lines = (line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#"))
+    lines = (line for line in text.splitlines() if _has_a_row(line))
     sample = next(lines, "")
     delimiter = max(",;\t", key=sample.count)
     if sample:
@@ -98,21 +120,26 @@ def _without_header(first: Sequence[str], asked: Asked) -> dict[str, int]:
     return {"id": 0, "t" if asked.frame_rate is None else "frame": 1, "x": 2, "y": 3}
 
 
-def _picked(row: Sequence[str], places: dict[str, int], asked: Asked) -> list[str]:
+def _picked(row: Sequence[str], places: dict[str, int], asked: Asked, lines: _Lines, number: int) -> list[str]:
     try:
         return [row[place] for place in places.values()]
     except IndexError:
-        raise asked.error(f"has a row with too few columns: {shown(list(row))}.") from None
+        raise asked.error(
+            f"has a row with too few columns in line {lines.of(number)}: {shown(list(row))}; expected at least "
+            f"{max(places.values()) + 1}."
+        ) from None
 
 
-def _numbers(column: Sequence[str], name: str, asked: Asked) -> FloatArray:
+def _numbers(column: Sequence[str], name: str, asked: Asked, lines: _Lines) -> FloatArray:
     try:
         numbers = np.array(column, dtype=np.float64)
+        wrong = int(np.argmin(np.isfinite(numbers))) if not np.isfinite(numbers).all() else -1
     except ValueError:
-        wrong = next(text for text in column if not _is_number(text))
-        raise asked.error(f"has {shown(wrong)} in the column {name}; expected a number.") from None
-    if not np.isfinite(numbers).all():
-        raise asked.error(f"has {column[int(np.argmin(np.isfinite(numbers)))]} in the column {name}.")
+        wrong = next(i for i, text in enumerate(column) if not _is_number(text))
+    if wrong >= 0:
+        raise asked.error(
+            f"has {shown(column[wrong])} in the column {name} of line {lines.of(wrong)}; expected a finite number."
+        )
     return numbers
 
 

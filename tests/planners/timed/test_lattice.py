@@ -120,6 +120,10 @@ def test_where_nobody_moves_there_is_no_clock():
     )
     assert (plain.planned == with_options.planned).all()
     assert plain.certificate == with_options.certificate
+    assert with_options.notes == (
+        *plain.notes,
+        "nobody moves, so there is no clock: clock, hold, margin did not matter",
+    )
     with pytest.raises(OptionError, match="arrive_by needs a clock"):
         Lattice(step=0.5, arrive_by=20.0).solve(through_the_doors(stands))
 
