@@ -17,7 +17,7 @@ from hpop.planners.graphs.joined_ends import Ends, with_ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
-from hpop.planners.lattice.stages import stages
+from hpop.planners.lattice.stages import MOST_IN_TIME, part_of, stages
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
@@ -193,8 +193,11 @@ class Lattice:
             "lattice", self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
         )
         try:
-            ends = self.ends(self.lattice(problem, spending), problem)
-            yield from answers(problem, objectives, ends, asked, progress)
+            lattice = self.lattice(problem, spending)
+            ends = self.ends(lattice, problem)
+            part = part_of(self, lattice, problem, MOST_IN_TIME) if in_stages else None
+            sooner = None if part is None else self.ends(part, problem)
+            yield from answers(problem, objectives, ends, asked, progress, sooner)
         except Exhausted as stop:
             yield stopped("lattice", objectives, stop, spending)
 

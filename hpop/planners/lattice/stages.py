@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 MOST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
 LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
+MOST_IN_TIME = 400  # positions of the first stage among people who move: what they cost by the tick is soon known
 QUICK = 0.1  # s, of a search before the exact one, at least
 SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
 COARSE = 0.1  # relative precision of the last stage before the exact one
@@ -57,7 +58,7 @@ def _stages(
     planner: Lattice, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None
 ) -> Iterator[Candidates]:
     lattice = planner.lattice(problem, spending)
-    part = None if lattice.costed(objectives.optimised) else _part(planner, lattice, problem)
+    part = None if lattice.costed(objectives.optimised) else part_of(planner, lattice, problem, MOST)
     large = lattice.cells[0].size > LARGE * MOST
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
@@ -122,9 +123,9 @@ def _share(spending: Spending, seconds: float) -> Budget:
     return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
 
-def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLattice | None:
-    """The part of a large lattice on the shortest ways; None for a small one, or where there is no way."""
-    if lattice.cells[0].size <= LARGE * MOST:
+def part_of(planner: Lattice, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
+    """So many positions of a large lattice, on the shortest ways; None of a small one, or where there is no way."""
+    if lattice.cells[0].size <= LARGE * most:
         return None
     from hpop.planners.lattice.nearby import nearby  # numba: on first use
 
@@ -133,7 +134,7 @@ def _part(planner: Lattice, lattice: StateLattice, problem: Problem) -> StateLat
         return None
     at = lattice.places(np.array([starts[0], goals[0]]))
     begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
-    kept = nearby(lattice.number >= 0, begin, end, MOST, corner_cutting=lattice.corner_cutting)
+    kept = nearby(lattice.number >= 0, begin, end, most, corner_cutting=lattice.corner_cutting)
     return None if kept is None else replace(lattice, kept=kept)
 
 

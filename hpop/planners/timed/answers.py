@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 QUICK = 0.2  # s, of a search before the exact one, at least
+COARSE = 0.1  # relative precision on a part of the graph
 SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
 
 
@@ -31,23 +32,34 @@ def answers(
     ends: Ends,
     asked: Asked,
     progress: ProgressCallback | None,
+    sooner: Ends | None = None,
 ) -> Iterator[Candidates]:
-    """Candidates of each stage; after Ctrl-C what was found, and no more. Raises Exhausted where a limit is passed."""
-    began = time.perf_counter()
+    """Candidates of each stage; after Ctrl-C what was found, and no more. Raises Exhausted where a limit is passed.
+
+    ``sooner`` is a part of the graph: what it takes to put it on a clock is soon done, and its paths are paths of all.
+    """
     refuse_too_many(objectives)
     tolerance_counts(objectives, asked.tolerance or {})  # that would only be found wrong by the last stage
     if progress:
         progress(Progress("graph"))
-    space, start, goals = ends
-    spending = space.spending
-    if not isinstance(space, StateGraph | JoinedEnds):
-        raise QueryError(f"{space.words} has no clock")
-    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta)
-    build_seconds = time.perf_counter() - began
-    query = TimedQuery(problem, objectives, timed, asked.options, start, goals, build_seconds, asked.max_turns)
-    if asked.in_stages:
-        share = max(QUICK, SHARE * build_seconds)
-        left = _share(spending.left(), share)
+    spending = ends.space.spending
+    in_stages = asked.in_stages
+    if sooner is not None:
+        before = spending.memory
+        query = _query(problem, objectives, sooner, asked)
+        share = _share(spending.left(), max(QUICK, query.build_seconds))
+        eps = max(COARSE, asked.eps)
+        first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
+        spending.release(spending.memory - before)
+        if len(first.trajectories):
+            in_stages = False
+            with spending.paused():
+                yield _unfinished(first)
+        if first.status is Status.INTERRUPTED:
+            return
+    query = _query(problem, objectives, ends, asked)
+    if in_stages:
+        left = _share(spending.left(), max(QUICK, SHARE * query.build_seconds))
         first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
         if first.status.is_final:
             yield first
@@ -64,6 +76,17 @@ def answers(
         tolerance=asked.tolerance,
         checkpoint=asked.checkpoint,
     )
+
+
+def _query(problem: Problem, objectives: Objectives, ends: Ends, asked: Asked) -> TimedQuery:
+    """The question on a graph, put on a clock."""
+    began = time.perf_counter()
+    space, start, goals = ends
+    if not isinstance(space, StateGraph | JoinedEnds):
+        raise QueryError(f"{space.words} has no clock")
+    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta)
+    seconds = time.perf_counter() - began
+    return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)
 
 
 def _share(left: Budget, seconds: float) -> Budget:

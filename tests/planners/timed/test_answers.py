@@ -3,7 +3,7 @@
 import pytest
 
 from hpop.errors import OptionError, QueryError
-from hpop.planners.lattice import Lattice
+from hpop.planners.lattice import Lattice, planner
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
@@ -94,3 +94,14 @@ def test_one_who_is_at_the_goal_already_needs_no_time(planner):
     found = planner.solve(problem)
     assert found.planned.tolist() == [[0.0]]
     assert len(found.trajectories[0]) == 0
+
+
+def test_first_points_come_from_a_part_on_the_shortest_ways(monkeypatch):
+    monkeypatch.setattr(planner, "MOST_IN_TIME", 30)
+    first, last = Lattice(step=0.5).stages(PROBLEM)
+    assert first.status is Status.UNFINISHED
+    assert "positions on the shortest ways" in first.certificate
+    assert len(first.planned) > 0
+    assert last.status is Status.COMPLETE
+    for row in first.planned:  # real plans: the whole lattice has all of them, or better ones
+        assert (last.planned <= row + 1e-9).all(axis=1).any()
