@@ -70,12 +70,17 @@ class Museum:
         """States and motions, without time."""
         return Lattice(step=STEP).lattice(self.problem)
 
+    def planner(self, tick: float) -> Lattice:
+        """The planner that has this lattice, on a clock of so many seconds a tick."""
+        return Lattice(step=STEP, clock=tick, hold=HOLD, arrive_by=self.arrive_by, margin=MARGIN)
+
     def query(self, tick: float, *, fine: bool = False) -> Query:
         """The lattice on a clock of so many seconds a tick; ``fine``: in the criteria's own quanta."""
         space, start, goals = Lattice(step=STEP).ends(self.lattice, self.problem)
         criteria = (Turns(), Length(), HallZones()) if fine else (Turns(), Millimetres(), Hundredths())
         options = TimeOptions(clock=tick, hold=HOLD, arrive_by=self.arrive_by, margin=MARGIN)
-        return Query(timed_graph(space, criteria, start, options).graph, start, goals)
+        timed = timed_graph(space, criteria, start, options)
+        return Query(timed.graph, timed.start, goals)
 
     def way(self, steps: Steps, tick: float) -> tuple[FloatArray, FloatArray]:
         """Places (N, 2), m, that a path comes through, and those at which it holds, each with the seconds (h, 3)."""

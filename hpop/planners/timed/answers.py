@@ -15,6 +15,7 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.asked import Asked
 from hpop.planners.timed.assembly import timed_graph
+from hpop.planners.timed.notice import Attention
 from hpop.planners.timed.query import TimedQuery
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -43,10 +44,11 @@ def answers(
     if progress:
         progress(Progress("graph"))
     spending = ends.space.spending
-    in_stages = asked.in_stages
+    in_stages, attention = asked.in_stages, None
     if sooner is not None:
         before = spending.memory
         query = _query(problem, objectives, sooner, asked)
+        attention = query.timed.attention
         share = _share(spending.left(), max(QUICK, query.build_seconds))
         eps = max(COARSE, asked.eps)
         first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
@@ -57,7 +59,7 @@ def answers(
                 yield _unfinished(first)
         if first.status is Status.INTERRUPTED:
             return
-    query = _query(problem, objectives, ends, asked)
+    query = _query(problem, objectives, ends, asked, attention)
     if in_stages:
         left = _share(spending.left(), max(QUICK, SHARE * query.build_seconds))
         first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
@@ -78,13 +80,15 @@ def answers(
     )
 
 
-def _query(problem: Problem, objectives: Objectives, ends: Ends, asked: Asked) -> TimedQuery:
+def _query(
+    problem: Problem, objectives: Objectives, ends: Ends, asked: Asked, attention: Attention | None = None
+) -> TimedQuery:
     """The question on a graph, put on a clock."""
     began = time.perf_counter()
     space, start, goals = ends
     if not isinstance(space, StateGraph | JoinedEnds):
         raise QueryError(f"{space.words} has no clock")
-    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta)
+    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta, attention=attention)
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)
 

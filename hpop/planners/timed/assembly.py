@@ -23,7 +23,7 @@ from hpop.planners.objectives import WHOLE
 from hpop.planners.timed.clock import SLACK, Clock, TimeOptions
 from hpop.planners.timed.company import Company
 from hpop.planners.timed.legs import TimedArcs, motions_of
-from hpop.planners.timed.notice import Asked, Notices
+from hpop.planners.timed.notice import Asked, Attention
 from hpop.planners.timed.presence import Presence
 from hpop.planners.timed.safety import Safety
 from hpop.planners.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
@@ -52,6 +52,7 @@ class Timed:
     pairs       how many costs of an arc or a place at a tick were reckoned
     seconds     s that making it took
     safety      what keeps the robot clear of people
+    attention   what criteria said of them
     """
 
     graph: TimedGraph
@@ -67,6 +68,7 @@ class Timed:
     pairs: int
     seconds: float
     safety: Safety
+    attention: Attention
 
     @property
     def counts(self) -> dict[str, Any]:
@@ -102,6 +104,7 @@ def timed_graph(
     options: TimeOptions,
     quanta: Collection[str] = (),
     laid: LaidOut | None = None,
+    attention: Attention | None = None,
 ) -> Timed:
     """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
 
@@ -111,9 +114,10 @@ def timed_graph(
     Parameters
     ----------
     quanta : names of criteria whose costs are compared in steps that the problem sets
+    attention : as another graph of the same question has it, whose criteria need not be asked again
     """
     began = time.perf_counter()
-    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta), laid).made(began)
+    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta), laid, attention).made(began)
 
 
 def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
@@ -132,6 +136,7 @@ class _Assembly:
     options: TimeOptions
     quanta: frozenset[str]
     laid: LaidOut | None
+    known: Attention | None
 
     @cached_property
     def clock(self) -> Clock:
@@ -186,9 +191,14 @@ class _Assembly:
         return [j for j in range(len(self.criteria)) if j not in self.timed]
 
     @cached_property
-    def asked(self) -> list[Asked]:
-        """Those of `timed`, asked about everybody who moves."""
-        return [Asked(self.criteria[j], self.company, self.arcs.inner.model, self._is_set(j)) for j in self.timed]
+    def attention(self) -> Attention:
+        known, timed = self.known, self.some(self.timed)
+        if known is not None and [one.criterion for one in known.asked] == timed:
+            return known
+        model = self.arcs.inner.model
+        return Attention.of(
+            self.company, [Asked(self.criteria[j], self.company, model, self._is_set(j)) for j in self.timed]
+        )
 
     def _is_set(self, j: int) -> bool:
         """Whether somebody says in which steps a cost is compared."""
@@ -198,7 +208,7 @@ class _Assembly:
     def steps(self) -> FloatArray:
         """In which (k,) the search compares costs."""
         steps = np.array([criterion.quantum for criterion in self.criteria])
-        steps[self.timed] = [one.quantum for one in self.asked]
+        steps[self.timed] = [one.quantum for one in self.attention.asked]
         if self.lasting is not None:
             steps[self.lasting] = self.clock.tick
         return steps
@@ -242,14 +252,10 @@ class _Assembly:
         )
 
     @cached_property
-    def notices(self) -> Notices:
-        return Notices.by(self.asked, self.company)
-
-    @cached_property
     def presence(self) -> Presence:
         """Who is noticed, by places of the graph."""
         states = self.arcs.states
-        return Presence(self.company, self.notices, self.clock, self.horizon, states.x, states.y)
+        return Presence(self.company, self.attention.notices, self.clock, self.horizon, states.x, states.y)
 
     @cached_property
     def rates(self) -> FloatArray:
@@ -346,7 +352,7 @@ class _Assembly:
             arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
         )
         overlooked = np.zeros(len(self.criteria))
-        overlooked[self.timed] = self.notices.overlooked
+        overlooked[self.timed] = self.attention.notices.overlooked
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
         return Timed(
             graph,
@@ -362,6 +368,7 @@ class _Assembly:
             pairs,
             seconds,
             self.safety,
+            self.attention,
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,6 +187,22 @@ class Asked:
     def _differences(self, number: int, person: Person, rings: FloatArray) -> FloatArray:
         alone = self.company.alone(number, replace(person, afterwards="gone"))
         return _differences(self.criterion, alone, self.model, person, _moments(person), rings)
+
+
+class Attention(NamedTuple):
+    """What criteria said of the people who move: of a question it is the same on every graph.
+
+    asked    the criteria that read the time, asked about each of those people
+    notices  how far they are noticed
+    """
+
+    asked: Sequence[Asked]
+    notices: Notices
+
+    @classmethod
+    def of(cls, company: Company, asked: Sequence[Asked]) -> Attention:
+        """That of some criteria."""
+        return cls(asked, Notices.by(asked, company))
 
 
 def _moments(person: Person) -> FloatArray:
