@@ -84,7 +84,8 @@ class Museum:
 
     def way(self, steps: Steps, tick: float) -> tuple[FloatArray, FloatArray]:
         """Places (N, 2), m, that a path comes through, and those at which it holds, each with the seconds (h, 3)."""
-        states = self.lattice.states(steps.nodes)
+        start = Lattice(step=STEP).ends(self.lattice, self.problem).start
+        states = self.lattice.states(np.where(steps.nodes < self.lattice.size, steps.nodes, start))  # begins beside it
         places, held = np.column_stack([states.x, states.y]), steps.arcs < 0
         return places, np.column_stack([places[:-1][held], np.diff(steps.departures)[held] * tick])
 
