@@ -58,8 +58,11 @@ ACCEPTED = [(name, model) for name in AT_HOME for model in MODELS if needs_of(pl
 REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model) not in ACCEPTED]
 
 
-#: On graphs, where a head, and arms without a plane, ask of a planner all that a base does.
-LESS = {("roadmap", "differential_drive"), ("roadmap", "holonomic"), ("weighted-sum", "pan_tilt")}
+#: On graphs, where a head asks of a planner all that a base does; splines of an arm begin with its roadmap.
+LESS = {
+    *(("roadmap", model) for model in ("differential_drive", "holonomic", "serial_arm")),
+    ("weighted-sum", "pan_tilt"),
+}
 
 
 def in_proof(case: Any, model: str) -> Any:

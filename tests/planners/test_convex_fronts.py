@@ -107,8 +107,9 @@ def shortest(shortfall):
     ("planner", "options", "above"),
     [
         ("lattice", {"step": 0.5}, EIGHT_WAYS),
-        ("epsilon-constraint", {"step": 1.0}, 0.03),  # few segments, as the lattice's paths have
-        pytest.param("epsilon-constraint", {"step": 0.5}, 0.03, marks=pytest.mark.proof),
+        pytest.param(
+            "epsilon-constraint", {"step": 0.5}, 0.03, marks=pytest.mark.proof
+        ),  # few segments, as lattices have
         ("weighted-sum-corridor", {"step": 0.5}, 0.07),  # tangents of the disc in place of the disc
         ("any-angle", {"step": 0.5}, 0.1),  # corners on the lattice's grid
         pytest.param("roadmap", {"samples": 300}, 0.12, marks=pytest.mark.proof),  # random corners
@@ -119,7 +120,7 @@ def test_length_against_distance_from_a_disc(planner, options, above):
     least = np.array([shortest(shortfall) for shortfall in costs[:, 1]])
     assert (costs[:, 0] >= least * (1 - QUADRATURE)).all()
     assert (costs[:, 0] <= least * (1 + above)).all()
-    assert costs[:, 1].max() >= 1.5
+    assert costs[:, 1].max() >= 2.0
     assert costs[:, 1].min() < 0.7
 
 

@@ -327,11 +327,12 @@ ELSEWHERE = (
     *("against_flow", "cutting_between", "social_force", "speeding", "time_to_collision", "visibility_to_people"),
     *("expected_contacts", "hall_zones"),
 )
+#: Of a moving camera or of joints: alone, on trajectories and on symbols in their own tests; beside others like them.
+IN_SPACE = ("camera_length", "camera_roll", "hand_eye_misalignment", "joint_length", "joint_limits", "view_distance")
 #: With fewer rays in `make test`.
 FEWER = {"optic_flow": {"bearings": 4}}
-PROVED = [
-    pytest.param(name, marks=pytest.mark.proof) if name in (*ALIKE, *ELSEWHERE, *FEWER) else name for name in NAMES
-]
+IN_PROOF = {*ALIKE, *ELSEWHERE, *IN_SPACE, *FEWER}
+PROVED = [pytest.param(name, marks=pytest.mark.proof) if name in IN_PROOF else name for name in NAMES]
 
 
 @pytest.mark.parametrize("name", PROVED)
