@@ -162,6 +162,7 @@ hpop.view.draw_drive
 hpop.view.draw_encounters
 hpop.view.draw_front
 hpop.view.draw_map
+hpop.view.draw_preference
 hpop.view.draw_side
 hpop.view.draw_states
 hpop.view.draw_trace

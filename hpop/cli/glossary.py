@@ -51,6 +51,22 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             drawn thick in the pictures.""",
         ),
         _entry(
+            "for you, preference, preferred",
+            """The trajectory that a person is expected to like best, learnt from some choices between two
+            (`hpop prefer`). Which one that is comes with a probability: with few answers, or such as contradict one
+            another, it is low.""",
+        ),
+        _entry(
+            "regret, expected regret",
+            """What a trajectory is expected to cost a person more than the one that would really be the best for
+            them, as a share of all that trajectories of the front differ by for them. 2 % is little.""",
+        ),
+        _entry(
+            "share, shares, weights",
+            """How much each cost counts for a person, where the whole range of a cost on the front is one unit; they
+            add up to 1. The interval beside holds the share in 90 of 100 such cases.""",
+        ),
+        _entry(
             "ideal, nadir",
             """The ideal is the best value of each cost on the front, taken one by one: no trajectory has all of them.
             The nadir is the worst of each.""",

@@ -65,3 +65,13 @@ def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
         regrets += costs.sum(axis=0)
         counts += np.bincount(costs.argmin(axis=1), minlength=len(rows))
     return counts / len(draws), regrets / len(draws)
+
+
+def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
+    """The same of one row, in less than half the time."""
+    costs = draws.shares @ rows.T  # (draws, n)
+    first = costs.argmin(axis=1)
+    low = costs[np.arange(len(costs)), first]
+    span = costs.max(axis=1) - low
+    regrets = (costs[:, row] - low) / np.where(span > 0, span, 1.0)
+    return float((first == row).mean()), float(regrets.mean())

@@ -20,6 +20,8 @@ COUNT = 20_000
 """Draws of the posterior."""
 LEAST_EFFECTIVE = 500
 """Of equal draws, as how many the weighted ones count at least."""
+RENEWED = 5_000
+"""Draws of equal weight that take their place: ten times as many as they counted for."""
 STEPS = 12
 """Of the random walk each time, by which duplicates part."""
 
@@ -62,11 +64,11 @@ class Draws:
         return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Draws of equal weight, as many, each moved by the random walk.
+        """Draws of equal weight, not as many, each moved by the random walk.
 
         Where sharpness is 0 answers say nothing of shares, which are drawn from the prior itself.
         """
-        draws = self.equal(len(self), rng)
+        draws = self.equal(min(len(self), RENEWED), rng)
         sharp = draws.sharpness > 0
         shares, _, ties = replace(prior, random=0.0).draw(draws.shares.shape[1], int((~sharp).sum()), rng)
         of_random = Draws(shares, np.zeros(len(ties)), ties, np.zeros(len(ties)))

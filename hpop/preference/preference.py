@@ -16,7 +16,7 @@ from hpop.frontier import Front
 from hpop.options import MOST_SEED, real, whole
 from hpop.preference import storage
 from hpop.preference.answers import Answer, answer_of, evidence, of_choices, of_ratings
-from hpop.preference.best import NEAR, Best, judged, row_of
+from hpop.preference.best import NEAR, Best, judged, judged_alone, row_of
 from hpop.preference.draws import COUNT, Draws
 from hpop.preference.prior import Prior
 from hpop.preference.questions import most_telling
@@ -30,7 +30,7 @@ SURE = 0.8
 NOT_RANDOM = 0.1
 """Probability that answers are just anything below which these two rules hold."""
 ASKING = 1_000
-"""Draws by which the next question is chosen."""
+"""Draws by which the next question is chosen, and whether there is to be one."""
 JUDGING = 2_000
 """Draws by which the best row is judged."""
 PREFER, COMFORT = "prefer", "comfort"
@@ -208,11 +208,12 @@ class Preference:
             return f"{most} questions were asked"
         if not self.answers or self.random >= NOT_RANDOM:
             return ""
-        best = self.best()
-        if best.probability[best.row] > SURE:
-            return f"the best one is found with a probability of {best.probability[best.row]:.2f}"
-        if best.regret < NEAR:
-            return f"another one is expected to be better by {100 * best.regret:.1f} % of the range only"
+        front = self._points()
+        probability, regret = judged_alone(self.scale.rows_on(front), self._equal(ASKING), self.row(front))
+        if probability > SURE:
+            return f"the best one is found with a probability of {probability:.2f}"
+        if regret < NEAR:
+            return f"another one is expected to be better by {100 * regret:.1f} % of the range only"
         return ""
 
     # Files

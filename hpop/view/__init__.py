@@ -21,6 +21,7 @@ from hpop.view.explorer.save import save_explorer
 from hpop.view.explorer.widget import widget
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map
+from hpop.view.preferred import draw_preference
 from hpop.view.ride.equirect import render_360, save_360
 from hpop.view.ride.page import save_ride
 from hpop.view.ride.video import save_frames, save_video
@@ -37,6 +38,7 @@ __all__ = [
     "draw_encounters",
     "draw_front",
     "draw_map",
+    "draw_preference",
     "draw_side",
     "draw_states",
     "draw_trace",

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import Preference, Prior
-from hpop.preference.best import row_of
+from hpop.preference.best import judged_alone, row_of
 from hpop.preference.questions import NOTICEABLE, information
 from tests import preferring as people
 
@@ -127,6 +127,8 @@ def test_the_best_row_is_where_the_expected_cost_is_least() -> None:
     costs = draws.shares @ rows.T
     regrets = (costs - costs.min(axis=1, keepdims=True)) / np.ptp(costs, axis=1, keepdims=True)
     np.testing.assert_allclose(best.regrets, draws.probability() @ regrets, atol=0.02)
+    probability, regret = judged_alone(rows, person._equal(2_000), best.row)
+    assert (probability, regret) == pytest.approx((best.probability[best.row], best.regret), abs=1e-12)
     assert set(best.near) == set(np.flatnonzero(best.regrets <= best.regret + 0.02).tolist())
     assert best.near[0] == best.row
 
