@@ -70,9 +70,10 @@ class Scale(_Part):
     def __contains__(self, value: object) -> bool:
         if not isinstance(value, int | float) or isinstance(value, bool):
             return False
+        if not self.low <= value <= self.high:  # a whole number of 400 digits is no float
+            return self.is_absent(value)
         steps = (value - self.low) / self.step
-        on_step = self.low <= value <= self.high and isclose(steps, round(steps), abs_tol=1e-6)
-        return on_step or self.is_absent(value)
+        return isclose(steps, round(steps), abs_tol=1e-6) or self.is_absent(value)
 
     def is_absent(self, value: float) -> bool:
         """Whether a value says that the item does not apply."""

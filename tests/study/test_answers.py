@@ -207,6 +207,7 @@ def without_consent(contents: dict[str, Any]) -> None:
         (changed(0, value=False), r"events\[2\]: answer before consent was given"),
         (changed(2, value=4), "item general_discomfort of form ssq is answered by 0 to 3 in steps of 1, got 4"),
         (changed(2, value=-1), "answered by 0 to 3"),
+        (changed(2, value=10**400), "answered by 0 to 3"),
         (changed(2, value=0.5), "answered by 0 to 3"),
         (changed(2, value=True), "answered by 0 to 3"),
         (changed(2, value=NAME), "answered by 0 to 3"),
