@@ -21,7 +21,7 @@ from hpop.preference.draws import COUNT, Draws
 from hpop.preference.prior import Prior
 from hpop.preference.questions import most_telling
 from hpop.preference.scale import Feature, Scale, fingerprint
-from hpop.text import shown
+from hpop.text import counted, shown
 
 QUESTIONS = 12
 """After which nobody is asked any more, where it is not said otherwise."""
@@ -205,7 +205,7 @@ class Preference:
     def why_stop(self, most: int = QUESTIONS) -> str:
         """Why no more need be asked, in words; "" where it is worth it."""
         if len(self.answers) >= most:
-            return f"{most} questions were asked"
+            return f"{counted(most, 'question')} asked"
         if not self.answers or self.random >= NOT_RANDOM:
             return ""
         front = self._points()

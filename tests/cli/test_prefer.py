@@ -39,13 +39,13 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_somebody_is_asked_and_the_best_row_is_told_and_kept(folder: Path, run: Run) -> None:
-    result = run("prefer", folder, "--seed", "1", "--most", "2", typed="what?\na\nB\n")
+    result = run("prefer", folder, "--seed", "1", "--most", "1", typed="what?\nB\n")
     assert result.exit_code == 0, result.output
-    assert result.output.count("Which of the two do you prefer?") == 2
+    assert result.output.count("Which of the two do you prefer?") == 1
     assert "answer a, b, tie (no difference) or stop" in result.output
-    assert "no more questions: 2 questions were asked" in result.output
+    assert "no more questions: 1 question asked" in result.output
     front, person = hpop.Front.load(folder / "front.json"), Preference.load(folder / "preference.json")
-    assert [answer.chosen for answer in person.answers] == [person.answers[0].first, person.answers[1].second]
+    assert [answer.chosen for answer in person.answers] == [person.answers[0].second]
     assert f"for you: trajectory {person.best(front).row}," in result.output
     assert not (folder / "pair.png").exists()
 

@@ -67,9 +67,9 @@ def test_ranks_of_true_shares_are_uniform() -> None:
     for i in range(200):
         shares, sharpness, nu = people.drawn(Prior(), 3, i)
         rng, may_tie = np.random.default_rng([i, 1]), i % 2 == 0
-        person = Preference.fit(front, ties=may_tie, seed=i, count=2_000)
+        person = Preference.fit(front, ties=may_tie, seed=i, count=1_000)
         rows = person.scale.rows_on(front)
-        for _ in range(6):
+        for _ in range(5):
             a, b = rng.choice(len(rows), 2, replace=False).tolist()
             person = person.told(a, b, people.answered(rng, a, b, rows, sharpness * shares, nu if may_tie else None))
         below = person.draws.probability() @ (person.draws.shares < shares)

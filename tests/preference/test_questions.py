@@ -71,7 +71,7 @@ def test_asking_stops_when_the_best_is_known_and_after_twelve_at_the_latest() ->
         person, n = person.told(*pair, people.answered(rng, *pair, rows, weights)), n + 1
     assert n < 12
     assert rows[person.best().row, 0] < 0.05
-    assert person.why_stop(most=3) == "3 questions were asked"
+    assert person.why_stop(most=3) == "3 questions asked"
 
 
 @pytest.mark.parametrize("n", [4, pytest.param(100, marks=pytest.mark.proof)])
