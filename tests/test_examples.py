@@ -1,4 +1,4 @@
-"""The examples run, and show what they say."""
+"""The examples run, and show what they say; the longest of them in the proof, and as they are for the site."""
 
 from __future__ import annotations
 
@@ -123,6 +123,7 @@ def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path, monkeypatch, c
     assert found["2/3 sum of z^2"][1] == "9.056"
 
 
+@pytest.mark.proof
 def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp_path, monkeypatch):
     def save_map(problem, front, folder):
         """One of its pictures; the others take as long as all the planning."""
@@ -142,6 +143,7 @@ def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp
     np.testing.assert_array_equal(saved.costs, front.costs)
 
 
+@pytest.mark.proof
 def test_a_base_drives_an_arm_to_a_shelf_in_several_ways(tmp_path, monkeypatch):
     def save_map(problem, front, folder):
         """One of its pictures."""
@@ -238,6 +240,7 @@ def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"drive.json", "drive.png", "plan.png"}
 
 
+@pytest.mark.proof
 def test_an_arm_looks_at_a_can_and_all_that_it_does_is_verified(tmp_path, monkeypatch):
     drawn = []
 

@@ -184,6 +184,7 @@ def test_a_port_in_use_is_told_before_the_search_begins(run: Callable[..., Resul
     assert not (room / "out").exists()
 
 
+@pytest.mark.proof
 @pytest.mark.usefixtures("no_pictures")
 def test_a_plan_says_where_it_is_shown_and_is_gone_with_the_command(run: Callable[..., Result], room: Path) -> None:
     result = run("plan", room / "room.yaml", "--out", room / "out", "--web", "0")
