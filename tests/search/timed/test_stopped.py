@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hpop.search.machinery import slices
-from hpop.search.timed import TimedPaths, bounds, timed_paths
+from hpop.search.timed import TimedPaths, bounds, search, timed_paths
 from hpop.status import Budget, Progress, Status
 from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
@@ -45,10 +45,10 @@ def test_after_any_number_of_labels_on_a_lattice(seed):
     while (paths := timed_paths(*query, budget=Budget(max_labels=labels))).status is Status.LABEL_LIMIT:
         is_honest(query, paths, exact)
         assert paths.stats.labels_generated >= labels
-        labels, stopped = 4 * labels, stopped + 1
+        labels, stopped = 2 * labels, stopped + 1
     is_honest(query, paths, exact)
     assert paths.status.is_final
-    assert stopped > 3
+    assert stopped > 3 or timed_paths(*query).stats.labels_generated < 16  # bounds alone tell all of some questions
 
 
 @pytest.mark.seeds(1, of=20)
@@ -65,8 +65,8 @@ def test_after_ctrl_c_at_any_report(monkeypatch, seed):
         if left < 0:
             raise KeyboardInterrupt
 
-    paths = timed_paths(*query, budget=Budget(max_labels=1))
-    while not paths.status.is_final:
+    paths = None
+    while paths is None or not paths.status.is_final:
         reports += 1
         left = reports
         paths = timed_paths(*query, progress=stop)
@@ -102,13 +102,18 @@ def test_from_its_file_it_comes_to_the_same_front(monkeypatch, tmp_path, seed):
         paths = timed_paths(*query, **options, progress=stop, checkpoint=tmp_path / "search.ckpt")
         check_timed_walks(query.graph, paths, query.source, query.targets)
     assert pieces > 1
-    assert paths.costs.tolist() == whole.costs.tolist()
+    if options:  # who begins with solutions may be covered by others of them
+        assert uncovered([tuple(row) for row in front_by_expansion(query)], paths.costs.tolist(), 0.1, [0] * 4) == []
+    else:
+        assert paths.costs.tolist() == whole.costs.tolist()
     assert (paths.status, paths.gap) == (whole.status, whole.gap)
 
 
 @pytest.mark.seeds(1, of=40)
 def test_what_one_search_has_found_the_next_and_coarser_one_does_not_lose(monkeypatch, seed):
+    """Without looks ahead from where a slice ends, a search with more labels goes on from one with fewer."""
     monkeypatch.setattr(stages, "SOON", 60)
+    monkeypatch.setattr(search, "WAYS", 0)
     query = timed_lattice(seed, 5 + seed % 4, duration=True)
     exact, labels = front_by_expansion(query), 40
     sooner: list[Vector] = []
