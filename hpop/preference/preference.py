@@ -140,7 +140,10 @@ class Preference:
 
     @property
     def weights(self) -> dict[str, float]:
-        """Expected share of each cost, of its range over the front that was asked about; they add up to 1."""
+        """Expected share of each cost, of its range over the front that was asked about; they add up to 1.
+
+        That is, where there is a preference at all; :attr:`random` says how sure that is, and intervals have it within.
+        """
         return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
 
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
@@ -255,7 +258,11 @@ class Preference:
 
     @cached_property
     def _shares(self) -> FloatArray:
-        return np.asarray(self.draws.probability() @ self.draws.shares)
+        # Of those who have a preference: what anybody else is given costs nothing that answers could tell.
+        probability = self.draws.probability() * (self.draws.sharpness > 0)
+        if not probability.any():
+            probability = self.draws.probability()
+        return np.asarray(probability @ self.draws.shares / probability.sum())
 
     def _equal(self, count: int) -> Draws:
         return self.draws.equal(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))

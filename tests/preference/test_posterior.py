@@ -27,7 +27,7 @@ def integrated(gains: FloatArray, prior: Prior) -> tuple[float, float]:
     answers = (0.01 + 0.98 / (1 + np.exp(-w))).prod(axis=1)  # (sharpness, shares)
     marginal = (weight @ answers) / 400  # (shares,)
     sharp, chance = (1 - prior.random) * marginal.sum(), prior.random * 0.5 ** len(gains)
-    mean = ((1 - prior.random) * (marginal * share).sum() + chance * 0.5) / (sharp + chance)
+    mean = (marginal * share).sum() / marginal.sum()  # of those who have a preference
     return float(mean), float(chance / (sharp + chance))
 
 
