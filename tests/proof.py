@@ -39,6 +39,7 @@ PARTS = {
     "motions": ["tests/motions"],
     "export": ["tests/export"],
     "ros": ["tests/ros"],
+    "preference": ["tests/preference"],
     "browser": ["tests/browser"],
     "testing": ["tests/testing"],
     "package": [str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("tests/test_*.py"))] + ["hpop"],

@@ -6,6 +6,7 @@ Blocks that claim something are tested for it in tests/test_docs.py; here all ot
 from __future__ import annotations
 
 import importlib.util
+import json
 import logging
 import re
 import shlex
@@ -20,9 +21,11 @@ import yaml
 from click.testing import CliRunner
 
 import hpop
+from hpop import study
 from hpop.cli import main
 from hpop.cli.pictures import PicturesBeside
 from hpop.errors import MapError
+from hpop.frontier import Front
 from hpop.scenario import load_scenario
 from hpop.scenario.events import load_events
 from hpop.world.content import Landmark
@@ -30,7 +33,9 @@ from hpop.world.content import Landmark
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
 #: Whole pages that tests run from top to bottom, the README's first block, and the template of a planner.
-RUN_THERE = {"docs/arm.md", "docs/front.md", "docs/optimisers.md", "docs/questions.md", "docs/study.md"}
+RUN_THERE = {
+    *("docs/arm.md", "docs/front.md", "docs/optimisers.md", "docs/preferences.md", "docs/questions.md", "docs/study.md")
+}
 CLAIMED = ("save_pictures(problem", "class Straight:")
 TOUR = yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 pytestmark = pytest.mark.usefixtures("registered_as_before")
@@ -61,6 +66,18 @@ def commands() -> list[str]:
     return sorted(set(lines))
 
 
+#: What `hpop.study.fit_criterion` writes.
+LEARNT = {
+    "schema": "hpop-learnt",
+    "version": 1,
+    "parts": [{"criterion": {"rotation": {}}, "weight": 1.5}],
+    "learnt": {
+        "question": "comfort", "source": "nobody", "ratings": 9, "people": 3, "trajectories": 5,
+        "error": 0.5, "error_of_mean": 0.7,
+    },
+}  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def tour() -> hpop.Problem:
     museum = hpop.examples.museum()
@@ -68,12 +85,23 @@ def tour() -> hpop.Problem:
     return hpop.Problem(world, museum.model, museum.start, museum.goal, museum.criteria)
 
 
+@pytest.fixture(scope="module")
+def preference(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is known of somebody, as `hpop prefer` writes it."""
+    path = tmp_path_factory.mktemp("people") / "p07.json"
+    front = Front.of([[1.0, 2.0], [2.0, 1.0]], names=["turns", "length"], units=["1", "m"])
+    study.Preference.fit(front, [(0, 1)]).save(path)
+    return path
+
+
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder in which the arm's files lie, as the pages name them."""
     (tmp_path / "arm").symlink_to(ROOT / "examples/arm")
     for name in ("arm6.urdf", "arm6.srdf"):
         (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)
+    (tmp_path / "p07.json").symlink_to(preference)
+    (tmp_path / "comfort.json").write_text(json.dumps(LEARNT))
     (tmp_path / "visitors.csv").write_text("1,1500,4,9\n1,1600,6,9\n")  # id, frame, x, y
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -118,10 +146,10 @@ def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: s
 @pytest.mark.parametrize("line", [line for line in commands() if line.startswith("hpop ")])
 def test_a_command_in_a_document_has_the_arguments_that_there_are(line: str) -> None:
     _, name, *arguments = shlex.split(line, comments=True)
-    command = main.get_command(None, name)
+    command = main.get_command(click.Context(main), name)
     if isinstance(command, click.Group):
         name = arguments.pop(0)
-        command = command.get_command(None, name)
+        command = command.get_command(click.Context(command), name)
     assert command is not None, f"no command {name}"
     command.make_context(name, arguments, parent=main.make_context("hpop", ["--help"], resilient_parsing=True)).close()
 

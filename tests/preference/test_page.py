@@ -1,4 +1,4 @@
-"""The page about preferences: its first example runs and finds the best row, and its picture shows what it says."""
+"""The page about preferences: its Python runs, and finds the best row; its picture shows what it says."""
 
 from __future__ import annotations
 
@@ -26,6 +26,15 @@ def test_the_first_example_finds_the_best_row(tmp_path: Path, monkeypatch: pytes
     weights = {"exposure": 20.0, "turns": 0.5, "length": 1.0}
     assert names["best"].row == int(np.argmin(front.costs @ [weights[name] for name in front.names]))
     assert Preference.load(tmp_path / "p07.json").answers == person.answers
+
+    rows = list(range(0, len(front), 3))
+    names |= {"other_front": front, "rows": rows, "who": ["p07"] * len(rows)}
+    names["preferences"] = [Preference.fit(front, [(0, 1)], seed=seed) for seed in range(3)]
+    names["profiles"] = [{"mssq": 12.5, "age_band": 3}, {"mssq": 4.0, "age_band": 2}, {"mssq": 1.0}]
+    names["ratings"] = (-front.costs[rows, 1]).tolist()
+    for later in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)[1:]:
+        exec(later, names)
+    assert (tmp_path / "comfort.json").exists()
 
 
 def test_the_picture_shows_each_share_with_its_interval_and_the_best_row() -> None:

@@ -64,7 +64,7 @@ class PreparedTimed:
     >>> graph = TimedGraph(static, [1, 1, 1], 3, timed=[2], costs={0: [[8, 8, 8, 0]]}, hold=1)
     >>> prepared = PreparedTimed(graph, 0, 2)
     >>> prepared.paths(0, 0).costs.tolist(), prepared.paths(1, 5).costs.tolist()
-    ([[1, 0]], [[1, 0]])
+    ([[1, 0]], [[0, 0]])
     """
 
     def __init__(
