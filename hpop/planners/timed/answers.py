@@ -53,7 +53,7 @@ def answers(
         eps = max(COARSE, asked.eps)
         first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
         spending.release(spending.memory - before)
-        if len(first.trajectories):
+        if len(first.trajectories) or first.status is Status.INTERRUPTED:  # where nothing is found, all are asked next
             in_stages = False
             with spending.paused():
                 yield _unfinished(first)

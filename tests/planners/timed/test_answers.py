@@ -105,3 +105,16 @@ def test_first_points_come_from_a_part_on_the_shortest_ways(monkeypatch):
     assert last.status is Status.COMPLETE
     for row in first.planned:  # real plans: the whole lattice has all of them, or better ones
         assert (last.planned <= row + 1e-9).all(axis=1).any()
+
+
+def test_who_interrupts_the_first_answer_before_its_first_plan_is_told_so(monkeypatch):
+    monkeypatch.setattr(planner, "MOST_IN_TIME", 30)
+
+    def interrupt(told):
+        if told.stage != "graph":
+            raise KeyboardInterrupt
+
+    (found,) = Lattice(step=0.5).stages(PROBLEM, interrupt)
+    assert found.status is Status.INTERRUPTED
+    assert len(found.trajectories) == 0
+    assert "incomplete (interrupted)" in found.certificate
