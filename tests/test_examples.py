@@ -99,6 +99,7 @@ def test_ones_own_criterion_of_the_camera_serves_a_head_as_it_is():
     assert aside.item.kinds.count("pan") == 1
 
 
+@pytest.mark.proof
 def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path, monkeypatch, capsys):
     """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both.
 
@@ -229,6 +230,7 @@ def assert_looked_at(problem: hpop.Problem, front: hpop.Front) -> None:
         assert abs(pose.roll[0]) <= math.radians(1.0) + 1e-9
 
 
+@pytest.mark.proof
 def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     plan = example("07_drive.py").main(tmp_path, step=1.0)
     printed = capsys.readouterr().out
@@ -280,6 +282,7 @@ def test_an_arm_before_a_shelf_is_planned_and_shown_from_the_command_line(tmp_pa
     assert_looked_at(hpop.Problem.from_description(front.problem), front)
 
 
+@pytest.mark.proof
 @pytest.mark.usefixtures("no_pictures")
 def test_a_panda_reaches_into_a_bookshelf(tmp_path, shared_data):
     data = shared_data("mbm_panda")

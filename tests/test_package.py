@@ -60,6 +60,7 @@ def files(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.proof
 def test_the_source_distribution_is_whole(clone: Path, unpacked: Path) -> None:
     made = {"PKG-INFO", "setup.cfg", *(name for name in files(unpacked) if name.startswith("hpop.egg-info/"))}
     kept = {name for name in files(clone) if not name.startswith("hpop.egg-info/")}
@@ -68,6 +69,7 @@ def test_the_source_distribution_is_whole(clone: Path, unpacked: Path) -> None:
         assert (unpacked / name).read_bytes() == (clone / name).read_bytes(), name
 
 
+@pytest.mark.proof
 def test_the_wheel_has_the_package_with_its_examples_and_nothing_else(wheel: zipfile.ZipFile, clone: Path) -> None:
     names = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert names == {f"hpop/{name}" for name in files(clone / "hpop")}
@@ -75,6 +77,7 @@ def test_the_wheel_has_the_package_with_its_examples_and_nothing_else(wheel: zip
         assert wheel.read(f"hpop/examples/{name}") == (ROOT / "examples" / name).read_bytes()
 
 
+@pytest.mark.proof
 def test_its_metadata_say_what_it_is(wheel: zipfile.ZipFile) -> None:
     (name,) = (name for name in wheel.namelist() if name.endswith(".dist-info/METADATA"))
     metadata = message_from_bytes(wheel.read(name))

@@ -66,6 +66,7 @@ def mine(tmp_path: Path) -> Path:
     return tmp_path / "mine"
 
 
+@pytest.mark.proof
 def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
     hpop: Hpop, room: Path, write: Callable[..., None], mine: Path
 ) -> None:

@@ -169,6 +169,7 @@ def test_another_process_draws_what_is_saved(saved: Path) -> None:
     assert {path.name for path in saved.iterdir()} == names
 
 
+@pytest.mark.proof
 def test_of_a_stage_that_stands_the_map_is_drawn_and_of_others_nothing(
     saved: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

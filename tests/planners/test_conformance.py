@@ -61,7 +61,7 @@ REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model
 #: On graphs, where a head asks of a planner all that a base does; splines of an arm begin with its roadmap.
 LESS = {
     *(("roadmap", model) for model in ("differential_drive", "holonomic", "serial_arm")),
-    ("weighted-sum", "pan_tilt"),
+    *(("lattice", "pan_tilt"), ("weighted-sum", "pan_tilt")),
 }
 
 

@@ -57,6 +57,7 @@ def nowhere(tmp_path: Path) -> dict[str, str]:
     return environment | {"HOME": str(tmp_path / "file" / "home"), "TMPDIR": str(tmp_path / "temporary")}
 
 
+@pytest.mark.proof
 def test_matplotlib_is_silent_and_all_its_processes_share_a_folder_that_is_removed(nowhere: dict[str, str]) -> None:
     folder = Path(nowhere["TMPDIR"])
     command = [sys.executable, "-P", "-c", USE]

@@ -28,6 +28,7 @@ def empty(problem, make_front):
     return make_front(problem, costs=np.zeros((0, 3)), status="no path")
 
 
+@pytest.mark.proof
 def test_four_pictures_of_the_size_of_their_figures_as_savefig_makes_them_in_two_drawings(
     problem, make_front, tmp_path
 ):

@@ -295,6 +295,7 @@ def test_time_that_runs_out_is_said(monkeypatch, step):
 # Workers
 
 
+@pytest.mark.proof
 def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost():
     options = {"step": 0.5, "max_points": 5}  # work enough that a worker is killed at work
     serial = EpsilonConstraint(**options).solve(PAPER)

@@ -297,6 +297,7 @@ def test_shortcuts_keep_to_what_is_free_and_never_lengthen() -> None:
     assert short.rows.tolist() == [[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0]] or len(short.rows) == 4
 
 
+@pytest.mark.proof
 def test_samples_lie_near_guides_and_where_a_way_may_be_short() -> None:
     robot = Joints(4, 200, 1.2, seed=1)
     asked = problem(robot)
