@@ -51,7 +51,7 @@ STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.15rem; margin-top: 2.2rem }
 .scroll { overflow-x: auto } .scroll td { white-space: nowrap } table { border-collapse: collapse; font-size: .9rem }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid #d8dee2; text-align: right; vertical-align: top }
+th, td { padding: .3rem .5rem; border-bottom: 1px solid #d8dee2; text-align: right; vertical-align: top }
 th:first-child, td:first-child { text-align: left } thead th { border-bottom: 2px solid #7d8b94 }
 .choices th, .choices td { text-align: left; overflow-wrap: anywhere } p { overflow-wrap: anywhere }
 .mark { background: #b00020; color: white; font-weight: bold; padding: .6rem 1rem; position: sticky; top: 0 }

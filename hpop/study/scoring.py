@@ -12,6 +12,8 @@ from hpop.errors import StudyError
 from hpop.study.forms import Form, Item, Score
 from hpop.text import shown
 
+DIGITS = 9
+"""Of scores after the point: equal scores shall be equal numbers, else tests elsewhere see no ties."""
 MOST_PRORATED = 1 / 7
 """Share of a subscale's items that may lack where the others stand for them: one of the seven of the SSQ."""
 
@@ -37,7 +39,7 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
     raw = {name: _raw(form, name, answered, prorate) for name in _subscales(form)}
     made: dict[str, float] = {}
     for one in form.scores:
-        made[one.name] = _sum_of(form, one, raw, made) * one.times / one.out_of
+        made[one.name] = round(_sum_of(form, one, raw, made) * one.times / one.out_of, DIGITS)
     return made
 
 

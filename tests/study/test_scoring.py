@@ -137,3 +137,9 @@ def test_values_off_the_scale_are_refused_by_name(value):
 def test_items_that_the_form_does_not_have_are_refused():
     with pytest.raises(StudyError, match=r"form ssq has no item 'nausae'. Did you mean 'nausea'"):
         score(SSQ, {"nausae": 1})
+
+
+def test_equal_scores_are_equal_numbers():
+    """A raw sum of 3 times 9.54 is 28.62 in the tables, and not 28.619999999999997, which other programs take apart."""
+    answers = ZEROS | {"sweating": 3, "headache": 3}
+    assert score(SSQ, answers) == {"N": 28.62, "O": 22.74, "D": 0.0, "total": 22.44}
