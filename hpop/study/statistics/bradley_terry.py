@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import special, stats
+from scipy import optimize, special, stats
 from scipy.sparse import coo_array, csgraph
 
 from hpop.arrays import FloatArray, IntArray, frozen
@@ -20,8 +20,6 @@ from hpop.errors import StudyError
 
 MOST_STEPS = 100
 """Of Newton's method, which takes ten or so."""
-STRONGEST = 20.0
-"""Logarithm of odds that no number of choices can tell from endless ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +72,8 @@ def bradley_terry(
     side       fit too what being named first adds
     names      of the stimuli, for errors; their numbers where there are none
 
-    Raises StudyError where no finite strengths exist: some stimuli were never chosen over, nor tied with, the others.
+    Raises StudyError where no finite strengths exist: some stimuli were never chosen over, nor tied with, the others;
+    or where ties, or which was named first, explain the choices without exception.
 
     >>> fit = bradley_terry([0, 0, 0], [1, 1, 1], [0, 0, 1], stimuli=2)
     >>> round(fit.chance(0, 1), 6)
@@ -85,6 +84,7 @@ def bradley_terry(
     _check(pairs, outcome, [str(i) for i in range(stimuli)] if names is None else names)
     tied = bool((outcome == 2).any())
     features = _features(pairs, stimuli, tied, side)  # (m, outcomes, parameters)
+    _check_bounded(features, outcome, tied, side)
     estimate, chances, information = _fitted(features, outcome)
     covariance = np.linalg.inv(information)
     if people is not None:
@@ -133,6 +133,20 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
         )
 
 
+def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bool) -> None:
+    """Raise StudyError where some change of the parameters makes nothing that was answered less likely.
+
+    Along it the likelihood grows, or stays, without end (Albert and Anderson 1984, Biometrika 71, 1-10).
+    """
+    answered = features[np.arange(len(outcome)), outcome][:, None]
+    ahead = np.unique((answered - features).reshape(-1, features.shape[2]), axis=0)
+    change = optimize.linprog(-ahead.sum(axis=0), -ahead, np.zeros(len(ahead)), bounds=(-1, 1))
+    if float(change.fun or 0.0) < -1e-6 or np.linalg.matrix_rank(ahead) < ahead.shape[1]:
+        why = ["of two parts of the stimuli one was chosen always, or tied"] * tied
+        why += ["which one was named first decides, or cannot be told from the stimuli: leave side out"] * side
+        raise StudyError(f"no finite strengths fit the choices: {'; or '.join(why)}. Report the counts, or ask more")
+
+
 def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArray:
     """What each parameter adds to the weight of each outcome: (m, 2 or 3 outcomes, parameters)."""
     count, last = len(pairs), stimuli - 1
@@ -162,8 +176,6 @@ def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatA
         mean = np.einsum("mo,mop->mp", chances, features)
         information = np.einsum("mo,mop,moq->pq", chances, features, features) - mean.T @ mean
         gradient = chosen - mean.sum(axis=0)
-        if np.abs(estimate).max() > STRONGEST:
-            break
         if np.abs(gradient).max() < 1e-10 * len(outcome):
             return estimate, chances, information
         step = np.linalg.solve(information, gradient)
@@ -171,7 +183,7 @@ def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatA
         while _likelihood(chosen, features, estimate + step) < reached - 1e-9 * len(outcome):
             step /= 2
         estimate = estimate + step
-    raise StudyError("no finite strengths fit the choices: which one was named first decided too many; leave side out")
+    raise StudyError(f"no strengths were found in {MOST_STEPS} steps; report the counts")
 
 
 def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) -> float:

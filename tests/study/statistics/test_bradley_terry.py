@@ -140,9 +140,23 @@ def test_choices_without_finite_strengths_are_refused(choices, said):
         bradley_terry(*zip(*choices, strict=True), stimuli=3)
 
 
-def test_whoever_is_named_first_cannot_decide_all():
-    with pytest.raises(StudyError, match="which one was named first decided too many"):
-        bradley_terry([0, 1, 1, 2, 2, 0], [1, 0, 2, 1, 0, 2], [0, 1, 1, 2, 2, 0], stimuli=3, side=True)
+@pytest.mark.parametrize(
+    "choices",
+    [
+        [(0, 1, 0), (1, 0, 1), (1, 2, 1), (2, 1, 2), (2, 0, 2), (0, 2, 0)],
+        [(0, 1, 1), (1, 0, 1), (1, 0, 0)],  # whoever is named first loses, or is 1: both without end
+        [(0, 1, 0), (0, 1, 0), (0, 1, 1)],  # 0 always first: its strength and its place are one
+    ],
+)
+def test_whoever_is_named_first_cannot_decide_all(choices):
+    with pytest.raises(StudyError, match="which one was named first decides, or cannot be told"):
+        bradley_terry(*zip(*choices, strict=True), stimuli=1 + max(max(pair[:2]) for pair in choices), side=True)
+
+
+def test_ties_alone_give_no_finite_strengths_to_who_never_lost():
+    """Of two the likelihood grows with the strength of 1, and nu with it: 0 was never chosen."""
+    with pytest.raises(StudyError, match="one was chosen always, or tied"):
+        bradley_terry([0] * 10, [1] * 10, [1] * 6 + [None] * 4, stimuli=2)
 
 
 def test_errors_of_people_need_two():
