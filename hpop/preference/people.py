@@ -27,6 +27,10 @@ DRAWS = 200
 """Of the shares of each person."""
 OF_COSTS, OF_PROFILE = 0.5, 0.5
 """Standard deviations, before any person, of the logarithms of concentrations, and of what a profile does to them."""
+LOGS = -4.0, 6.0
+"""Least and greatest logarithm of a concentration."""
+MOST_APART = 1.1
+"""Ratio of the ranges of a cost up to which shares of it are about the same."""
 Profile = Mapping[str, float]
 
 
@@ -68,6 +72,7 @@ class People:
             raise StudyError(
                 f"people are pooled who answered one question about the same costs, got {said}; pool each alone"
             )
+        self._check_ranges()
         if self.profiles and len(self.profiles) != len(self.preferences):
             raise StudyError(f"expected {len(self.preferences)} profiles, one a person, got {len(self.profiles)}")
         names = tuple(sorted({name for profile in self.profiles for name in profile}))
@@ -86,13 +91,14 @@ class People:
     def prior(self, profile: Profile | None = None) -> Prior:
         """What to think of the next person, who may have a profile: a prior for :meth:`Preference.fit`.
 
-        Raises StudyError for a profile that has what none of these people's has.
+        A number beyond those of all these people counts as the nearest of theirs. Raises StudyError for a profile that
+        has what none of these people's has.
         """
         if strange := sorted({*(profile or {})} - {*self.names}):
             known = ", ".join(self.names) or "none"
             raise StudyError(f"no profile has {', '.join(map(shown, strange))}; what theirs have: {known}")
         found = self._fitted(self._design(self._table))
-        logs = (self._design(self._numbers(profile or {})[None]) @ found)[0]
+        logs = np.clip(self._design(self._numbers(profile or {})[None]) @ found, *LOGS)[0]
         random = (sum(person.random for person in self.preferences) + 1.0) / (len(self) + 5.0)  # as Prior, at first
         return Prior(concentration=tuple(np.exp(logs).tolist()), random=min(random, 0.9))
 
@@ -110,6 +116,19 @@ class People:
                 found.append(Association(name, cost, value, int(known.sum())))
         return found
 
+    def _check_ranges(self) -> None:
+        """StudyError where shares are of ranges that differ, or of other units: they are not of the same."""
+        scales = [person.scale for person in self.preferences]
+        for j, name in enumerate(scales[0].names):
+            spans = [float(scale.span[j]) for scale in scales]
+            low, high = min(spans), max(spans)
+            if high > MOST_APART * low or len({scale.units[j] for scale in scales}) > 1:
+                ends = [f"{span:g} {scales[spans.index(span)].units[j]}" for span in (low, high)]
+                raise StudyError(
+                    f"people are pooled who were asked about fronts of about the same ranges, of which shares are: the "
+                    f"range of {shown(name)} is {ends[0]} of some, {ends[1]} of others; pool each alone"
+                )
+
     def _numbers(self, profile: Profile) -> FloatArray:
         for name, value in profile.items():
             real(f"{shown(name)} of a profile", value, -MOST, MOST, error=StudyError)
@@ -122,7 +141,8 @@ class People:
             return one
         middle = np.nanmean(self._table, axis=0)
         spread = np.nanstd(self._table, axis=0)
-        scaled = (table - middle) / np.where(spread > 0, spread, 1.0)
+        inside = np.clip(table, np.nanmin(self._table, axis=0), np.nanmax(self._table, axis=0))
+        scaled = (inside - middle) / np.where(spread > 0, spread, 1.0)
         return np.hstack([one, np.where(np.isnan(scaled), 0.0, scaled)])
 
     def _fitted(self, design: FloatArray) -> FloatArray:
@@ -139,7 +159,7 @@ class People:
 
         def loss(flat: FloatArray) -> float:
             found = flat.reshape(shape)
-            concentration = np.exp(np.clip(design @ found, -4.0, 6.0))  # (people, f)
+            concentration = np.exp(np.clip(design @ found, *LOGS))  # (people, f)
             ratio = np.einsum("pdf,pf->pd", logs, concentration - already)
             constant = gammaln(concentration.sum(axis=1)) - gammaln(concentration).sum(axis=1)
             return float((0.5 * (found / sizes) ** 2).sum() - (constant + logsumexp(ratio, axis=1)).sum())

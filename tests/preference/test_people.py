@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import StudyError
+from hpop.frontier import Front
 from hpop.preference import People, Preference, Prior
 from tests import preferring as people
 
@@ -94,3 +95,22 @@ def test_comfort_and_preference_are_not_pooled() -> None:
         People(asked[:1], [{"mssq": 1.0}]).prior({"age": 3})
     with pytest.raises(StudyError, match="at least one person"):
         People([])
+
+
+def test_a_profile_beyond_those_of_all_earlier_people_counts_as_the_nearest(forty: People) -> None:
+    """What nobody was is not extrapolated, however far it is: concentrations would pass all bounds."""
+    known = [profile["mssq"] for profile in forty.profiles]
+    assert forty.prior({"mssq": 1e5}) == forty.prior({"mssq": max(known)})
+    assert forty.prior({"mssq": -1e5}) == forty.prior({"mssq": min(known)})
+
+
+def test_shares_of_other_ranges_are_not_pooled() -> None:
+    """A share is of the range of the front that was asked about; a tenth more or less is let pass."""
+    scales = ([1.0, 1.0, times] for times in (1.0, 1.05, 3.0))
+    fronts: list[Front[int]] = [
+        Front.of(FRONT.costs * scale, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3) for scale in scales
+    ]
+    near, close, far = (Preference.fit(front, count=1_000) for front in fronts)
+    assert len(People([near, close])) == 2
+    with pytest.raises(StudyError, match=r"the range of 'exposure' is .* of some, .* of others"):
+        People([near, far])
