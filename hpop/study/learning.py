@@ -108,9 +108,9 @@ def fit_criterion(
             f"expected as many trajectories and people as ratings, got {len(ways)} and {len(who)} for {len(rated)}"
         )
     made = [criterion for _, criterion in checked_parts([(0.0, spec) for spec in criteria])]
-    distinct = list({id(way): way for way in ways}.values())
-    places = {id(way): i for i, way in enumerate(distinct)}
-    of = np.array([places[id(way)] for way in ways], dtype=np.intp)
+    by_states = {_states(way): way for way in ways}  # one that was read twice is no other one to be left out
+    distinct, places = list(by_states.values()), {states: i for i, states in enumerate(by_states)}
+    of = np.array([places[_states(way)] for way in ways], dtype=np.intp)
     if len(distinct) < len(made) + 2:
         raise StudyError(
             f"{len(made)} weights are learnt from {len(made) + 2} distinct trajectories at least, got {len(distinct)}; "
@@ -155,6 +155,12 @@ def _way(given: Any, front: Front | None) -> Trajectory:
     raise StudyError(f"each rating is of a trajectory: give {rows}; got {shown(given)}")
 
 
+def _states(way: Trajectory) -> tuple[Any, ...]:
+    """By which trajectories are told apart: models and states of their motions."""
+    states = way.states
+    return (way.kinds, *((name, np.asarray(getattr(states, name)).tobytes()) for name in states.names))
+
+
 def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
     """Weights (k,) >= 0 of least squares, each person's level left out (Lawson and Hanson 1974)."""
     from scipy.optimize import nnls
@@ -194,5 +200,10 @@ def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArr
         both = np.column_stack([values - costs @ weights, values])
         levels = _levels(both[kept], persons[kept])
         squares.append((both[asked] - levels[persons[asked]]) ** 2)
+    if not squares:
+        raise StudyError(
+            "the error on trajectories left out cannot be told: who rated several of them rated none beside those left "
+            "out together; ask people about more trajectories each"
+        )
     error, of_mean = np.sqrt(np.concatenate(squares).mean(axis=0)).tolist()
     return error, of_mean

@@ -102,3 +102,22 @@ def test_what_does_not_belong_together_is_refused(change: dict[str, object], kin
     }  # fmt: skip
     with pytest.raises(kind, match=said):
         fit_criterion(**(given | change))  # type: ignore[arg-type]
+
+
+def test_a_trajectory_is_one_however_often_it_was_read() -> None:
+    """Copies of what is learnt from are no trajectories left out: the error would be too small."""
+    from copy import deepcopy
+
+    ratings, rows, who = rated(2.0)
+    once = fit_criterion(ratings, rows, PROBLEM, NAMES, people=who, front=FRONT, source="simulated")
+    copies = [deepcopy(FRONT.trajectories[row]) for row in rows]
+    assert fit_criterion(ratings, copies, PROBLEM, NAMES, people=who, source="simulated").source == once.source
+
+
+def test_people_who_rated_nothing_beside_what_is_left_out_are_told() -> None:
+    """One person rated two trajectories, which are left out together, and eleven people one each."""
+    together = set(np.flatnonzero(np.random.default_rng(0).permutation(13) % 10 == 0).tolist())
+    who = ["p01" if row in together else f"p{row + 2:02}" for row in range(13)]
+    better = -(costs()[:13] @ TRUE)
+    with pytest.raises(StudyError, match="error on trajectories left out cannot be told"):
+        fit_criterion(better.tolist(), range(13), PROBLEM, NAMES, people=who, front=FRONT, source="simulated")
