@@ -227,7 +227,7 @@ def _kruskal_statistics(values: FloatArray) -> FloatArray:
 
 def _least(of: Callable[[int], Power], target: float) -> Power:
     """The least number of people whose power reaches the target: doubled until it does, then halved between."""
-    low, high = 3, 6
+    low, high = 1, 6
     while (reached := of(high)).power < target:
         if high == MOST_PEOPLE:
             raise StudyError(

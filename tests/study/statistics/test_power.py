@@ -57,6 +57,11 @@ def test_the_least_number_of_people_reaches_the_target_and_one_less_does_not():
     assert found.low < found.power < found.high
 
 
+def test_three_people_are_enough_where_nobody_can_doubt():
+    """All three rank three stimuli alike: chi-square 6, p .0498."""
+    assert power(50.0, k=3, simulations=100).people == 3
+
+
 @given(studies)
 def test_studies_at_once_are_tested_as_each_is(values):
     k = values.shape[2]
