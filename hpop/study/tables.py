@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isnan
 from typing import Any, NamedTuple
 
-FORMULA = "=+-@\t\r"
+FORMULA = "=+-@\t\r\n＝＋－＠"
 """What a cell begins with that a spreadsheet takes for a formula."""
 
 
@@ -32,8 +32,8 @@ def csv_bytes(table: Contents) -> bytes:
 
     Text that a spreadsheet would run as a formula begins with an apostrophe.
 
-    >>> csv_bytes(Contents([Column("a", "TEXT"), Column("b", "REAL")], [("=1+1", 0.5), ("x", None)]))
-    b"a,b\n'=1+1,0.5\nx,\n"
+    >>> csv_bytes(Contents([Column("a", "TEXT"), Column("b", "REAL")], [("=1+1", 0.5), ("x", None), ("\n=1", 2)]))
+    b'a,b\n\'=1+1,0.5\nx,\n"\'\n=1",2\n'
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
