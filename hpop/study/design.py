@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import string
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -285,8 +286,8 @@ class Design:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the researcher should know before the study: unequal orders, stimuli of unequal duration."""
-        return (*self._uneven(), *unlike(self.conditions))
+        """What the researcher should know before the study: unequal orders, also within strata, unequal durations."""
+        return (*self._uneven(), *self._uneven_within(), *unlike(self.conditions))
 
     def pairs(self, participant: str) -> list[tuple[str, str]]:
         """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""
@@ -359,6 +360,21 @@ class Design:
         return [
             f"{counted(size, 'participant')} for {several} orders: some orders are seen once more than others, or not "
             f"at all; with {near} each is seen equally often"
+        ]
+
+    def _uneven_within(self) -> list[str]:
+        within = Counter((tuple(person.strata.values()), person.order) for person in self.enrolled)
+        strata = {strata for strata, _ in within}
+        if self.order == "random" or len(strata) == 1:
+            return []
+        if all(len({within[one, order] for order in self.orders}) == 1 for one in strata):
+            return []
+        several = len(self.orders) * len(strata)
+        more = (len(self.enrolled) // several + 1) * several
+        fewer = ", or with fewer orders, such as williams" if self.order == "permutations" else ""
+        return [
+            f"orders are not seen equally often within {' or '.join('/'.join(one) for one in sorted(strata))}; with a "
+            f"multiple of {several:,} participants they are, {more:,} for instance{fewer}"
         ]
 
     def _schedule(self) -> str:

@@ -163,6 +163,15 @@ def test_orders_that_cannot_be_equally_frequent_are_told(front: hpop.Front) -> N
     assert not any("orders" in note for note in of(front, participants=20, order="random").notes)
 
 
+def test_orders_that_are_not_equally_frequent_within_strata_are_told(front: hpop.Front) -> None:
+    """Each of 24 orders once: none can be seen by both; each of six twice can."""
+    sexes = {"sex": ("f", "m")}
+    note = of(front, rows=[0, 1, 2, 3], participants=24, strata=sexes).notes[0]
+    assert "not seen equally often within f or m; with a multiple of 48 participants they are, 48 for instance" in note
+    for options in ({"rows": [0, 1, 2, 3], "order": "williams", "participants": 24}, {"participants": 12}):
+        assert not any("within" in note for note in of(front, strata=sexes, **options).notes)
+
+
 def test_the_digest_of_a_front_is_that_of_what_it_holds(front: hpop.Front, tmp_path: Path) -> None:
     """Saved elsewhere it is the same; with another cost or another way it is not."""
     front.save(tmp_path / "front.json")
