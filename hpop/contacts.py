@@ -46,23 +46,26 @@ def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajecto
 
 
 def first_contact(
-    parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float
+    parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float, *, begin: float = 0.0
 ) -> tuple[float, str] | None:
-    """When, s, a robot of some parts is first nearer than a margin, m, to somebody who moves, and to whom."""
+    """When, s, a robot of some parts is first nearer than a margin, m, to somebody who moves, and to whom.
+
+    begin  s, of the trajectory, from when on people are as they are predicted; when is told from then on
+    """
     found = [
         (moment, person.name or f"person {number}")
         for number, person in enumerate(people)
-        if person.moves and (moment := _first(parts, person, trajectory, margin)) is not None
+        if person.moves and (moment := _first(parts, person, trajectory, margin, begin)) is not None
     ]
     return min(found, default=None)
 
 
-def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin: float) -> float | None:
+def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin: float, begin: float) -> float | None:
     """The first moment, s, at which one person is too near; with a margin, but for one from which the robot leaves."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
     leaves = margin > 0.0  # it may still be leaving
-    for times in _moments(trajectory.duration):
-        states = trajectory.at(times)
+    for times in _moments(trajectory.duration - begin):
+        states = trajectory.at(begin + times)
         touched = np.zeros(times.size)
         for weight, likely in person.hypotheses:
             touched += weight * _share(parts, likely, states, times, margin)

@@ -10,7 +10,7 @@ import numpy as np
 from hpop.arrays import BoolArray
 from hpop.contacts import STEP, first_contact
 from hpop.drive.closings import Closing
-from hpop.drive.plan import Plan, between
+from hpop.drive.plan import SAME, Plan, between
 from hpop.models.base import PlanarModel
 from hpop.motions import Collision
 from hpop.trajectory import Trajectory, batches
@@ -44,9 +44,11 @@ def cut_of(
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
     if any(person.moves for person in people):
-        rest = between(plan.announced, t, plan.announced.duration)
-        met = first_contact(cast(PlanarModel, rest.model).parts, people, rest, margin)
-        touches += [] if met is None else [t + max(0.0, met[0] - STEP)]
+        # By the plan's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
+        parts = cast(PlanarModel, plan.announced.model).parts
+        for least in {0.0, margin}:  # a margin may be left within a second, but nobody may be touched
+            met = first_contact(parts, people, plan.announced, least, begin=t)
+            touches += [] if met is None else [t + max(0.0, met[0] - STEP)]
     if not touches:
         return Cut(None, None)
     safe = min(touches)
@@ -85,13 +87,15 @@ def _touches(way: Trajectory, t: float, closing: Closing) -> float | None:
     free = _free(rest, collision, closing.alone)
     if free.all():
         return None
-    first = int(np.argmin(free))
-    begin, low, high = float(rest.times[first]), float(rest.times[first]), float(rest.times[first + 1])
+    # By the way's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
+    first = int(np.searchsorted(way.times, t + SAME, side="right")) - 1 + int(np.argmin(free))
+    begin = low = max(t, float(way.times[first]))
+    high = float(way.times[first + 1])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        some = between(rest, begin, middle)
+        some = between(way, begin, middle)
         low, high = (middle, high) if _free(some, collision, closing.alone).all() else (low, middle)
-    return t + low
+    return low
 
 
 def _free(way: Trajectory, collision: Collision, world: World) -> BoolArray:

@@ -364,7 +364,8 @@ class Execution(Telling):
     def _cut(self, now: float) -> Cut:
         """Look what is closed of the plan from now on, and let the robot stand before it."""
         t, surroundings = self._planned(now), self.surroundings
-        people = surroundings.at(self._plan.announced.at(t), now).world.content.people
+        then = max(now, self._lag)  # before it leaves people walk on
+        people = surroundings.at(self._plan.announced.at(t), then).world.content.people
         among: dict[str, Any] = {
             "closings": surroundings.closed,
             "people": people,

@@ -1,0 +1,74 @@
+"""A plan is cut where and when the robot would touch something, whatever it does when it hears of that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.drive.closings import Closing
+from hpop.drive.cuts import cut_of
+from hpop.drive.plan import Plan
+from hpop.world import Person
+
+ROBOT = hpop.DifferentialDrive(radius=0.25)
+
+
+def plan() -> Plan:
+    """East for 2 m, a quarter turn, north for 4 m, metre by metre."""
+    poses = [(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0)] + [(2.0, y, np.pi / 2) for y in (0.0, 1.0, 2.0, 3.0, 4.0)]
+    return Plan(hpop.Trajectory.from_poses(ROBOT, poses))
+
+
+def moments(way: hpop.Trajectory, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times and places, a millisecond apart, from a time on."""
+    times = np.arange(t, way.duration, 1e-3)
+    states = way.at(times)
+    return times, states.x, states.y
+
+
+WHEN = [0.7, 2.1, 3.0, 4.2, 5.5]
+"""s: in a move, three times in the turn, which would take another time if it began or ended there, in a move."""
+
+
+@pytest.mark.parametrize("t", WHEN)
+def test_a_plan_is_cut_when_the_robot_would_come_too_near_to_somebody(t: float) -> None:
+    way, margin = plan().announced, 0.1
+    assert way.kinds[:3] == ("move", "move", "turn")
+    person = Person(2.0 + 0.7 * (6.5 - t), 2.0, velocity=(-0.7, 0.0), until=12.0)  # comes by at 6.5 s
+    times, x, y = moments(way, t)
+    apart = np.hypot(x - (person.x - 0.7 * (times - t)), y - person.y) - 0.25 - 0.25
+    met = float(times[np.argmax(apart < margin)])
+    if met < t + 1.0:  # it may still leave the margin, but not touch anybody
+        met = float(times[np.argmax(apart < 0.0)])
+    assert t < met < 6.9
+    cut = cut_of(plan(), t, (), (person,), margin)
+    assert cut.safe == pytest.approx(met, abs=0.025)
+    assert cut.safe is not None
+    assert cut.stops is not None
+    assert t <= cut.stops <= cut.safe
+    # And somebody who is too early for that cuts nothing.
+    early = Person(2.0 + 0.7 * (6.5 - t) - 2.0, 2.0, velocity=(-0.7, 0.0), until=12.0)
+    assert np.hypot(x - (early.x - 0.7 * (times - t)), y - 2.0).min() > 0.65
+    assert cut_of(plan(), t, (), (early,), margin) == (None, None)
+
+
+@pytest.mark.parametrize("t", WHEN)
+def test_a_plan_is_cut_before_what_is_closed(t: float) -> None:
+    way, area = plan().announced, shapely.box(1.5, 2.4, 2.5, 2.6)
+    times, x, y = moments(way, t)
+    met = float(times[np.argmax(shapely.distance(shapely.points(x, y), area) < 0.25)])
+    cut = cut_of(plan(), t, (Closing(area),))
+    assert cut.safe == pytest.approx(met, abs=2e-3)
+    assert cut.stops == way.times[(way.states.y <= 2.0)][-1]
+
+
+def test_before_the_robot_leaves_people_walk_on() -> None:
+    """Somebody is told of 3 s before the robot leaves, and crosses its way 4 s after it has left."""
+    world = hpop.World.from_polygons([], extent=shapely.box(-2, -4, 12, 4))
+    problem = hpop.Problem(world, ROBOT, (0.0, 0.0, 0.0), (8.0, 0.0, 0.0), ["length", "turns"])
+    drive = hpop.follow(problem, problem.solve("lattice", step=1.0), "least length")
+    crosses = Person(4.0, 3.5, velocity=(0.0, -0.5), until=10.0)
+    change = drive.world(-3.0, people=[crosses])
+    assert change.safe_until == pytest.approx(4.0 - 0.5, abs=0.6)
