@@ -114,6 +114,7 @@ def test_a_tilt_turns_the_view_about_a_level_axis():
     assert trajectory_cost(make_criterion("sickness"), up, WORLD) > 0.0  # the vertical that she sees tilts
 
 
+@pytest.mark.cases("view1")
 @pytest.mark.parametrize("view", [None, VIEW])
 def test_a_tilt_flows_most_straight_ahead_and_not_at_all_to_the_side(view):
     up = head([(*PLACE, 0.4, 0.1, -0.2), (*PLACE, 0.4, 0.1, 0.7)], "tilt")
@@ -157,7 +158,7 @@ def test_a_landmark_overhead_comes_into_view_as_the_head_tilts_up():
     assert lasts == [1.0, 1.0, 0.0, 0.0]
 
 
-@pytest.mark.cases("move", "tilt")
+@pytest.mark.cases("move")
 @pytest.mark.parametrize("kind", ["move", "pan", "tilt", "unwind"])
 def test_symbols_cost_what_numbers_do_whatever_the_head_does(kind):
     """With 4 bearings, for the sake of time. A landmark at the edge of the view is seen in part on symbols."""

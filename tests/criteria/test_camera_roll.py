@@ -20,6 +20,7 @@ def test_a_posture_costs_its_roll_times_the_cosine_of_its_pitch(lift, twist):
     assert trajectory_cost(CameraRoll(), swing, WORLD) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.proof
 def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled():
     trajectory = tour(Jointed())
     _, step, _, (_, left, up) = moments(trajectory, 4_000)

@@ -80,7 +80,11 @@ def moments():
 
 @pytest.mark.parametrize("together", [True, False], ids=["fully correlated in time", "independent in time"])
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.cases(8)
+@pytest.mark.cases(
+    "expected_contacts-fully correlated in time",
+    "personal_space-fully correlated in time",
+    "hall_zones-independent in time",
+)
 def test_the_cost_is_the_mean_over_sampled_futures(name, together):
     rng = np.random.default_rng(3)
     t, s, robot = moments()

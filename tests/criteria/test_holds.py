@@ -139,6 +139,7 @@ def test_who_talks_across_a_robot_that_stands_is_cut_once():
     assert cuts.tolist() == [1.0]
 
 
+@pytest.mark.cases("who walks")
 @pytest.mark.parametrize("world", [WORLD, PASSED], ids=["who stands", "who walks"])
 def test_the_clock_has_a_gradient_on_symbols(world):
     """By what one stands longer one pays the rate at the end of it."""

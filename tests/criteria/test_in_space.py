@@ -222,7 +222,7 @@ def test_a_lift_flows_as_it_rises():
 def test_rays_are_refused_on_symbols_in_words():
     _, motions = next(tour(ARM).batches(ROOM))
     symbols = SymbolicMotions.of(motions)
-    for name in ("exposure", "optic_flow", "landmark_blindness", "enclosure"):
+    for name in ("optic_flow", "landmark_blindness"):
         world = ROOM.with_content(landmarks=[Landmark(1.0, 0.0)])
         criterion = make_criterion(name)
         with pytest.raises(OptionError, match="rays in space are cast on numbers"):

@@ -44,7 +44,7 @@ def walking(rng):
 
 
 #: The others are checked where nobody moves (tests/testing), or in worlds of their own.
-@pytest.mark.cases("cutting_between", "social_force", "time_to_collision")
+@pytest.mark.cases("cutting_between", "time_to_collision")
 @pytest.mark.parametrize("name", NAMES)
 def test_they_keep_what_criteria_promise_where_there_is_time(name, monkeypatch):
     monkeypatch.setattr(hpop.testing.criteria, "random_world", walking)

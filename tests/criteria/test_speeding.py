@@ -70,6 +70,7 @@ def test_it_holds_on_coarse_maps_and_for_zones_with_holes():
     assert trajectory_cost(Speeding(), line((-6, 0.2), (6, 0.1)), world) == pytest.approx(6 * 1.0 / 1.5, rel=5e-3)
 
 
+@pytest.mark.proof
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(Speeding(), rng=seed)

@@ -58,6 +58,7 @@ def test_people_who_walk_look_where_they_go():
     assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(VisibilityToPeople(), rng=seed)

@@ -90,9 +90,9 @@ def test_a_head_that_never_moves_costs_what_the_base_does_in_every_criterion():
             continue
         for kind in ("move", "turn", "run", "spin"):
             motions = random_motions(
-                np.random.default_rng(2), world, BASE, "move" if kind in ("move", "run") else "turn", 20
+                np.random.default_rng(2), world, BASE, "move" if kind in ("move", "run") else "turn", 4
             )
-            motions, nothing = replace(motions, law=BASE.laws[kind]), np.zeros(20)
+            motions, nothing = replace(motions, law=BASE.laws[kind]), np.zeros(4)
             ends = (with_head(states, nothing, nothing) for states in (motions.start, motions.end))
             headed = Motions(world, HEAD, HEAD.laws[kind], *ends, t0=motions.t0)
             expected, found = (motion_costs(criterion, m) for m in (motions, headed))

@@ -90,6 +90,7 @@ def test_people_who_turn_come_and_go_are_met_where_they_are(who, kind, speed):
     assert np.abs(found - expected).max() < 1e-3 * np.max(expected)
 
 
+@pytest.mark.cases("turn-hall_zones", "move-time_to_collision", "hold-personal_space")
 @pytest.mark.parametrize("name", ["personal_space", "time_to_collision", "hall_zones"])
 @pytest.mark.parametrize("kind", ["move", "turn", "hold"])
 def test_many_motions_cost_the_same_when_they_are_taken_in_parts(kind, name, monkeypatch):

@@ -28,10 +28,10 @@ COARSE: dict[str, Any] = {"lattice": {"step": 0.5}}
 ON_TOP = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)  # m and rad: where the base carries the arm
 OPTIONS: dict[str, dict[str, Any]] = {
     "any-angle": {"step": 0.5, "max_positions": 30},
-    "epsilon-constraint": {"step": 0.5, "max_points": 2, "rounds": 1},
+    "epsilon-constraint": {"step": 0.5, "max_points": 1, "rounds": 1},
     "lattice": {"step": 0.5},
-    "roadmap": {"samples": 60},
-    "rrt": {"runs": 2, "max_extensions": 1000},
+    "roadmap": {"samples": 40},
+    "rrt": {"runs": 1, "max_extensions": 1000},
     "smoothing": {"step": 2.0, "intervals": 8},
     "spline": {"pieces": 2, "warm_start": {"roadmap": {"samples": 4, "trees": 1}}},
     "weighted-sum": {"step": 0.5},

@@ -74,7 +74,7 @@ def test_the_analytic_front_ends_in_a_straight_line_and_in_a_half_circle():
             "epsilon-constraint", {"step": 0.5}, 0.02, marks=pytest.mark.proof
         ),  # few segments, as lattices have
         ("any-angle", {"step": 0.5}, EIGHT_WAYS),
-        ("roadmap", {"samples": 300}, 0.05),
+        pytest.param("roadmap", {"samples": 300}, 0.05, marks=pytest.mark.proof),
     ],
 )
 def test_length_against_proximity_to_a_wall(planner, options, above):

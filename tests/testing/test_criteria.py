@@ -331,7 +331,12 @@ ELSEWHERE = (
 IN_SPACE = ("camera_length", "camera_roll", "hand_eye_misalignment", "joint_length", "joint_limits", "view_distance")
 #: With fewer rays in `make test`.
 FEWER = {"optic_flow": {"bearings": 4}}
-IN_PROOF = {*ALIKE, *ELSEWHERE, *IN_SPACE, *FEWER}
+#: Each beside one that is built alike and is looked at: clearance, look_at, joint_energy, o_space, exposure, rotation.
+BESIDE = (
+    *("worst_intrusion", "proximity", "heading_mismatch", "singularity", "energy"),
+    *("passing_distance", "personal_space", "enclosure", "rotation_time"),
+)
+IN_PROOF = {*ALIKE, *ELSEWHERE, *IN_SPACE, *FEWER, *BESIDE}
 PROVED = [pytest.param(name, marks=pytest.mark.proof) if name in IN_PROOF else name for name in NAMES]
 
 

@@ -95,6 +95,7 @@ NEEDED: dict[str, dict[str, Any]] = {
 DEAR = ("mobile_arm", "differential_drive")
 
 
+@pytest.mark.cases("pan_tilt")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.proof) if name in DEAR else name for name in registered()]
 )
@@ -399,6 +400,7 @@ def test_stations_that_no_motion_joins_are_found(change: Callable[[Any], Any], s
     assert said in fault_of_stations(Astray())
 
 
+@pytest.mark.proof
 def test_turns_that_leave_the_head_where_it_was_join_no_stations_with_other_pans() -> None:
     @dataclass(frozen=True)
     class Loose(hpop.PanTilt):

@@ -54,7 +54,7 @@ class Changed:
     needs = Lattice.needs
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        return self.change(Lattice(step=0.5).solve(problem, progress), problem)
+        return self.change(Lattice(step=1.0).solve(problem, progress), problem)
 
 
 def short(found: Candidates, problem: Problem) -> Candidates:
@@ -132,7 +132,7 @@ class Undeclared:
     name = "undeclared"
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        return Lattice(step=0.5).solve(problem, progress)
+        return Lattice(step=1.0).solve(problem, progress)
 
 
 class Strange(Changed):

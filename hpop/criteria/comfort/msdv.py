@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -47,12 +48,18 @@ def _quadratic(frequency: float, quality: float) -> FloatArray:
 
 def weighted(acceleration: FloatArray, step: float) -> FloatArray:
     """Accelerations (N, k), m/s², every ``step`` seconds, filtered by Wf from rest; each column by itself."""
-    from scipy.signal import bilinear, sosfilt
+    from scipy.signal import sosfilt
 
-    # Factor by factor: the coefficients of their product would lose nearly all digits at this rate.
-    digital = np.array([np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections()])
-    filtered: FloatArray = sosfilt(digital, acceleration, axis=0)
+    filtered: FloatArray = sosfilt(np.array(_digital(step)), acceleration, axis=0)
     return filtered
+
+
+@lru_cache(maxsize=16)
+def _digital(step: float) -> tuple[FloatArray, ...]:
+    """Factor by factor: the coefficients of their product would lose nearly all digits at this rate."""
+    from scipy.signal import bilinear
+
+    return tuple(np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections())
 
 
 @criterion("msdv", group="C", unit="m/s^1.5", aggregate="trajectory", requires=("camera",), smooth=False)

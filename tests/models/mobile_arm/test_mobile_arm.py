@@ -260,6 +260,7 @@ def test_its_roadmap_has_folded_arms_on_the_way_and_postures_where_it_stops(prob
     assert (folded | (several[place.ravel()] > 1))[samples].all()
 
 
+@pytest.mark.proof
 def test_a_plan_is_verified_and_ends_with_the_can_in_view(problem, front):
     assert len(front) > 0
     assert verify(problem, front) == []

@@ -58,6 +58,7 @@ def dense(criterion, motions: Motions, panels: int) -> np.ndarray:
     return np.concatenate(parts)
 
 
+@pytest.mark.cases(but=("camera_length-60", "rotation-60"))
 @pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("asked", SMOOTH, ids=lambda asked: asked if isinstance(asked, str) else next(iter(asked)))
 def test_costs_of_long_reaches_are_right_to_a_thousandth(asked, count):

@@ -134,6 +134,7 @@ def test_no_body_moves_or_turns_farther_than_the_extent_says(arms, name):
 # One code for numbers and symbols
 
 
+@pytest.mark.cases("rotation", "duration")
 @pytest.mark.parametrize("criterion", ["duration", "rotation", "camera_length", "look_at"])
 def test_a_reach_costs_the_same_in_numbers_and_on_symbols(arms, criterion):
     pytest.importorskip("casadi")

@@ -295,6 +295,7 @@ def test_what_is_minimised_must_be_there():
         PolylineProgram(GOAL_FREE, (Length(),), 1, PolylineStructure((1, 1), True, False))
 
 
+@pytest.mark.proof
 def test_two_segments_without_a_first_turn_may_end_with_any_heading():
     world = hpop.World.from_polygons([shapely.box(3, 2, 4, 6)], extent=shapely.box(0, 0, 10, 10))
     problem = hpop.Problem(world, hpop.DifferentialDrive(), (1, 1, 0), (9, 9, None), ["exposure", "length", "turns"])

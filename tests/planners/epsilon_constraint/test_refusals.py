@@ -116,6 +116,7 @@ def test_the_least_length_is_that_of_the_taut_way_round_an_obstacle():
     assert least_length(dataclasses.replace(PAPER, goal=(1, 4, 0))) == 2.0
 
 
+@pytest.mark.proof
 def test_an_epsilon_that_can_be_kept_is_kept():
     front = PAPER.solve("epsilon-constraint", step=1.0, epsilon={"turns": 4}, max_points=4)
     assert len(front)

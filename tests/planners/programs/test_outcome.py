@@ -21,6 +21,7 @@ BLOCK = World.from_polygons([shapely.box(2.8, 1.4, 3.4, 2.6)], extent=shapely.bo
 ROUND = Problem(BLOCK, DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ("turns", "length", "exposure"))
 
 
+@pytest.mark.cases("planner1-hpop.planners.epsilon_constraint.program")
 @pytest.mark.parametrize(
     ("planner", "module"),
     [(Smoothing(step=1.0, intervals=10), driven_program), (EpsilonConstraint(step=1.0, max_points=4), polyline)],
@@ -60,6 +61,7 @@ class WatchedLength(Length):
         return super().cost(m)
 
 
+@pytest.mark.cases("planner1")
 @pytest.mark.parametrize("planner", [Smoothing(step=1.0), EpsilonConstraint(step=1.0)])
 def test_whoever_builds_symbols_has_the_lock(planner):
     """So threads that plan build them one after the other."""

@@ -55,6 +55,7 @@ def wiggles(trajectory, spacing=0.25, least=0.05):
 # What it finds
 
 
+@pytest.mark.proof
 def test_most_runs_reach_the_goal(several):
     assert several.status is Status.COMPLETE
     assert len(several.trajectories) >= 6
@@ -124,6 +125,7 @@ def test_the_selected_one_has_the_fewest_sign_changes_and_of_those_is_shortest(s
     assert selected.stats["curvature_sign_changes"] == counts
 
 
+@pytest.mark.proof
 def test_ties_are_broken_by_length(several):
     """With the problem's own idea of a curve nothing is one, and all trajectories have none."""
     problem = Problem(ROOM, ROBOT, PROBLEM.start, PROBLEM.goal, [{"curvature_sign_changes": {"least": 1e6}}, "length"])
@@ -134,6 +136,7 @@ def test_ties_are_broken_by_length(several):
     assert [c.name for c in selected.filters] == ["curvature_sign_changes"]
 
 
+@pytest.mark.proof
 def test_the_front_joins_the_lattices_and_never_gets_worse():
     lattice, joined = PROBLEM.fronts([Lattice(step=0.5), SEVERAL])
     assert joined.names == lattice.names

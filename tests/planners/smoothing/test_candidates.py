@@ -30,6 +30,7 @@ def smoothed():
     return candidates, ROUND.solve("lattice", **OPTIONS).trajectories
 
 
+@pytest.mark.proof
 def test_candidates_are_what_they_claim(smoothed):
     candidates, polylines = smoothed
     assert candidates.status is Status.COMPLETE

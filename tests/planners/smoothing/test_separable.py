@@ -137,12 +137,10 @@ def test_a_field_is_read_on_scalar_symbols_only_where_somebody_takes_the_looks()
     "angular_acceleration",
     "bending_energy",
     "clearance",
-    "enclosure",
     "exposure",
     "landmark_blindness",
     "length",
     "personal_space",
-    "speeding",
 )
 @pytest.mark.parametrize(
     "spec",

@@ -313,6 +313,7 @@ def test_the_paths_are_the_first_answer_and_splines_follow(arm, world, paths):
     assert [len(one.trajectories) for one in (second, last)] == [3, 4]
 
 
+@pytest.mark.proof
 def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
     job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=0.0)

@@ -40,6 +40,7 @@ def test_a_joint_without_limits_may_be_any_number_of_turns_away(planned):
     assert all(list(problem.model.faults(trajectory)) == [] for trajectory in found.trajectories)
 
 
+@pytest.mark.proof
 def test_what_is_a_spline_already_stays_the_same_spline_and_goes_on_from_there(planned):
     problem, _, found = planned
     spline = found.trajectories[0]

@@ -142,6 +142,7 @@ def test_nothing_is_left():
 OFFSET = DifferentialDrive(radius=0.3, camera_offset=(0.1, 0.05))
 
 
+@pytest.mark.cases("spec0-robot1", "spec1-robot0", "length-robot0")
 @pytest.mark.parametrize("robot", [ROBOT, OFFSET])
 @pytest.mark.parametrize("spec", [{"clearance": {"enough": 1.5}}, {"passing_distance": {"enough": 0.8}}, "length"])
 def test_convex_forms_are_what_they_declare_on_any_vertices_of_the_corridor(robot, spec):

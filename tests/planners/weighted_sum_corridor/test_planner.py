@@ -205,6 +205,7 @@ def over():
     return WeightedSumCorridor(step=STEP).solve(OVER)
 
 
+@pytest.mark.proof
 def test_candidates_are_what_they_claim(over):
     assert over.status is Status.COMPLETE
     assert [c.name for c in over.objectives] == ["length", "turns", "clearance"]
@@ -243,6 +244,7 @@ def test_joined_with_the_lattice_nothing_gets_worse(over):
     assert {p["planner"] for p in joined.provenance} >= {"weighted-sum-corridor"}
 
 
+@pytest.mark.cases("options0")
 @pytest.mark.parametrize("options", [{"divisions": 3}, {"weights": [[1, 0], [2, 1], [1, 2], [0, 1]]}])
 def test_weights_may_be_given(options):
     found = WeightedSumCorridor(step=STEP, **options).solve(OVER)
