@@ -83,15 +83,21 @@ class Tables(NamedTuple):
 
 
 def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
-    """Tables one over another, and which is that of each column; a single one is not copied."""
+    """Tables one over another, and which is that of each column; a single one is not copied.
+
+    They are read-only however they came: kernels would be compiled anew, half a minute, for tables that can be written.
+    """
     places = np.full(k, -1)
     places[list(tables)] = np.arange(len(tables))
     if len(tables) == 1:
         (table,) = tables.values()
-        return np.ascontiguousarray(table, dtype)[None].view(), places
-    if not tables:
-        return np.zeros((0, *shape), dtype), places
-    return np.stack(list(tables.values())).astype(dtype, copy=False), places
+        stacked = np.ascontiguousarray(table, dtype)[None].view()
+    elif tables:
+        stacked = np.stack(list(tables.values())).astype(dtype, copy=False)
+    else:
+        stacked = np.zeros((0, *shape), dtype)
+    stacked.setflags(write=False)
+    return stacked, places
 
 
 @lean
