@@ -111,6 +111,7 @@ def test_a_path_round_a_bend_against_sampling():
     assert cost(trajectory, zone) == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.proof
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(AgainstFlow(), rng=seed)

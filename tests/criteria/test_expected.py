@@ -83,7 +83,7 @@ def moments():
 @pytest.mark.cases(
     "expected_contacts-fully correlated in time",
     "personal_space-fully correlated in time",
-    "hall_zones-independent in time",
+    "visibility_to_people-independent in time",
 )
 def test_the_cost_is_the_mean_over_sampled_futures(name, together):
     rng = np.random.default_rng(3)

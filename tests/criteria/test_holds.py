@@ -144,7 +144,7 @@ def test_who_talks_across_a_robot_that_stands_is_cut_once():
 def test_the_clock_has_a_gradient_on_symbols(world):
     """By what one stands longer one pays the rate at the end of it."""
     criterion = make_criterion("hall_zones")
-    motions = hold(2.0, world=world, t0=1.0, panels=40, **HERE)
+    motions = hold(2.0, world=world, t0=1.0, panels=10, **HERE)
     symbols = SymbolicMotions.of(motions)
     value, jacobian = symbols.values_and_jacobian(criterion.cost(symbols.motions))
     np.testing.assert_allclose(value, motion_costs(criterion, motions), rtol=1e-9)

@@ -109,6 +109,7 @@ def test_on_symbols_it_has_the_same_values_and_no_gradient_that_is_not_a_number(
         assert np.isfinite(jacobian).all()
 
 
+@pytest.mark.proof
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(TimeToCollision(), rng=seed)

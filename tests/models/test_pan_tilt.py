@@ -77,6 +77,7 @@ def looking_about(model):
 # A still head
 
 
+@pytest.mark.proof
 def test_a_head_that_never_moves_costs_what_the_base_does_in_every_criterion():
     world = random_world(np.random.default_rng(1))
     driven = Trajectory.from_poses(BASE, POSES)

@@ -62,6 +62,7 @@ REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model
 LESS = {
     *(("roadmap", model) for model in ("differential_drive", "holonomic", "serial_arm")),
     *(("lattice", "pan_tilt"), ("weighted-sum", "pan_tilt")),
+    *(("smoothing", "differential_drive"), ("spline", "serial_arm")),  # of which `make test` asks what they find
 }
 
 
@@ -87,6 +88,16 @@ def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
     checks = list(planner_checks(make_planner({name: OPTIONS[name]}), models=[MODELS[model]]))
     assert [check for check in checks if check.fault] == []
     assert len(checks) >= (12 if "plane" in MODELS[model].provides else 10)
+
+
+@pytest.mark.parametrize(("name", "model"), [("smoothing", "differential_drive"), ("spline", "serial_arm")])
+def test_what_solves_programs_keeps_its_promises_up_to_the_file_of_its_front(name, model):
+    """That it can be repeated, interrupted and limited is in its own tests, and in the proof."""
+    for check in planner_checks(make_planner({name: OPTIONS[name]}), models=[MODELS[model]]):
+        assert not check.fault, check
+        if check.claim == "is saved and loaded":
+            return
+    pytest.fail("no front was saved")
 
 
 @pytest.mark.cases("holonomic")

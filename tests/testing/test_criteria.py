@@ -329,7 +329,7 @@ ELSEWHERE = (
 )
 #: Of a moving camera or of joints: alone, on trajectories and on symbols in their own tests; beside others like them.
 IN_SPACE = ("camera_length", "camera_roll", "hand_eye_misalignment", "joint_length", "joint_limits", "view_distance")
-#: With fewer rays in `make test`.
+#: With fewer rays too, so that few are enough to find what is wrong.
 FEWER = {"optic_flow": {"bearings": 4}}
 #: Each beside one that is built alike and is looked at: clearance, look_at, joint_energy, o_space, exposure, rotation.
 BESIDE = (
@@ -346,6 +346,7 @@ def test_every_criterion_that_comes_with_hpop_passes(name):
     check_criterion(own_criterion(name))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("name", FEWER)
 def test_criteria_of_many_rays_pass_with_few(name):
     """In a world that is turned few rays look elsewhere."""

@@ -28,7 +28,8 @@ from hpop.world.content import Person
 ROBOT = DifferentialDrive(radius=0.25)
 ROOM = World.from_polygons([shapely.box(2.6, 0.0, 3.0, 2.4)], extent=shapely.box(0, 0, 6, 5))
 PROBLEM = Problem(ROOM, ROBOT, (1, 1, 0), (5, 1, 0), ["exposure", "turns", "length"])
-SEVERAL = RRT(runs=8, seed=3, keep="all")
+RUNS = 4
+SEVERAL = RRT(runs=RUNS, seed=3, keep="all")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def wiggles(trajectory, spacing=0.25, least=0.05):
 
     The samples are so dense that the cuts of the path into even pieces are found to a fraction of a millimetre.
     """
-    times = np.linspace(0.0, trajectory.duration, 40_001)
+    times = np.linspace(0.0, trajectory.duration, 20_001)
     states = trajectory.at(times)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(states.x), np.diff(states.y)))])
     count = math.ceil(way[-1] / spacing)
@@ -58,9 +59,9 @@ def wiggles(trajectory, spacing=0.25, least=0.05):
 @pytest.mark.proof
 def test_most_runs_reach_the_goal(several):
     assert several.status is Status.COMPLETE
-    assert len(several.trajectories) >= 6
-    assert several.stats["runs"] == 8
-    assert several.stats["reached"] + sum(several.stats["failed"].values()) == 8
+    assert len(several.trajectories) >= 3
+    assert several.stats["runs"] == RUNS
+    assert several.stats["reached"] + sum(several.stats["failed"].values()) == RUNS
 
 
 def test_trajectories_are_free_on_the_exact_geometry_and_end_where_they_should(several):
@@ -113,7 +114,7 @@ def test_wheel_limits_allow_what_the_model_allows_and_no_more(wheel_base):
 
 
 def test_the_selected_one_has_the_fewest_sign_changes_and_of_those_is_shortest(several):
-    selected = RRT(runs=8, seed=3).solve(PROBLEM)
+    selected = RRT(runs=RUNS, seed=3).solve(PROBLEM)
     assert len(selected.trajectories) == 1
     counts = [wiggles(trajectory) for trajectory in several.trajectories]
     assert counts == [p["curvature_sign_changes"] for p in several.provenance]
@@ -129,7 +130,7 @@ def test_the_selected_one_has_the_fewest_sign_changes_and_of_those_is_shortest(s
 def test_ties_are_broken_by_length(several):
     """With the problem's own idea of a curve nothing is one, and all trajectories have none."""
     problem = Problem(ROOM, ROBOT, PROBLEM.start, PROBLEM.goal, [{"curvature_sign_changes": {"least": 1e6}}, "length"])
-    selected = RRT(runs=8, seed=3).solve(problem)
+    selected = RRT(runs=RUNS, seed=3).solve(problem)
     assert selected.provenance[0]["curvature_sign_changes"] == 0
     lengths = several.planned[:, [c.name for c in several.objectives].index("length")]
     assert selected.planned[0].tolist() == [lengths.min()]

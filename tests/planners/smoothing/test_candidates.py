@@ -26,7 +26,7 @@ OPTIONS = {"step": 1.0}
 @pytest.fixture(scope="module")
 def smoothed():
     """Candidates of six costs round a block, and the polylines that they come from."""
-    candidates = Smoothing(**OPTIONS).solve(ROUND)
+    candidates = Smoothing(**OPTIONS, intervals=30).solve(ROUND)
     return candidates, ROUND.solve("lattice", **OPTIONS).trajectories
 
 
