@@ -54,7 +54,7 @@ HEADERS = {
     "X-Frame-Options": "DENY",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-LIST = """<!doctype html>
+PAGE = """<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
@@ -63,14 +63,15 @@ LIST = """<!doctype html>
 <link rel="icon" href="data:,">
 <style>
 :root {{ color-scheme: light dark }}
-body {{ font: 18px/2.2 system-ui, sans-serif; margin: 2em auto; max-width: 36em; padding: 0 1em }}
-a {{ display: inline-block; min-width: 4em }}
+body {{ font: 18px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 36em; padding: 0 1em }}
+a {{ display: inline-block; min-width: 4em; line-height: 2.5 }}
 </style>
-<title>hpop: sessions</title>
+<title>hpop: {title}</title>
 </head>
-<body><h1>Sessions</h1><p>{links}</p></body>
+<body><h1>{title}</h1><p>{said}</p>{rest}</body>
 </html>
 """
+"""A page with no script: the list of sessions, and what a browser is told that asks for what there is not."""
 
 
 class Refused(Exception):
@@ -271,18 +272,28 @@ class _Handler(BaseHTTPRequestHandler):
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """A refusal is said to who asked: to pages as JSON."""
+        """A refusal is said to who asked."""
         try:
             yield
         except Refused as refused:
-            self._reply(refused.status, {"error": refused.said, "why": refused.why})
+            self._refuse(refused.status, refused.said, refused.why)
         except HpopError as error:
             # What a page should not have sent is its fault; a disk that is full is not, and the page tries again.
             is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
             status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
             if is_ours and self.server.tell is not None:
                 self.server.tell(str(error))
-            self._reply(status, {"error": str(error), "why": "disk" if is_ours else "answer"})
+            self._refuse(status, str(error), "disk" if is_ours else "answer")
+
+    def _refuse(self, status: HTTPStatus, said: str, why: str) -> None:
+        """To who opens an address, as a page to be read; to a page, as JSON."""
+        if self.command == "POST":
+            self._reply(status, {"error": said, "why": why})
+            return
+        told = html.escape(f"The study's computer says: {said}.")
+        advice = "<p>Please call the person who runs the study.</p>"
+        page = PAGE.format(title="There is no session here", said=told, rest=advice)
+        self._send(page.encode(errors="backslashreplace"), status=status)
 
     def _reply(self, status: HTTPStatus, values: dict[str, Any]) -> None:
         self._send(json.dumps(values, allow_nan=False).encode(), "application/json", status)
@@ -299,7 +310,8 @@ class _Handler(BaseHTTPRequestHandler):
         names = [person.id for person in self.server.study.design.expected]
         root = f"/{self.server.token}/" if self.server.token else "/"
         links = " ".join(f'<a href="{root}{name}">{name}</a>' for name in map(html.escape, names))
-        return LIST.format(links=links).encode()
+        said = "A page for each participant. schedule.csv says who is next."
+        return PAGE.format(title="Sessions", said=said, rest=f"<p>{links}</p>").encode()
 
     def _file(self, path: Path) -> None:
         """A stimulus, or the part of a video that is asked for."""

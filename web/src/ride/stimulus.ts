@@ -9,6 +9,13 @@ import type { Stimulus } from "./model";
 import { FADE, Stage } from "./stage";
 import { Track } from "./track";
 
+/** rad that a key turns the head; held down it repeats */
+const KEY = 0.05;
+/** To the left and up, by the name of the key. */
+const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
+  ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
+};
+
 /** What the page in which a stimulus stands is told. */
 export type Told =
   | { readonly kind: "ready"; readonly headset: boolean }
@@ -55,6 +62,7 @@ export class StimulusPage {
     new ResizeObserver(() => { this.fit(); }).observe(canvas);
     window.addEventListener("keydown", (event) => {
       if (event.key === "Escape") this.breakOff("Esc");
+      this.lookTo(event);
     });
     document.addEventListener("visibilitychange", () => {
       if (document.hidden && !this.headset.isOn) this.breakOff("the page was hidden");
@@ -117,6 +125,14 @@ export class StimulusPage {
     this.headset.leave();
     this.over();
     tell({ kind: "end", frames: this.frames.report, headset: this.worn });
+  }
+
+  /** Arrow keys look around as dragging does: the head turns to where they point. */
+  private lookTo(event: KeyboardEvent): void {
+    const to = ARROWS[event.key];
+    if (to === undefined || this.began === null) return;
+    event.preventDefault();
+    this.looking.turn(KEY * to[0], KEY * to[1]);
   }
 
   /** Nothing more of this ride is shown; whoever wants to see it begins again. */

@@ -1,8 +1,8 @@
 // Screens that ask: consent, a form, a comparison of two rides, remarks.
 import { type Voice, button, element } from "./dom";
 import { answerTo, chosenOf } from "./events";
-import type { Design, Form, Plan } from "./model";
-import { choices, question } from "./questions";
+import type { Design, Form, Place, Plan } from "./model";
+import { choices, markMissing, question } from "./questions";
 import type { Recorder } from "./recorder";
 import { smallMap } from "./small_map";
 
@@ -65,7 +65,7 @@ function asked(
   const row = element("div", "row");
   const go = button(voice.say("continue"), "", () => {
     const missing = groups.filter((group, i) => {
-      group.classList.toggle("missing", !isAnswered(i));
+      markMissing(group, isAnswered(i) ? "" : voice.say("missing_here"));
       return !isAnswered(i);
     });
     const first = missing[0];
@@ -115,12 +115,12 @@ export function compare(
 ): HTMLElement {
   const { voice, recorder, plan, design } = context;
   const [first, second] = pair;
-  const placeOf = (name: string): number => design.places.find((at) => at.condition === name)?.place ?? 0;
+  const placeOf = (name: string): Place | undefined => design.places.find((at) => at.condition === name);
   const screen = element("section");
   screen.append(
     title(voice.say("compare_title")),
     element("p", "ask", voice.say("compare_of", {
-      first, second, first_place: placeOf(first), second_place: placeOf(second), count: design.places.length,
+      first, second, first_place: placeOf(first)?.place ?? 0, second_place: placeOf(second)?.place ?? 0, count: design.places.length,
     })),
   );
   const ways = pair.map((name) => plan?.ways[name]);
@@ -138,7 +138,9 @@ export function compare(
   }
   const groups = form.items.map((item) => {
     const options = [
-      ...pair.map((name) => ({ value: name, text: voice.say("ride_title", { name }), spoken: "" })),
+      ...pair.map((name) => ({
+        value: name, text: voice.say(placeOf(name)?.kind === "video" ? "video_title" : "ride_title", { name }), spoken: "",
+      })),
       { value: "none", text: voice.say("compare_none"), spoken: "" },
     ];
     const group = choices(voice.of(item.text), options, chosenOf(recorder.events, pair, item.id) ?? null, (chosen) => {

@@ -61,7 +61,7 @@ export function choices(
   chosen: (value: string) => void,
 ): HTMLFieldSetElement {
   const group = element("fieldset", "question");
-  group.append(element("legend", "", legend));
+  group.append(legendOf(legend));
   const row = element("div", "choices");
   row.style.setProperty("--count", String(Math.min(options.length, MOST_IN_ROW)));
   row.style.setProperty("--words", String(options.length > MOST_WORDS ? FEWER_WORDS : options.length));
@@ -75,7 +75,7 @@ export function choices(
     input.value = value;
     input.checked = value === answer;
     input.addEventListener("change", () => {
-      group.classList.remove("missing");
+      markMissing(group, "");
       chosen(value);
     });
     const shown = element("span", "", text);
@@ -85,6 +85,19 @@ export function choices(
   }
   group.append(row);
   return group;
+}
+
+/** Says beside a question that it has no answer, or no longer. */
+export function markMissing(group: HTMLElement, said: string): void {
+  group.classList.toggle("missing", said !== "");
+  group.querySelector(".lacks")!.textContent = said === "" ? "" : ` ${said}`;
+}
+
+/** What is asked, and room for what `markMissing` says. */
+function legendOf(text: string): HTMLElement {
+  const legend = element("legend", "", text);
+  legend.append(element("span", "lacks"));
+  return legend;
 }
 
 function endLabel(labels: readonly string[], i: number, count: number): string {
@@ -100,7 +113,7 @@ function typed(
   chosen: (value: number) => void,
 ): HTMLElement {
   const group = element("fieldset", "question");
-  group.append(element("legend", "", voice.of(item.text)));
+  group.append(legendOf(voice.of(item.text)));
   const label = element("label", "typed", `${voice.say("choose_number", { low: scale.low, high: scale.high })} `);
   const input = element("input");
   input.type = "number";
@@ -110,7 +123,7 @@ function typed(
   if (answer !== undefined) input.value = String(answer);
   input.addEventListener("change", () => {
     if (input.value === "" || !input.reportValidity()) return;
-    group.classList.remove("missing");
+    markMissing(group, "");
     chosen(Number(input.value));
   });
   label.append(input);

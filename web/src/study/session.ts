@@ -199,9 +199,14 @@ export class Session {
     }
   }
 
+  /** Whether a page that was opened as a file has given away all that it holds. */
+  private isHandedOver(): boolean {
+    return this.recorder instanceof InPage && this.recorder.isHandedOver && !this.recorder.isUnsaved;
+  }
+
   private said(standing: Standing): string {
     switch (standing.kind) {
-      case "file": return this.voice.say("file_warning");
+      case "file": return this.isHandedOver() ? "" : this.voice.say("file_warning");
       case "waiting": return this.voice.say("unsaved", { count: standing.count });
       case "elsewhere": return this.voice.say("elsewhere");
       case "refused": return this.voice.say("refused", { reason: standing.reason });
