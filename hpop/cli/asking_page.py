@@ -34,12 +34,18 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
+# Under a and b are their lines as on the map: its first two colours and dashes.
 STYLE = """body{font:17px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
 body{background:#fff}table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .9rem .3rem 0;text-align:right}
 td:first-child,td:last-child,th:first-child{text-align:left}td:last-child{color:#555}img{max-width:100%;max-height:60vh}
 button{font:inherit;padding:.6rem 1.2rem;margin:.3rem .5rem .3rem 0;border:1px solid #555;border-radius:.4rem}
 button{background:#fff;color:#1b1b1b;cursor:pointer}button:focus-visible{outline:3px solid #1a6fb0}
-button.main{background:#1a6fb0;color:#fff;border-color:#1a6fb0}"""
+form{position:sticky;bottom:0;background:#fff;padding:.3rem 0}button{min-height:44px}h1{font-size:1.6rem}
+button.main{background:#1a6fb0;color:#fff;border-color:#1a6fb0}
+th.a{border-bottom:3px solid #000}th.b{border-bottom:3px dashed #d55e00}
+@media(max-width:560px){body{margin:.5rem auto}h1{font-size:1.25rem}table{margin:.5rem 0}td{font-size:.9rem}
+form{padding:.5rem 0;display:grid;grid-template-columns:1fr 1fr;gap:.5rem}
+button{margin:0}}"""
 HEAD = (
     "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
     f"<title>Which do you prefer?</title><style>{STYLE}</style>"
@@ -81,7 +87,7 @@ def page_of(asked: Asked) -> str:
     return (
         f"{HEAD}<h1>{html.escape(asked.words)}</h1>"
         f"<img alt='Both ways on the map, a and b' src='data:image/png;base64,{image}'>"
-        f"<table><tr><th></th><th>a</th><th>b</th><th></th></tr>{rows}</table>"
+        f"<table><tr><td></td><th class=a scope=col>a</th><th class=b scope=col>b</th><td></td></tr>{rows}</table>"
         f"<form method=post><input type=hidden name=question value={asked.number}>{buttons}</form>"
     )
 

@@ -24,21 +24,27 @@ WAYS = {"straight": [(1, 1), (2, 1)], "round": [(1, 1), (1, 1.5), (2, 1.5), (2, 
 SIZE = (480, 400)  # a view of few pixels is drawn soon
 
 
-def small_study(folder: Path, *forms: str) -> study.Design:
-    """Two short ways beside a box, and the still view."""
+def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
+    """Two short ways beside a box, and the still view; as videos, without it, empty ones."""
     world = hpop.World.from_polygons([shapely.box(1.3, 0.2, 1.7, 0.6)], extent=shapely.box(0, 0, 10, 8))
     problem = problem_of(world)
     front = front_of(problem, WAYS)
     design = study.Design.of(
         front,
-        [0, 1, "view"],
+        [0, 1, "view"] if kind == "ride" else [0, 1],
         participants=6,
         consent="You will be shown three views.\n\nIt takes ten minutes.",
         forms=forms,
+        kind=kind,
         protocol=study.Protocol(rest_s=REST),
     )
     design.save(folder)
-    study.save_stimuli(problem, front, design.conditions, folder / "stimuli")
+    if kind == "ride":
+        study.save_stimuli(problem, front, design.conditions, folder / "stimuli")
+        return design
+    for condition in design.conditions:
+        (folder / condition.stimulus).parent.mkdir(exist_ok=True)
+        (folder / condition.stimulus).touch()
     return design
 
 
@@ -51,6 +57,18 @@ def served(folder: Path, port: int = 0) -> Iterator[StudyServer]:
         yield server
         server.shutdown()
         thread.join()
+
+
+def too_small(page: Page) -> list[str]:
+    """What is to be pressed on a page and is less than 44 pixels high or wide, or to be filled in and has no name."""
+    found = page.evaluate(
+        """() => [...document.querySelectorAll("button, a, summary, input:not([type=hidden]), textarea")]
+          .map((e) => [e, (e.closest("label") ?? e).getBoundingClientRect()])
+          .filter(([e, box]) => box.width > 0 && (Math.min(box.width, box.height) < 44
+            || (e.matches("input, textarea") && !e.labels.length)))
+          .map(([e]) => e.outerHTML)"""
+    )
+    return [str(one) for one in found]
 
 
 class Participant:

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from hpop import study
-from tests.browser.sessions import BEGIN, Participant, served, small_study
+from tests.browser.sessions import BEGIN, Participant, served, small_study, too_small
 
 Enter = Callable[..., Participant]
 RATED = {"Comfort of the ride": 7}
@@ -84,6 +84,7 @@ def test_answers_on_the_disk_are_what_was_clicked(enter: Enter, folder: Path, de
             condition = design.condition(letter)
             someone.begin_ride()
             if condition.row is None:
+                check_arrows_look_around(someone)
                 someone.watch(condition.duration)  # goes on by itself: it was drawn smoothly
             else:
                 someone.sit_out(condition.duration)
@@ -223,6 +224,7 @@ def test_opened_as_a_file_it_says_what_a_reload_loses_and_hands_all_over_at_the_
     someone.press("Stop the session")
     with someone.page.expect_download() as download:
         someone.press("Save the answers")
+    expect(someone.page.locator(".banner")).to_be_empty()  # nothing would be lost any more
     assert download.value.suggested_filename == "p02.json"
     (folder / "answers").mkdir(exist_ok=True)
     download.value.save_as(folder / "answers" / "p02.json")
@@ -265,6 +267,47 @@ def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
     check_phone(someone)
 
 
+def check_arrows_look_around(someone: Participant) -> None:
+    """In a view in which nothing else moves: to the left, and back."""
+    keys, view = someone.page.keyboard, someone.page.frame_locator("iframe").locator("canvas")
+    pictures = []
+    for key in (None, "ArrowLeft", "ArrowRight"):
+        for _ in range(10 if key else 0):
+            keys.press(str(key))
+        someone.page.clock.run_for(1000 if key is None else 50)  # until it has faded in
+        pictures.append(view.screenshot())
+    ahead, left, again = pictures
+    assert ahead == again != left
+
+
+def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter, tmp_path: Path) -> None:
+    """Served, on a phone: begin, end, stop in the middle of the second."""
+    design = small_study(tmp_path, "comfort", kind="video")
+    first, second = design.participant("p01").order
+    with served(tmp_path) as server:
+        someone = enter(f"{server.address()}p01", size=(390, 844))
+        someone.agree()
+        assert someone.heading() == f"Video {first}"
+        check_phone(someone)
+        link = someone.page.get_by_role("link", name="Open the video")
+        assert link.evaluate("a => a.href") == f"{server.address()}stimuli/{first}.mp4"
+        someone.press("Start")
+        someone.press("The video has ended")
+        someone.answer(RATED)
+        someone.press("Continue")
+        someone.rest()
+        someone.press("Start")
+        someone.press("Stop")
+        someone.press("Stop the session")
+        assert "The session is stopped" in someone.page.locator("main").inner_text()
+        someone.answer({"Comfort of the ride": 2})
+        someone.press("Continue")
+        expect(someone.page.locator("main")).to_contain_text("All your answers are saved.")
+    told = [(event["condition"], event["value"]) for event in events(tmp_path) if event["kind"] == "stimulus"]
+    assert told == [(first, "begin"), (first, "end"), (second, "begin"), (second, "broken")]
+    assert [(row.condition, row.value) for row in study.Answers.load(tmp_path).table] == [(first, 7), (second, 2)]
+
+
 def check_phone(someone: Participant) -> None:
     """No part is wider than the screen, the stop button is in view, and a heading is where reading goes on."""
     assert someone.overflow() <= 0
@@ -276,13 +319,20 @@ def check_phone(someone: Participant) -> None:
     assert box is not None
     assert 0 <= box["x"] <= box["x"] + box["width"] <= 390
     assert 0 <= box["y"] <= 60
-    assert box["height"] >= 40
+    assert too_small(someone.page) == []
 
 
 def answer_by_keys(someone: Participant) -> None:
     """From the heading on: Tab to each question, Space chooses, Enter on the button goes on."""
     keys = someone.page.keyboard
     assert someone.page.evaluate("document.activeElement.tagName") == "H1"
+    first = someone.page.get_by_role("group").first
+    someone.page.locator("#continue").press("Enter")
+    expect(first).to_contain_text("(not answered yet)")
+    assert first.evaluate("group => group.contains(document.activeElement)")
+    keys.press("Space")
+    expect(first).not_to_contain_text("(not answered yet)")
+    someone.page.locator("h1").first.focus()
     for _ in range(someone.page.locator("fieldset").count()):
         keys.press("Tab")
         keys.press("Space")

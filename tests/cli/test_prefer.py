@@ -93,6 +93,7 @@ def test_what_was_learnt_is_marked_and_picked(folder: Path, run: Run) -> None:
     page = hpop.view.save_explorer(problem, front, folder / "page.html", preference=person).read_text()
     named = {name: mark["row"] for mark in marks_of(page) for name in mark["names"]}
     assert named["for you"] == row
+    assert marks_of(page)[0]["names"][0] == "for you"  # in view, also where the names of a row are cut off
     missing = run("pick", folder, "--preference", folder / "none.json")
     assert missing.exit_code == 12
     assert "cannot read" in missing.output

@@ -192,6 +192,9 @@ def test_ids_and_files_that_are_none_of_the_study_are_not_found(client: Client, 
     (folder / "stimuli" / "secret.html").write_text("x")
     for path in ("/p05", "/Ada", "/../design.json", "/design.json", "/answers/p01.json", "/stimuli/secret.html"):
         assert client.ask("GET", path).status == 404, path
+    assert (
+        b"<p>The study&#x27;s computer says: the study has no such participant.</p>" in client.ask("GET", "/p05").body
+    )
     for who in ("p05", "../p01", "Ada", ""):
         assert client.post(who=who).status == 404, who
     assert client.post(design="0" * 64).said["why"] == "design"
