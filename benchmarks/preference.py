@@ -1,11 +1,11 @@
-"""Benchmark of learning what a person prefers: what a question takes, on fronts of 158 and 3,290 rows.
+"""Benchmark of learning what a person prefers: what a question takes, on fronts of 10 to 3,290 rows.
 
     python benchmarks/preference.py --out FILE
 
-Prints one JSON line a front: processor's ms of a question, which is the answer before it, the next pair and whether to
-go on (median and most over simulated people), and of the best row; and the regret after 12 questions, a share of what
-the rows cost such a person. The museum's front is planned; the other one is made by a seed. People are drawn from the
-prior, without those who answer just anything.
+Prints one JSON line for each front, with and without "no difference" among the answers: processor's ms of a question,
+which is the answer before it, the next pair and whether to go on (median and most over simulated people), and of the
+best row; and the regret after 25 questions, a share of what the rows cost such a person. The museum's front is planned;
+the other ones are made by a seed. People are drawn from the prior, without those who answer just anything.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from hpop.preference import Preference, Prior
 from hpop.scenario import load_scenario
 
 PEOPLE = 20
-QUESTIONS = 12
-ROWS, CRITERIA = 3_290, 5
+QUESTIONS = 25
+ROWS = 10, 50, 400, 3_290
+CRITERIA = 5
 
 
 def museum() -> Front[Any]:
@@ -41,13 +42,13 @@ def seeded(n: int, k: int) -> Front[Any]:
     return Front.of(costs)[:n]
 
 
-def measured(name: str, front: Front[Any]) -> dict[str, Any]:
+def measured(name: str, front: Front[Any], ties: bool) -> dict[str, Any]:
     """What questions take, and where they lead."""
     asking, judging, regrets = [], [], []
     for seed in range(PEOPLE):
         rng = np.random.default_rng(seed)
-        shares, sharpness, _ = Prior(random=0.0).draw(len(front.names), 1, rng)
-        person = Preference.fit(front, seed=seed)
+        shares, sharpness, nu = Prior(random=0.0).draw(len(front.names), 1, rng)
+        person = Preference.fit(front, ties=ties, seed=seed)
         costs = person.scale.rows_on(front) @ shares[0]
         for _ in range(QUESTIONS):
             began = process_time()
@@ -56,9 +57,11 @@ def measured(name: str, front: Front[Any]) -> dict[str, Any]:
             if pair is None:
                 break
             a, b = pair
-            likes_a = rng.random() < 1.0 / (1.0 + np.exp(sharpness[0] * (costs[a] - costs[b])))
+            gain = sharpness[0] * (costs[b] - costs[a])
+            odds = np.array([np.exp(gain / 2), np.exp(-gain / 2), nu[0] if ties else 0.0])
+            chosen = (a, b, None)[rng.choice(3, p=odds / odds.sum())]
             began = process_time()
-            person = person.told(a, b, a if likes_a else b)
+            person = person.told(a, b, chosen)
             person.why_stop(most=10**6)
             asking.append(took + process_time() - began)
         began = process_time()
@@ -69,6 +72,7 @@ def measured(name: str, front: Front[Any]) -> dict[str, Any]:
         "front": name,
         "rows": len(front),
         "criteria": len(front.names),
+        "ties": ties,
         "people": PEOPLE,
         "question_ms_median": round(1e3 * float(np.median(asking)), 1),
         "question_ms_most": round(1e3 * max(asking), 1),
@@ -78,13 +82,16 @@ def measured(name: str, front: Front[Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure both fronts."""
+    """Measure all fronts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True)
     out = parser.parse_args().out
-    rows = [measured("museum", museum()), measured("seeded", seeded(ROWS, CRITERIA))]
-    for row in rows:
-        print(json.dumps(row))
+    fronts = [("museum", museum()), *(("seeded", seeded(n, CRITERIA)) for n in ROWS)]
+    rows = []
+    for name, front in fronts:
+        for ties in (False, True):
+            rows.append(measured(name, front, ties))
+            print(json.dumps(rows[-1]), flush=True)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(
         json.dumps({"machine": platform.machine(), "python": platform.python_version(), "rows": rows}, indent=1)

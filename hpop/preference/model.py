@@ -20,6 +20,10 @@ from hpop.arrays import BoolArray, FloatArray
 
 LAPSE = 0.02
 """Share of answers that say nothing."""
+BLOCK = 2**14
+"""Probabilities that are worked out at once: they stay in the processor's cache, which is three times as fast."""
+MOST_GAIN = 700.0
+"""Beyond which an answer is as improbable as a lapse: exponentials of more would overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +46,13 @@ class Evidence:
 
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
         """Logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
-        logs = log_answers(weights @ self.gains.T, self.tied, self.offered, ties[:, None])  # (N, n)
-        return np.asarray(logs @ self.weight)
+        logs = np.empty(len(weights))
+        size = max(1, BLOCK // max(1, len(self)))
+        for begin in range(0, len(weights), size):
+            part = slice(begin, begin + size)
+            gains = weights[part] @ self.gains.T  # (draws, n)
+            logs[part] = log_answers(gains, self.tied, self.offered, ties[part, None]) @ self.weight
+        return logs
 
     def __getitem__(self, which: slice) -> Evidence:
         return Evidence(self.gains[which], self.tied[which], self.offered[which], self.weight[which])
@@ -57,12 +66,10 @@ def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: Flo
     offered  whether that could be answered
     ties     Davidson's nu
     """
-    if not offered.any():  # the same, in half the time
-        chosen = 1.0 / (1.0 + np.exp(np.minimum(-gain, 700.0)))
-        return np.asarray(np.log(LAPSE / 2 + (1.0 - LAPSE) * chosen))
-    size = np.exp(-np.abs(gain))  # at most 1, so nothing overflows
-    nu = np.where(offered, ties, 0.0) * np.sqrt(size)
-    share = np.where(tied, nu, np.where(gain < 0, size, 1.0)) / (1.0 + size + nu)
+    gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # of ties the order changes not even a digit
+    half = np.exp(-0.5 * gain)  # root of the odds against what was chosen
+    nu = np.where(offered, ties, 0.0)
+    share = np.where(tied, nu * half, 1.0) / (1.0 + half * (half + nu))
     lapse = np.where(offered, LAPSE / 3, LAPSE / 2)
     return np.asarray(np.log(lapse + (1.0 - LAPSE) * share))
 

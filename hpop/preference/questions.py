@@ -13,7 +13,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.preference.draws import Draws
-from hpop.preference.model import probabilities
+from hpop.preference.model import BLOCK, probabilities
 
 PAIRS = 400
 """Pairs that are drawn at random."""
@@ -53,18 +53,21 @@ def most_telling(
     pairs = pairs[~(known | turned)] if fresh else other_way
     if not len(pairs):
         return None
-    gains = draws.weights @ (rows[pairs[:, 1]] - rows[pairs[:, 0]]).T  # (draws, pairs)
-    best = int(np.argmax(information(gains, draws.ties[:, None] if ties else None)))
+    gains = (rows[pairs[:, 1]] - rows[pairs[:, 0]]) @ draws.weights.T  # (pairs, draws)
+    best = int(np.argmax(information(gains, draws.ties if ties else None)))
     a, b = pairs[best].tolist()
     return (b, a) if fresh and rng.random() < 0.5 else (a, b)
 
 
 def information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
-    """What an answer is expected to tell of the weights, in nats, for each pair: (draws, pairs) -> (pairs,)."""
-    told = np.zeros(gains.shape[1])
-    for chances in probabilities(gains, ties):
-        mean = chances.mean(axis=0)
-        told += (chances * np.log(chances)).mean(axis=0) - mean * np.log(mean)
+    """What an answer is expected to tell of the weights, in nats, for each pair: (pairs, draws) -> (pairs,)."""
+    told = np.zeros(len(gains))
+    size = max(1, BLOCK // gains.shape[1])
+    for begin in range(0, len(gains), size):
+        part = slice(begin, begin + size)
+        for chances in probabilities(gains[part], ties):
+            mean = chances.mean(axis=1)
+            told[part] += np.einsum("pd,pd->p", chances, np.log(chances)) / chances.shape[1] - mean * np.log(mean)
     return told
 
 

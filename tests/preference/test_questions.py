@@ -54,7 +54,7 @@ def test_left_and_right_are_drawn() -> None:
 
 
 def test_information_is_nothing_where_all_agree_and_a_bit_where_half_are_sure() -> None:
-    sure = np.array([[30.0, 30.0, 0.0], [30.0, -30.0, 0.0]])  # (draws, pairs)
+    sure = np.array([[30.0, 30.0], [30.0, -30.0], [0.0, 0.0]])  # (pairs, draws)
     told = information(sure, None) / np.log(2)
     np.testing.assert_allclose(told[[0, 2]], 0.0, atol=1e-12)
     assert 0.9 < told[1] < 1.0  # but for lapses
