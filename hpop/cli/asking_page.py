@@ -75,7 +75,7 @@ def page_of(asked: Asked) -> str:
         return f"{HEAD}<h1>Thank you</h1>{said}<p>This page can be closed.</p>"
     rows = "".join(
         "<tr>"
-        + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (named(one), one.a, one.b, one.words))
+        + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (one.label, one.a, one.b, one.words))
         + "</tr>"
         for one in asked.differences()
     )
@@ -90,11 +90,6 @@ def page_of(asked: Asked) -> str:
         f"<table><tr><td></td><th class=a scope=col>a</th><th class=b scope=col>b</th><td></td></tr>{rows}</table>"
         f"<form method=post><input type=hidden name=question value={asked.number}>{buttons}</form>"
     )
-
-
-def named(one: Difference) -> str:
-    """A cost and its unit."""
-    return one.name if one.unit == "1" else f"{one.name} ({one.unit})"
 
 
 def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:

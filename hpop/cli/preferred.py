@@ -11,10 +11,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from hpop.cli.report import header, number, plain_table, print_wide
+from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
 from hpop.front import FOR_YOU, Front
 from hpop.preference import Preference
+from hpop.preference.best import NEAR
 from hpop.text import counted, printable
 
 MOST_NEAR = 8
@@ -49,11 +50,12 @@ def print_preference(person: Preference, front: Front, console: Console | None =
     )
     _say(console, f"{FOR_YOU}: trajectory {best.row}, {costs}")
     sure = f"the best one with probability {best.probability[best.row]:.2f}"
-    _say(console, f"{sure}; another is expected to be better by {100 * best.regret:.1f} % of the range")
+    _say(console, f"{sure}; on average {percent(best.regret)} of the range short of the best one (expected regret)")
     if len(best.near) > 1:
         others = [str(row) for row in best.near[1 : MOST_NEAR + 1]]
         more = f" and {len(best.near) - 1 - MOST_NEAR} more" * (len(best.near) - 1 > MOST_NEAR)
-        _say(console, f"as good, within 2 %: {', '.join(others)}{more}")
+        bound = percent(best.regret + NEAR)
+        _say(console, f"nearly as good by what is known (expected regret up to {bound}): {', '.join(others)}{more}")
 
 
 def pair_table(front: Front, pair: Sequence[int]) -> Table:
@@ -63,7 +65,7 @@ def pair_table(front: Front, pair: Sequence[int]) -> Table:
         table.add_column(column, justify="right" if column else "left", no_wrap=True)
     table.add_column("")
     for one in differences(front, pair):
-        table.add_row(header(one.name, one.unit), one.a, one.b, one.words)
+        table.add_row(Text(printable(one.label)), one.a, one.b, one.words)
     return table
 
 
@@ -75,6 +77,11 @@ class Difference(NamedTuple):
     a: str
     b: str
     words: str
+
+    @property
+    def label(self) -> str:
+        """The cost with its unit."""
+        return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
 def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
@@ -93,6 +100,11 @@ def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
             said = f"{'a' if a < b else 'b'} has {much}less, by {less}"
         found.append(Difference(name, unit, number(a, quantum), number(b, quantum), said))
     return found
+
+
+def percent(share: float) -> str:
+    """A share in words."""
+    return f"{100 * share:.1f} %"
 
 
 def _say(console: Console, line: str) -> None:

@@ -14,7 +14,7 @@ from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
-from hpop.errors import StudyError
+from hpop.errors import OutputError, StudyError
 
 if TYPE_CHECKING:
     from hpop.cli.preferred import Difference
@@ -61,9 +61,10 @@ class Asking:
             self.pair, self.why = None, "as asked"
             return
         a, b = self.pair
-        self.person = self.person.told(a, b, {"a": a, "b": b, "tie": None}[word])
+        person = self.person.told(a, b, {"a": a, "b": b, "tie": None}[word])
         with results.output_errors(f"cannot write {self.file}", "choose another --out"):
-            self.person.save(self.file)
+            person.save(self.file)
+        self.person = person  # only now: what is told of at the end is in the file
         self.why = self._why()
         self.pair = self._next()
 
@@ -160,6 +161,8 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
     from hpop.randomness import seed_of
 
     if not file.exists():
+        if not file.parent.is_dir():
+            raise OutputError(f"cannot write {file}: its folder is not there; make it first, or choose another --out")
         seed = seed_of(None) if seed is None else seed
         return Preference.fit(front, question=question, ties=True, seed=seed)
     with results.output_errors(f"cannot read {file}", "choose another --out"):
@@ -168,6 +171,10 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
         raise StudyError(
             f"{file} has answers to another question ({person.question}); give --out for a file of its own, or remove "
             "that one"
+        )
+    if seed is not None and seed != person.seed:
+        raise StudyError(
+            f"{file} was begun with --seed {person.seed}, got {seed}; leave it out to go on, or give another --out"
         )
     echo(f"going on after {len(person.answers)} answers in {file}; for another person give another --out")
     return person

@@ -20,7 +20,7 @@ from hpop.errors import StudyError, did_you_mean
 from hpop.frontier import Front
 from hpop.frontier.choosing import ROUNDING
 from hpop.options import MOST, real
-from hpop.text import shown
+from hpop.text import counted, shown
 
 LOG = "log"
 BENT = 9.0
@@ -55,7 +55,10 @@ class Scale:
         if not isinstance(front, Front):
             raise StudyError(f"a preference is learnt about a front, such as problem.solve() gives, got {shown(front)}")
         if len(front) < 2:
-            raise StudyError(f"of {len(front)} points there is nothing to prefer; take a front of at least two")
+            raise StudyError(
+                f"of {counted(len(front), 'point')} there is nothing to prefer; take a front of at least two, "
+                "planned with other criteria or planners"
+            )
         low, high = front.ideal(), front.nadir()
         varies = high - low > ROUNDING * np.maximum(np.abs(low), np.abs(high))
         if features is not None and not isinstance(features, Mapping):

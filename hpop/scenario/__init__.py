@@ -192,7 +192,8 @@ def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Seq
         try:
             person = Preference.load(folder / choose.preference)
         except OSError as error:
-            faults.add(place, f"cannot read {choose.preference}: {error.strerror or error}", StudyError)
+            hint = "give the file that `hpop prefer` wrote, from the folder of the scenario"
+            faults.add(place, f"cannot read {choose.preference}: {error.strerror or error}; {hint}", StudyError)
             return None
         means = [criterion for criterion in wanted if criterion.aggregate == "time-mean"]
         known = [criterion.name for criterion in (*wanted, *map(integral_of, means))]

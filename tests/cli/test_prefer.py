@@ -47,6 +47,7 @@ def test_somebody_is_asked_and_the_best_row_is_told_and_kept(folder: Path, run: 
     front, person = hpop.Front.load(folder / "front.json"), Preference.load(folder / "preference.json")
     assert [answer.chosen for answer in person.answers] == [person.answers[0].second]
     assert f"for you: trajectory {person.best(front).row}," in result.output
+    assert re.search(r"length \(m\) +[0-9.]+ +[0-9.]+ +[ab] has", result.output)  # a cost and its unit in one line
     assert not (folder / "pair.png").exists()
 
 
@@ -61,6 +62,31 @@ def test_asking_goes_on_where_it_ended_and_the_end_of_the_input_stops(folder: Pa
     other = run("prefer", folder, "--question", "comfort", typed="a\n")
     assert other.exit_code == 17
     assert "another question (prefer); give --out" in other.output
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_who_cannot_go_on_is_told_before_the_first_question(folder: Path, run: Run) -> None:
+    nowhere = run("prefer", folder, "--out", folder / "none" / "p.json", typed="a\n")
+    assert nowhere.exit_code == 12
+    assert "its folder is not there; make it first" in nowhere.output
+    assert "Which of the two" not in nowhere.output
+    assert run("prefer", folder, "--seed", "1", typed="a\n").exit_code == 0
+    again = run("prefer", folder, "--seed", "2", typed="a\n")
+    assert again.exit_code == 17
+    assert "was begun with --seed 1, got 2; leave it out to go on" in again.output
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_who_answers_at_random_and_a_front_of_one_are_told(folder: Path, run: Run) -> None:
+    apart = [(0, 59), (5, 50), (10, 40), (20, 55), (3, 30), (15, 45)]
+    person = Preference.fit(seeded(60)[1], [pair for a, b in apart for pair in ((a, b), (b, a))], ties=True)
+    person.save(folder / "preference.json")  # each pair answered this way and that
+    told = run("prefer", folder, "--most", "13", typed="b\n").output
+    assert "no preference can be seen (prefer, from 13 answers)" in told
+    seeded(60)[1][:1].save(folder / "one.json")
+    alone = run("prefer", folder / "one.json", "--out", folder / "new.json")
+    assert alone.exit_code == 17
+    assert "of 1 point there is nothing to prefer; take a front of at least two" in alone.output
 
 
 @pytest.mark.usefixtures("without_pictures")

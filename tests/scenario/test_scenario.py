@@ -373,4 +373,7 @@ def test_a_preference_that_weighs_what_the_scenario_does_not_ask_for_is_told(tmp
     (tmp_path / "p.json").write_text("{}")
     assert "expected a preference" in faults(path, StudyError)[0]
     (tmp_path / "p.json").unlink()
-    assert "cannot read p.json: No such file" in faults(path, StudyError)[0]
+    assert (
+        "cannot read p.json: No such file or directory; give the file that `hpop prefer` wrote"
+        in faults(path, StudyError)[0]
+    )
