@@ -78,38 +78,36 @@ def registered_as_before() -> Iterator[None]:
         registry._types.update(own)
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give `seed` as `@pytest.mark.seeds(few, of=many)` says: all in `make proof`, the first few in `make test`."""
+@pytest.hookimpl(wrapper=True)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> Generator[None]:
+    """Leave to `make test` the cases that `seeds` and `cases` say, the first few seeds for one; all in `make proof`.
+
+    The others are marked `proof`; `make test` does not collect them, for half of all items would be made to be dropped.
+    """
     if mark := metafunc.definition.get_closest_marker("seeds"):
         few, of = mark.args[0], mark.kwargs["of"]
         seeds = list(range(of) if isinstance(of, int) else of)
         more = [pytest.param(seed, marks=pytest.mark.proof) for seed in seeds[few:]]
         metafunc.parametrize("seed", [*seeds[:few], *more])
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark `proof` the cases of a test that `@pytest.mark.cases` does not leave to `make test`."""
-    one_by_one = any("::" in asked for asked in config.args)
-    tests: dict[str, list[pytest.Function]] = {}
-    for item in items:
-        if isinstance(item, pytest.Function) and item.get_closest_marker("cases"):
-            tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
-    for name, cases in tests.items():
-        mark = cases[0].get_closest_marker("cases")
-        assert mark is not None
-        small = [case for case in cases if not case.get_closest_marker("proof")]
+    yield
+    small = [case for case in metafunc._calls if all(mark.name != "proof" for mark in case.marks)]
+    one_by_one = any("::" in asked for asked in metafunc.config.args)
+    if mark := metafunc.definition.get_closest_marker("cases"):
         if "but" in mark.kwargs:
-            left = [case for case in small if case.callspec.id not in mark.kwargs["but"]]
+            left = [case for case in small if case.id not in mark.kwargs["but"]]
         elif isinstance(mark.args[0], int):
             left = small[: mark.args[0]]
         else:
-            left = [case for case in small if case.callspec.id in mark.args]
+            left = [case for case in small if case.id in mark.args]
         if not left and not one_by_one:
+            name = metafunc.definition.nodeid
             raise pytest.UsageError(f"{name}: no case is left to `make test` by {mark.args or mark.kwargs}")
-        for case in cases:
+        for case in small:
             if case not in left:
-                case.add_marker(pytest.mark.proof)
+                case.marks.append(pytest.mark.proof.mark)
+        small = left
+    if small and not one_by_one and metafunc.config.option.markexpr == "not proof":
+        metafunc._calls[:] = small
 
 
 @pytest.hookimpl(wrapper=True)

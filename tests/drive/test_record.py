@@ -55,6 +55,16 @@ def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> No
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "drive.json").read_bytes()
 
 
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """The document of a drive that has just begun."""
+    problem, front = planned()
+    path = tmp_path_factory.mktemp("drives") / "drive.json"
+    hpop.follow(problem, front, "knee").save(path)
+    document: dict[str, object] = json.loads(path.read_text())
+    return document
+
+
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
@@ -84,11 +94,8 @@ def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> No
     ],
 )
 def test_a_file_that_is_none_of_a_drive_is_refused_by_its_name(
-    key: str, value: object, said: str, tmp_path: Path
+    key: str, value: object, said: str, stored: dict[str, object], tmp_path: Path
 ) -> None:
-    problem, front = planned()
-    hpop.follow(problem, front, "knee").save(tmp_path / "drive.json")
-    stored = json.loads((tmp_path / "drive.json").read_text())
     (tmp_path / "drive.json").write_text(json.dumps(stored | {key: value}))
     with pytest.raises(DriveError, match=said):
         hpop.drive.load(tmp_path / "drive.json")

@@ -63,7 +63,7 @@ def test_increasing_maps_of_a_cost_do_not_change_the_front(Y):
 @pytest.mark.cases("2", "5")
 @pytest.mark.parametrize("k", [2, 3, 4, 5])
 def test_mask_is_the_definition_on_larger_sets(k):
-    Y = np.random.default_rng(k).integers(0, 30, (600, k))
+    Y = np.random.default_rng(k).integers(0, 30, (300, k))
     assert is_nondominated(Y).tolist() == by_definition(Y).tolist()
 
 

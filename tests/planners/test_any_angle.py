@@ -58,6 +58,7 @@ def test_nothing_on_the_lattice_is_better(seed, goal_yaw, headings, robot):
         assert (found.planned <= row + slack).all(axis=1).any()
 
 
+@pytest.mark.proof
 def test_the_compared_lattices_have_fronts_and_most_of_their_points_are_dominated():
     shares, sizes = [], []
     for seed in SEEDS:

@@ -71,6 +71,7 @@ def test_it_has_every_extreme_supported_point_of_the_lattice_and_nothing_unsuppo
     assert verify(problem, kept) == []
 
 
+@pytest.mark.proof
 def test_the_lattices_compared_have_points_to_miss() -> None:
     missed = 0
     for criteria, options in CASES[1:]:

@@ -61,10 +61,11 @@ def test_many_answers_come_to_what_bradley_and_terry_say() -> None:
     np.testing.assert_allclose(utility[[0, 2]] - utility[1], oracle, atol=0.1)
 
 
-def test_ranks_of_true_shares_are_uniform() -> None:
+@pytest.mark.parametrize("n", [100, pytest.param(200, marks=pytest.mark.proof)])
+def test_ranks_of_true_shares_are_uniform(n: int) -> None:
     """Simulation-based calibration (Talts et al. 2018): a prior's people, each beside their own posterior."""
     front, ranks = people.front(40), []
-    for i in range(200):
+    for i in range(n):
         shares, sharpness, nu = people.drawn(Prior(), 3, i)
         rng, may_tie = np.random.default_rng([i, 1]), i % 2 == 0
         person = Preference.fit(front, ties=may_tie, seed=i, count=1_000)

@@ -74,7 +74,7 @@ def test_asking_stops_when_the_best_is_known_and_after_twelve_at_the_latest() ->
     assert person.why_stop(most=3) == "3 questions asked"
 
 
-@pytest.mark.parametrize("n", [4, pytest.param(100, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("n", [2, pytest.param(100, marks=pytest.mark.proof)])
 def test_who_answers_at_random_is_told_that_no_preference_can_be_seen(n: int) -> None:
     """After 25 questions; those few who happen to answer as somebody would who has a preference are not."""
     told, front = 0, people.front(158, 4)
@@ -95,10 +95,11 @@ def test_who_has_a_preference_is_not_told_so() -> None:
     assert not Preference.fit(people.front()).can_be_seen  # of nobody yet
 
 
-def test_telling_questions_find_the_best_sooner_than_random_ones() -> None:
+@pytest.mark.parametrize("n", [4, pytest.param(8, marks=pytest.mark.proof)])
+def test_telling_questions_find_the_best_sooner_than_random_ones(n: int) -> None:
     regrets: dict[bool, list[float]] = {True: [], False: []}
     front = people.front(158)
-    for i in range(8):
+    for i in range(n):
         shares, sharpness, _ = people.drawn(Prior(random=0.0), 3, i)
         for telling, found in regrets.items():
             start = Preference.fit(front, seed=i, count=4_000)

@@ -24,6 +24,13 @@ def saved(path: Path, **options: Any) -> Preference:
     return person
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    path = tmp_path_factory.mktemp("people") / "p.json"
+    saved(path)
+    return json.loads(path.read_text())
+
+
 def test_a_preference_is_read_as_it_was_written(tmp_path: Path) -> None:
     person = saved(tmp_path / "p07.json", question="comfort", features={"turns": 8.0, "length": "log"}, seed=3)
     again = Preference.load(tmp_path / "p07.json")
@@ -127,9 +134,8 @@ DROPPED = object()
         (changed(draws__ties=[]), "0 draws"),
     ],
 )  # fmt: skip
-def test_what_is_no_preference_is_refused(tmp_path: Path, change: Any, said: str) -> None:
-    saved(tmp_path / "p.json")
-    document = json.loads((tmp_path / "p.json").read_text())
+def test_what_is_no_preference_is_refused(tmp_path: Path, written: Any, change: Any, said: str) -> None:
+    document = json.loads(json.dumps(written))
     change(document)
     (tmp_path / "bad.json").write_text(json.dumps(document))
     with pytest.raises(StudyError, match=re.escape(said)) as caught:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -21,10 +22,12 @@ from tests.export.given import DRIVE, robots
 
 PATH = "nav_msgs/msg/Path"
 
+types = cache(get_typestore)  # what serialises is made once
+
 
 def through_ros(message, kind=PATH, distribution=Stores.ROS2_JAZZY):
     """A message after a journey: serialised as ROS does it, and read again."""
-    store = get_typestore(distribution)
+    store = types(distribution)
     data = store.serialize_cdr(typed(message, kind, store), kind)
     return plain(store.deserialize_cdr(data, kind))
 
@@ -228,7 +231,7 @@ def test_a_path_is_that_of_a_base_and_of_a_robot_that_turns_and_moves():
 )
 def test_what_does_not_fit_a_type_says_why(message, kind, said):
     with pytest.raises(RosError, match=said):
-        typed(message, kind, get_typestore(Stores.ROS2_JAZZY))
+        typed(message, kind, types(Stores.ROS2_JAZZY))
 
 
 def test_arrays_of_numbers_are_those_of_the_type():

@@ -54,7 +54,7 @@ def ends(paths: ParetoPaths) -> list[tuple[int, int]]:
     return list(zip(paths.lengths.tolist(), np.cumsum(paths.lengths).tolist(), strict=True))
 
 
-@pytest.mark.seeds(12, of=200)
+@pytest.mark.seeds(5, of=200)
 def test_the_front_is_that_of_the_free_arcs_vector_for_vector(seed: int) -> None:
     graph, doors = blocked_by_chance(seed)
     found = lazy(graph, doors)
@@ -90,7 +90,7 @@ def covered(vectors: IntArray, by: ParetoPaths) -> bool:
     return all((by.costs <= (1 + by.gap) * vector + 1e-9).all(axis=1).any() for vector in vectors)
 
 
-@pytest.mark.seeds(6, of=60)
+@pytest.mark.seeds(2, of=60)
 def test_what_a_limit_leaves_is_free_and_optimal_and_its_gap_is_true(seed: int) -> None:
     graph, doors = blocked_by_chance(seed, nodes=60, arcs=600)
     exact = eager(graph, doors).costs
@@ -131,7 +131,7 @@ def test_ctrl_c_while_arcs_are_looked_at_leaves_what_is_known_to_be_free(monkeyp
 # Checkpoints
 
 
-@pytest.mark.seeds(3, of=30)
+@pytest.mark.seeds(1, of=30)
 def test_a_search_in_pieces_ends_as_one_in_one_go_and_asks_nothing_twice(seed: int, tmp_path: Path) -> None:
     graph, doors = blocked_by_chance(seed, nodes=60, arcs=600)
     file = tmp_path / "search.ckpt"
@@ -161,6 +161,7 @@ def test_a_file_of_a_search_that_knew_all_arcs_to_be_free_is_of_another_problem(
         pareto_paths(graph, 0, graph.nodes - 1, checkpoint=file)
 
 
+WRITTEN = (*module.KEPT, "known")
 FORGERIES: dict[str, Callable[[IntArray], IntArray]] = {
     "longer": lambda array: np.append(array, 1),
     "shorter": lambda array: array[:-1],
@@ -170,7 +171,8 @@ FORGERIES: dict[str, Callable[[IntArray], IntArray]] = {
 }
 
 
-@pytest.mark.parametrize("name", [*module.KEPT, "known"])
+@pytest.mark.cases(*("-".join(pair) for pair in zip(FORGERIES, WRITTEN, strict=True)))
+@pytest.mark.parametrize("name", WRITTEN)
 @pytest.mark.parametrize("kind", FORGERIES)
 def test_a_file_that_knows_other_things_of_its_arcs_is_refused(stopped, name: str, kind: str) -> None:
     graph, doors, file = stopped

@@ -86,7 +86,7 @@ def content(rng: np.random.Generator) -> dict[str, list[Person] | list[Zone]]:
     return {"people": people, "zones": [Zone("keep-out", area) for area in areas[: int(rng.integers(0, 3))]]}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(1, of=4)
 def test_clearance_is_to_the_last_bit_that_of_a_world_made_afresh_whatever_was_there_before(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = hall()

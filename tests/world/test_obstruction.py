@@ -58,7 +58,7 @@ def test_a_layer_round_the_camera_takes_the_volume_of_a_spherical_segment(low, h
 
 
 @given(seed=st.integers(0, 10_000))
-@settings(max_examples=settings.default.max_examples // 2)
+@settings(max_examples=settings.default.max_examples // 4)
 def test_random_prisms_agree_with_monte_carlo(seed):
     rng = np.random.default_rng(seed)
     prisms = []

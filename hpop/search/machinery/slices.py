@@ -32,6 +32,7 @@ DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
 N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
 PARTS = 8  # of a table that is worked on side by side
 WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
+SMALL = 2**18  # bytes of the arrays of a call that is over before a thread has begun
 INT32_LIMIT = 2**30  # below it, costs and their sums are kept in 32 bits
 
 
@@ -95,10 +96,13 @@ class Clock:
         return compiled(*arguments)
 
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a kernel with each of some lists of arguments, all of the same types, on all cores."""
+        """Call a kernel with each of some lists of arguments, all of the same types, on all cores if they are large."""
         self.prepare(compiled, *calls[0])
-        with interrupts_held(), ThreadPoolExecutor() as threads:  # kernels run without Python's lock
-            return list(threads.map(lambda arguments: compiled(*arguments), calls))
+        with interrupts_held():
+            if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
+                return [compiled(*arguments) for arguments in calls]
+            with ThreadPoolExecutor() as threads:  # kernels run without Python's lock
+                return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
         """Return the limit that is passed, or None; ``record`` says that the memory is taken, not only wanted."""

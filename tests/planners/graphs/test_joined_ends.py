@@ -263,7 +263,7 @@ def test_turns_of_less_than_a_degree_at_the_ends_count_as_the_criterion_counts_t
     assert found.trajectories[0].kinds == ("turn", "move", "move", "move")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(2, of=4)
 def test_where_no_cost_charges_for_turns_a_path_with_the_fewest_is_kept(seed):
     """Those of joins count as well: told by asking for the turns too."""
     asked, alone = (Problem(WORLD, ROUND, *random_ends(seed), names) for names in (["length", "turns"], ["length"]))

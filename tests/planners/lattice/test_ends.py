@@ -57,7 +57,7 @@ def test_a_goal_is_never_joined_through_a_wall():
     problem = Problem(world, DifferentialDrive(radius=0.1), (1.35, 1.0, 0.0), (5.12, 1.0, 0.0), ["length"])
     with pytest.raises(QueryError, match=r"no position of .* within 0\.750 m has a free turn"):
         solve(problem, step=0.5)
-    found = solve(problem, step=0.05)
+    found = solve(problem, step=0.1)
     assert found.trajectories[0].states.x[-1] == 5.12
     assert found.planned[0, 0] > 2 * 7.0  # round the wall
 

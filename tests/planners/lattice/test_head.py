@@ -106,7 +106,7 @@ def oracle(problem: hpop.Problem) -> set[tuple[int, ...]]:
     return nondominated(set().union(*(v for state, v in sets.items() if state[:4] == (*place, yaw, pan))))
 
 
-@pytest.mark.cases("tilts", "all round")
+@pytest.mark.cases("tilts")
 @pytest.mark.parametrize("model", [STOPPED, TILTING, ALL_ROUND], ids=["stops", "tilts", "all round"])
 def test_the_front_is_that_of_all_walks(model: hpop.PanTilt) -> None:
     problem = hpop.Problem(WORLD, model, (0.5, 0.5, -math.pi / 2, 0, 0), (2.5, 1.5, math.pi, 0, None), CRITERIA)

@@ -286,7 +286,7 @@ def test_a_free_heading_at_the_goal_takes_the_best_of_every_heading():
     assert fronts[None] != fronts[0.0]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.seeds(1, of=[1, 2, 3])
 def test_with_duration_no_path_of_the_lattice_beats_a_returned_one_in_the_mean(seed):
     rng = np.random.default_rng(seed)
     boxes = [shapely.box(*c, *(c + 0.25)) for c in rng.uniform(0.0, 2.0, (3, 2))]

@@ -47,7 +47,7 @@ def test_its_own_time_limit_counts():
     assert starting({"lattice": {"time_limit": 9.0}}) == Lattice(time_limit=9.0)
 
 
-@pytest.mark.cases("EpsilonConstraint", "WeightedSumCorridor")
+@pytest.mark.cases("EpsilonConstraint")
 @pytest.mark.parametrize("planner", STARTING)
 def test_a_front_that_is_known_serves_as_well_as_the_planner_that_found_it(planner, front, tmp_path):
     front.save(tmp_path / "front.json")

@@ -102,6 +102,7 @@ def test_the_front_equals_that_of_all_simple_paths(seed, neighbours, goal_yaw):
         assert (np.abs(best - row) <= slack).all(axis=1).any()
 
 
+@pytest.mark.proof
 def test_the_compared_fronts_are_not_trivial():
     sizes = [
         len(Roadmap(samples=6, seed=seed, neighbours=n).solve(problem(goal=(*GOAL[:2], yaw))).planned)

@@ -30,6 +30,7 @@ def test_plans_of_any_robot_in_the_plane_are_what_they_claim(robot):
     assert verify(problem, front) == []
 
 
+@pytest.mark.cases("two futures")
 @pytest.mark.parametrize(
     "person",
     [

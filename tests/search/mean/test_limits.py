@@ -76,7 +76,7 @@ def test_a_cap_and_bounds_hold_together(walks_within, query, cap):
 
 
 @pytest.mark.parametrize(("length", "turns"), [(1.0, 5), (1.2, 4), (1.4, 3), (1.3, 5)])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(2, of=4)
 def test_lattices_equal_brute_force(lattice, walks_within, seed, length, turns):
     full = lattice(seed, 3)
     tails = np.repeat(np.arange(full.nodes), np.diff(full.indptr))

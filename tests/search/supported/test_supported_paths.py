@@ -58,7 +58,7 @@ def check(graph: Graph, found: SupportedPaths, exact: list[tuple[int, ...]]) -> 
     assert sum(map(len, found.weights)) == found.solved
 
 
-@pytest.mark.cases(but=("1-9-4", "2-4-4"))
+@pytest.mark.cases("0-9-1", "0-9-3", "1-9-2", "2-3-3", "2-3-4", "2-4-1", "3-2-4", "7-3-2")
 @pytest.mark.parametrize("k", [1, 2, 3, 4])
 @pytest.mark.parametrize(("seed", "largest"), DRAWS)
 def test_every_extreme_supported_vector_is_found_and_nothing_unsupported(
