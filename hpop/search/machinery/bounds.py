@@ -11,6 +11,7 @@ care: each is relaxed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -221,12 +222,15 @@ def lower_bounds(
     return h, costs_of_least(graph, source, h, onward, clock), clock.exceeded(0, memory)
 
 
-def costs_to_go(graph: Graph, targets: IntArray, clock: Clock, groups: Groups) -> tuple[IntArray, NDArray[np.int32]]:
-    """Compute h (k, n), and the next node (k, n) on a way of that cost, -1 for none."""
-    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+def costs_to_go(
+    graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
+) -> tuple[IntArray, NDArray[np.int32]]:
+    """Compute h (k, n) of k columns, all where None, and the next node (k, n) on a way of that cost, -1 for none."""
+    columns = range(graph.criteria) if columns is None else columns
+    n, k, m = graph.nodes, len(columns), len(groups.heads)
     is_max = _is_max(graph)
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
-    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
+    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((graph.criteria, m), np.int64)
     clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
     same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
@@ -234,13 +238,13 @@ def costs_to_go(graph: Graph, targets: IntArray, clock: Clock, groups: Groups) -
     dearest = np.ascontiguousarray(groups.dearest.T)
     ends = groups.place[targets]
 
-    def arguments(j: int) -> tuple[Any, ...]:
+    def arguments(row: int, j: int) -> tuple[Any, ...]:
         turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
         piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32))
         marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
-        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[j], parents[j], *marks, *piles)
+        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[row], parents[row], *marks, *piles)
 
-    clock.call_all(cost_to_go, [arguments(j) for j in range(k)])
+    clock.call_all(cost_to_go, [arguments(row, j) for row, j in enumerate(columns)])
     for j in range(k if not same else 0):
         h[j] = h[j][groups.place]
         parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.place]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +36,17 @@ class Closings:
         """The groups in force: each node on its own where some turns of a group are closed and others are not."""
         several = self.whole.rows[:, SIZE] * (self.whole.rows[:, SIZE] - 1)
         return self._apart if ((self.turns > 0) & (self.turns < several)).any() else self.whole
+
+    def without_closed(self) -> Groups:
+        """The groups in force without what is closed: arcs that are no turns, and the turns of whole groups."""
+        groups, still = self.groups, self.turns > 0
+        free = ~self.closed[groups.origin]
+        start = np.concatenate([np.zeros(1, np.int64), np.cumsum(free)])[groups.start]
+        dearest = groups.dearest
+        if groups is self.whole and still.any():
+            dearest = np.where(still[:, None], UNREACHABLE, dearest)
+        heads, origin = groups.heads[free], groups.origin[free]
+        return replace(groups, dearest=dearest, start=start, heads=heads, origin=origin)
 
     @cached_property
     def _apart(self) -> Groups:

@@ -4,23 +4,26 @@ A layer of a hull (:mod:`.staircase.turn_hull`) has the least weighted rests wit
 only nodes whose best way takes it may have to go farther; which arcs these ways take is kept with the layers. So layer
 after layer these nodes are marked, and their rests are made anew from what is right already: the layer of one turn
 less, and the rests of nodes ahead. Whatever is marked, what is made is a lower bound, and none becomes less. What it
-was before is kept: where arcs are opened again, it comes back, and what is still closed is looked at anew.
+was before is kept: where arcs are opened again, it comes back, and what is still closed is looked at anew. A repair may
+end after any layer, and go on when there is time.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.compiled import lean
-from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.deadline import Deadline
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
 
 ALL = np.uint8(2**LANES - 1)
+LAYER, LAST = 120e-9, 600e-9  # s a node that a layer takes, and the last one, which turns again and again
+Places = NDArray[np.int32]
 
 
 class Hulled(NamedTuple):
@@ -84,24 +87,51 @@ class HullRepair:
             is_target[groups.nodes],
         )
         self.closed = np.zeros(len(self.arcs), np.bool_)
-        self.kept: list[tuple[int, IntArray, Steps]] = []  # layer, nodes, their steps before
-        self.bits: list[tuple[int, IntArray, NDArray[np.uint8]]] = []  # layer, arcs, which lanes take them
+        self.still = np.zeros(len(groups.rows), np.bool_)  # groups whose turns were closed when a layer was made
+        self.kept: list[tuple[int, Places, Steps]] = []  # layer, nodes, their steps before
+        self.bits: list[tuple[int, Places, NDArray[np.uint8]]] = []  # layer, arcs, which lanes take them
+        self.new = self.closed  # while not all layers are made: the arcs that were closed last, the next layer, and
+        self.layer = 0
+        self.marks: NDArray[np.uint8] | None = None  # which lanes of the one before are made anew; None where all are
 
-    @property
-    def memory(self) -> int:
-        """Bytes of all that is kept."""
-        kept = [*self.tables, self.arcs, self.closed, *(part for each in (*self.kept, *self.bits) for part in each)]
-        return sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+    def arrays(self) -> list[np.ndarray[Any, Any]]:
+        """All that is kept; turns may be views of what the groups hold."""
+        kept: list[Any] = [*self.tables, self.arcs, self.closed, self.still, self.new, self.marks]
+        kept += [part for each in (*self.kept, *self.bits) for part in each]
+        return [array for array in kept if isinstance(array, np.ndarray)]
 
-    def close(self, closed: BoolArray, clock: Clock) -> None:
-        """Make the hull that of the graph without some arcs (m,)."""
+    def tells(self, closed: BoolArray, still: BoolArray) -> bool:
+        """Whether all layers are those of the graph without some arcs (m,) and the turns of some groups (g,)."""
+        same = (self.closed == closed[self.arcs]).all() and not (self.still & ~still).any()
+        return self.marks is None and bool(same)
+
+    def close(self, closed: BoolArray, still: BoolArray, clock: Deadline) -> bool:
+        """Make the hull that of the graph without some arcs (m,), layer after layer; False where there is no time left.
+
+        The turns of some groups (g,) are closed too, all of each: what is made anew may heed that, and is not kept
+        when they open. Layers that were not made yet are those of the graph with fewer arcs closed, which bounds them
+        too. The next call goes on from there.
+        """
         now = closed[self.arcs]
-        if (self.closed & ~now).any():
+        if (
+            (self.closed & ~now).any()
+            or (self.still & ~still).any()
+            or (self.marks is not None and (self.closed != now).any())
+        ):
             self._restore()
         new = now & ~self.closed
-        if new.any():
-            self._remake(new, now, clock)
+        if self.marks is None and not new.any():
+            return True
+        self.still |= still
+        if self.marks is None:
+            self.layer, self.marks, self.new = 0, np.zeros(self.hull.layers.shape[1], np.uint8), new
         self.closed = now
+        while self.layer < len(self.hull.layers):
+            if not self._remake(self.layer, self.marks, clock):
+                return False
+            self.layer += 1
+        self.marks = None
+        return True
 
     def _restore(self) -> None:
         """The hull as it was made."""
@@ -109,28 +139,31 @@ class HullRepair:
             self.hull.layers[layer, nodes] = steps
         for layer, arcs, bits in reversed(self.bits):
             self.hull.moved[layer, arcs] = bits
-        self.kept, self.bits = [], []
-        self.closed = np.zeros(len(self.closed), np.bool_)
+        self.kept, self.bits, self.marks = [], [], None
+        self.closed, self.still = np.zeros_like(self.closed), np.zeros_like(self.still)
 
-    def _remake(self, new: BoolArray, closed: BoolArray, clock: Clock) -> None:
-        """Layer after layer, with some arcs closed that are new."""
+    def _remake(self, m: int, before: NDArray[np.uint8], clock: Deadline) -> bool:
+        """Make a layer anew where the one `before` is marked, or a way takes an arc that is new; False without time."""
         layers, tables = self.hull.layers, self.tables
-        before = np.zeros(layers.shape[1], np.uint8)
-        now = np.empty((layers.shape[1], LANES), np.int32)
-        for m in range(len(layers)):
-            last = m == len(layers) - 1
-            moved = np.zeros(len(new), np.uint8) if last else self.hull.moved[m]
-            marks = before if last else np.zeros_like(before)
+        last = m == len(layers) - 1
+        moved = np.zeros(len(self.new), np.uint8) if last else self.hull.moved[m]
+        marks = before if last else np.zeros_like(before)
+        if not last:
+            clock.call(mark, tables, moved, self.new, before, marks)
+        nodes = np.flatnonzero(marks).astype(np.int32)
+        if clock.left < (LAST if last else LAYER) * nodes.size:
+            return False
+        if nodes.size:
+            arcs = np.flatnonzero(marks[tables.tails]).astype(np.int32)
+            self.kept.append((m, nodes, layers[m, nodes]))
             if not last:
-                clock.call(mark, tables, moved, new, before, marks)
-            nodes = np.flatnonzero(marks)
-            if nodes.size:
-                arcs = np.flatnonzero(marks[tables.tails])
-                self.kept.append((m, nodes, layers[m, nodes]))
-                if not last:
-                    self.bits.append((m, arcs, moved[arcs]))
-                clock.call(remake, tables, layers, m, last, moved, closed, marks, nodes, arcs, now)
-            before = marks
+                self.bits.append((m, arcs, moved[arcs]))
+            now = np.empty((len(before), LANES), np.int32)
+            room = np.empty((1 + int(tables.groups[:, SIZE].max()), LANES), np.int32)
+            fresh = np.ones((2, len(before)), np.uint8)
+            clock.call(remake, tables, layers, m, last, moved, self.closed, marks, nodes, arcs, now, room, fresh)
+        self.marks = marks
+        return True
 
 
 @lean
@@ -157,40 +190,71 @@ def mark(
 
 
 @lean
-def weighed(weights: FloatArray, k: int, first: int, rest: int) -> int:
-    """What two costs weigh, rounded down."""
-    return int(min(FAR - 1.0, (weights[k, 0] * first + weights[k, 1] * rest) * DOWN))
-
-
-@lean
-def rest_of(tables: Hulled, steps: Steps, v: int, k: int) -> int:
-    """The weighted rest of the way from a node in a layer; no more than it was before it was rounded."""
-    first, rest = tables.least[0, v], tables.least[1, v]
-    least = (tables.weights[k, 0] * first + tables.weights[k, 1] * rest) * DOWN - 2.0
-    return int(min(float(FAR), max(0.0, least) + (np.int64(steps[v, k]) << STEP_BITS)))
+def tell_rest(tables: Hulled, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
+    """Write the weighted rests of the way from a node in a layer; no more than they were before they were rounded."""
+    first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
+    for k in range(LANES):
+        least = (tables.weights[k, 0] * first + tables.weights[k, 1] * last) * DOWN - 2.0
+        least = min(float(FAR), max(0.0, least))
+        rest[row, k] = min(np.int32(FAR), np.int32(np.int32(least) + (np.int32(steps[v, k]) << np.int32(STEP_BITS))))
 
 
 @lean
 def turn_from(
-    tables: Hulled, steps: Steps, marks: NDArray[np.uint8], within: bool, now: IntLanes, nodes: IntArray
-) -> bool:
-    """Stay or turn, from the steps of a layer; `within` it, from what is already made anew of it. Whether it helped."""
-    better = False
+    tables: Hulled,
+    steps: Steps,
+    marks: NDArray[np.uint8],
+    within: bool,
+    now: IntLanes,
+    nodes: Places,
+    came: NDArray[np.uint8],
+    turned: NDArray[np.uint8],
+    rests: IntLanes,
+    least: IntLanes,
+) -> None:
+    """Stay or turn, from the steps of a layer; `within` it, from what is already made anew of it.
+
+    came     (n,)  which nodes are better by moves: turns are taken in their groups alone; 0 afterwards
+    turned   (n,)  is 1 then where turns are better
+    rests    (g, LANES), as `least` (1, LANES), is room; g are the nodes of the largest group
+    """
+    weights = tables.weights
+    told, stays = np.int64(-1), False
     for v in nodes:
         g = np.int64(tables.group[v])
         begin, size = tables.groups[g, OFFSET], tables.groups[g, SIZE]
-        for u in range(begin, begin + size):
-            if u == v and within:
+        if g != told:
+            told, stays = g, True
+            for i in range(size):
+                stays &= came[begin + i] == 0
+            for i in range(0 if stays else size):
+                if within and marks[begin + i]:
+                    for k in range(LANES):
+                        rests[i, k] = now[begin + i, k]
+                else:
+                    tell_rest(tables, steps, begin + i, rests, i)
+        if stays:
+            continue
+        at = g if tables.alike else tables.groups[g, TURNS] + (v - begin) * size
+        for k in range(LANES):
+            least[0, k] = min(now[v, k], rests[v - begin, k])
+        for i in range(size):
+            if i == v - begin:
                 continue
-            t = g if tables.alike else tables.groups[g, TURNS] + (v - begin) * size + u - begin
+            t = at if tables.alike else at + i
+            first, rest = np.float64(tables.turn_first[t]), np.float64(tables.turn_rest[t])
             for k in range(LANES):
-                rest = np.int64(now[u, k]) if within and marks[u] else rest_of(tables, steps, u, k)
-                if u != v:
-                    rest += weighed(tables.weights, k, tables.turn_first[t], tables.turn_rest[t])
-                if rest < now[v, k]:
-                    now[v, k] = rest
-                    better = True
-    return better
+                turn = np.int32(min(FAR - 1.0, (weights[k, 0] * first + weights[k, 1] * rest) * DOWN))
+                least[0, k] = min(least[0, k], np.int32(rests[i, k] + turn))
+        better = False
+        for k in range(LANES):
+            better |= least[0, k] < now[v, k]
+            now[v, k] = least[0, k]
+            if within:
+                rests[v - begin, k] = least[0, k]
+        if better:
+            turned[v] = 1
+    came[:] = 0
 
 
 @lean
@@ -200,26 +264,40 @@ def move_on(
     marks: NDArray[np.uint8],
     closed: BoolArray,
     moved: NDArray[np.uint8],
-    arcs: IntArray,
+    arcs: Places,
     now: IntLanes,
+    came: NDArray[np.uint8],
+    turned: NDArray[np.uint8],
+    rests: IntLanes,
 ) -> bool:
-    """Move straight on by open arcs, of which (a,) begin at nodes that are marked; tells whether it helped."""
-    better = False
+    """Move straight on by open arcs, of which (a,) begin at nodes that are marked; tells whether it helped.
+
+    Moves to nodes (n,) that are no better by turns, nor by the moves before, are left out; `turned` is 0 afterwards.
+    """
+    weights = tables.weights
+    better = np.uint8(0)
     for i in arcs:
-        if closed[i]:
-            continue
         v, u = tables.tails[i], tables.heads[i]
+        if closed[i] or not (turned[u] or came[u]):
+            continue
+        if marks[u]:
+            for k in range(LANES):
+                rests[0, k] = now[u, k]
+        else:
+            tell_rest(tables, steps, u, rests, 0)
+        first, rest = np.float64(tables.first[i]), np.float64(tables.rest[i])
         bits = np.uint8(0)
         for k in range(LANES):
-            rest = np.int64(now[u, k]) if marks[u] else rest_of(tables, steps, u, k)
-            rest += weighed(tables.weights, k, tables.first[i], tables.rest[i])
-            if rest < now[v, k]:
-                now[v, k] = rest
-                bits |= np.uint8(1 << k)
-        moved[i] = bits
+            move = np.int32(min(FAR - 1.0, (weights[k, 0] * first + weights[k, 1] * rest) * DOWN))
+            far = np.int32(rests[0, k] + move)
+            bits |= np.uint8(1 << k) if far < now[v, k] else np.uint8(0)
+            now[v, k] = min(now[v, k], far)
+        moved[i] |= bits
         if bits:
-            better = True
-    return better
+            came[v] = 1
+            better |= bits
+    turned[:] = 0
+    return bool(better > 0)
 
 
 @lean
@@ -231,29 +309,39 @@ def remake(
     moved: NDArray[np.uint8],
     closed: BoolArray,
     marks: NDArray[np.uint8],
-    nodes: IntArray,
-    arcs: IntArray,
+    nodes: Places,
+    arcs: Places,
     now: IntLanes,
+    room: IntLanes,
+    fresh: NDArray[np.uint8],
 ) -> None:
     """Make a layer anew at the nodes (a,) that are marked, from which arcs (b,) lead; the last has any number of turns.
 
-    now  (n, LANES)  room
+    now    (n, LANES)      scratch
+    room   (1 + g, LANES)  scratch, g the nodes of the largest group
+    fresh  (2, n)          1
     """
+    least, rests, came, turned = room[:1], room[1:], fresh[0], fresh[1]
     for i in arcs:
         moved[i] = 0
-    for v in nodes:
-        for k in range(LANES):
-            now[v, k] = 0 if tables.is_target[v] else FAR
-    if m > 0:
-        turn_from(tables, layers[m - 1], marks, False, now, nodes)
-    move_on(tables, layers[m], marks, closed, moved, arcs, now)
+    if last:  # the one before is no less, and near
+        for v in nodes:
+            tell_rest(tables, layers[m - 1], v, now, v)
+    else:
+        for v in nodes:
+            for k in range(LANES):
+                now[v, k] = 0 if tables.is_target[v] else FAR
+        if m > 0:
+            turn_from(tables, layers[m - 1], marks, False, now, nodes, came, turned, rests, least)
+        move_on(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
     better = last
     while better:
-        better = turn_from(tables, layers[m], marks, True, now, nodes)
-        better |= move_on(tables, layers[m], marks, closed, moved, arcs, now)
+        turn_from(tables, layers[m], marks, True, now, nodes, came, turned, rests, least)
+        better = move_on(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
+    weights = tables.weights
     for v in nodes:
-        first, rest = tables.least[0, v], tables.least[1, v]
+        first, rest = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
         for k in range(LANES):
-            least = min(float(FAR), np.ceil((tables.weights[k, 0] * first + tables.weights[k, 1] * rest) * UP))
-            more = max(np.int64(0), np.int64(now[v, k]) - np.int64(least)) >> STEP_BITS
-            layers[m, v, k] = max(layers[m, v, k], np.uint16(min(more, np.int64(MOST_STEPS))))
+            whole = np.int32(min(float(FAR), np.ceil((weights[k, 0] * first + weights[k, 1] * rest) * UP)))
+            more = max(np.int32(0), np.int32(now[v, k] - whole)) >> np.int32(STEP_BITS)
+            layers[m, v, k] = max(layers[m, v, k], np.uint16(min(np.int32(MOST_STEPS), more)))

@@ -36,6 +36,7 @@ from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_n
 from hpop.status import Budget, ProgressCallback, Status
 
 MANY = 100_000  # nodes: of fewer the exact search is mostly done before joint bounds are needed
+SHARE = 0.2  # of the nodes: where a closing changes the bounds of more, making all anew is faster
 
 
 class Prepared:
@@ -48,8 +49,8 @@ class Prepared:
 
     Guarantees: :meth:`paths` is what :func:`pareto_paths` finds on the graph without the arcs that are closed.
 
-    Cost: groups and bounds once, and what closings and openings change of the bounds, joint ones among them. A search
-    then takes the time of its labels alone.
+    Cost: groups and bounds once, and what closings and openings change of the bounds. A search then takes the time of
+    its labels alone; joint bounds are made right by the first one that needs them, as far as its limits allow.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)
@@ -100,13 +101,21 @@ class Prepared:
 
     @property
     def memory(self) -> int:
-        """Bytes of what is kept beside the graph."""
+        """Bytes of what is kept beside the graph; what is a view of another counts once."""
         outlook, entering = self.outlook, self._entering or ()
         kept = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
         kept += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
-        kept += [vars(self.closings).get("tails")]
-        repair = 0 if self.hull is None else self.hull.memory
-        return repair + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        kept += [self.is_target, *vars(self.closings).values(), *([] if self.hull is None else self.hull.arrays())]
+        arrays = [array for array in kept if isinstance(array, np.ndarray)]
+        arrays += [array.base for array in arrays if isinstance(array.base, np.ndarray)]
+        whole = {id(array): array.nbytes for array in arrays if not isinstance(array.base, np.ndarray)}
+        return sum(whole.values())
+
+    @property
+    def outdated(self) -> HullRepair | None:
+        """Joint bounds of what was closed before, not of what is now; None where there are none."""
+        closings = self.closings
+        return None if self.hull is None or self.hull.tells(closings.closed, closings.turns > 0) else self.hull
 
     def close(self, arcs: ArrayLike) -> None:
         """Let no path take these arcs, by their places (N,) in the graph, until they are opened."""
@@ -123,16 +132,18 @@ class Prepared:
             self._entering = np.zeros(n + 2, np.int64), np.empty(graph.arcs, np.int32)
             clock.call(sort_by_head, graph.heads, *self._entering)
         tables = (graph.indptr, graph.heads, graph.costs, self.closings.tails)
+        most = int(SHARE * n)
 
         def arguments(j: int) -> tuple[Any, ...]:
             piles = np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32)
             kind = (j, graph.aggregates[j] == "max", self.closings.closed)
             bounds = self.bounds[j], self.onward[j], np.zeros(n, np.uint8)
-            return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(n, np.int32))
+            return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(most, np.int32))
 
-        clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
-        if self.hull is not None:
-            self.hull.close(self.closings.closed, clock)
+        done = clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
+        if anew := [j for j, kept in enumerate(done) if not kept]:
+            bounds = costs_to_go(graph, self.targets, clock, self.closings.without_closed(), anew)
+            self.bounds[anew], self.onward[anew] = bounds
 
     def paths(
         self,

@@ -97,8 +97,8 @@ def after_opening(
     is_open: NDArray[np.uint8],
     piles: Any,
     scratch: NDArray[np.int32],
-) -> None:
-    """Lower h and onward (n,) of one cost where opened arcs (a,) make the way to a target shorter.
+) -> bool:
+    """Lower h and onward (n,) of one cost where opened arcs (a,) make the way to a target shorter; True.
 
     graph          indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
     entering       the arcs that enter each node, see :func:`sort_by_head`
@@ -117,6 +117,7 @@ def after_opening(
             h[u], onward[u], is_open[u] = far, v, 1
             enter(u, bits(far), tops, above, below)
     settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)
+    return True
 
 
 @lean
@@ -132,10 +133,10 @@ def after_closing(
     is_open: NDArray[np.uint8],
     piles: Any,
     affected: NDArray[np.int32],
-) -> None:
+) -> bool:
     """Raise h and onward (n,) of one cost where closed arcs (a,) were on the ways; arguments as before.
 
-    affected  (n,) scratch
+    affected  (most,) scratch. False where more nodes are: then h and onward are no bounds any more
     """
     indptr, heads, costs, tails = graph
     first, arcs = entering
@@ -144,6 +145,8 @@ def after_closing(
     for a in shut:
         u = np.int64(tails[a])
         if onward[u] == heads[a] and h[u] < UNREACHABLE:
+            if size == len(affected):
+                return False
             h[u] = UNREACHABLE
             affected[size] = u
             size += 1
@@ -154,6 +157,8 @@ def after_closing(
         for i in range(first[v], first[v + 1]):
             u = np.int64(tails[arcs[i]])
             if onward[u] == v and h[u] < UNREACHABLE:
+                if size == len(affected):
+                    return False
                 h[u] = UNREACHABLE
                 affected[size] = u
                 size += 1
@@ -173,3 +178,4 @@ def after_closing(
             h[u], onward[u], is_open[u] = best, to, 1
             enter(u, bits(best), tops, above, below)
     settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)
+    return True

@@ -1,9 +1,9 @@
 """One search of a prepared graph: set up from what is kept, ended in time, answered together with what was known.
 
 Most questions of a drive are small: the exact search answers them in milliseconds. Where it has spent a part of its
-limits and is not done, a search within a precision comes in between: with the joint bounds that are kept, and all that
-is known to begin with, it needs some thousands of labels, and proves a gap that the exact search, which goes by its
-first cost, would prove at its end. Then the exact one goes on.
+limits and is not done, a search within a precision comes in between. Joint bounds that are kept are made right for what
+is closed now, as far as there is time; with them, and all that is known to begin with, it needs some thousands of
+labels, and proves a gap that the exact search, which goes by its first cost, would prove at its end. Then that goes on.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from hpop.search.prepared.prepared import Prepared
 
 FIRST, SECOND = 0.4, 0.7  # of all limits: a search within a precision comes in between
+SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # where it waits until joint bounds are those of what is closed now
 GAP = 0.1  # its precision, relative
 AHEAD = 150e-9  # s a node that it takes before its first label
 
@@ -69,7 +70,7 @@ class PreparedRun:
         if isinstance(search, Staircase) and in_groups and outlook.layers is not None:
             search.take_turn_bounds(outlook.layers.astype(search.dtype, copy=False))
         if isinstance(search, Staircase) and in_groups and outlook.hull is not None and clock.is_limited:
-            clock.share = FIRST
+            clock.share = SOON if prepared.outdated else FIRST
             status = search.run(clock)
             if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
                 return status
@@ -85,6 +86,10 @@ class PreparedRun:
         turns = prepared.bounds[self.order[1]]  # joint bounds do not build on this one
         np.copyto(h[self.order[1]], turns, where=turns < UNREACHABLE)
         clock.share = SECOND
+        if (outdated := prepared.outdated) is not None:
+            clock.share = REPAIRED
+            outdated.close(prepared.closings.closed, prepared.closings.turns > 0, clock)
+            clock.share = LATE
         if hull is None or clock.left < AHEAD * graph.nodes:
             return
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
