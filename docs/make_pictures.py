@@ -139,6 +139,15 @@ RECIPES = [
         {"out/session/pages/p01.html": "live/session.html"},
     ),
     Recipe(
+        "session_picture",
+        "python docs/session_picture.py",
+        "study#the-session",
+        {
+            "out/session.png": "A study's session: left the questionnaire before the first ride, right a ride on a "
+            "phone; the button that stops is always in view"
+        },
+    ),
+    Recipe(
         "look",
         "hpop look examples/museum.yaml --out out/look.png",
         "gallery#a-map-before-anything-is-planned",

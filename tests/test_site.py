@@ -73,7 +73,7 @@ def test_every_picture_has_a_page_that_says_how_it_is_made(docs: dict[str, Modul
     for recipe in docs["make_pictures"].RECIPES:
         page, _, place = recipe.page.partition("#")
         text = (DOCS / f"{page}.md").read_text()
-        assert re.search(rf"\{{(example|ran|notebook|live)\}} {recipe.name}\b", text), recipe.name
+        assert re.search(rf"\{{(example|ran|notebook|live|drawn)\}} {recipe.name}\b", text), recipe.name
         assert not place or place in [re.sub(r"\W+", "-", line.lower()) for line in re.findall("^## (.*)$", text, re.M)]
 
 

@@ -96,6 +96,13 @@ class Ran(Made):
         return self.written(iter([block("", recipe.command), printed(recipe), *drawn(recipe)]))
 
 
+class Drawn(Made):
+    """What a command draws, alone."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.written(drawn(self.recipe()))
+
+
 class Live(Made):
     """A page that a command wrote, in a frame, with a link to itself: the recipe, and the page where it was written."""
 
@@ -173,6 +180,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Know the directives."""
     app.add_directive("example", Example)
     app.add_directive("ran", Ran)
+    app.add_directive("drawn", Drawn)
     app.add_directive("notebook", Notebook)
     app.add_directive("gallery", Gallery)
     app.add_directive("live", Live)
