@@ -64,7 +64,7 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     "from the start, a baseline. [the knee and two others]",
 )
 @click.option("--count", type=int, metavar="N", help="So many in all: rows that differ most from these are added.")
-@click.option("--by", default="costs", metavar="NAME", help="In what they differ: costs, or paths. [costs]")
+@click.option("--by", metavar="NAME", help="In what they differ: costs, or paths. [costs]")
 @click.option(
     "--share",
     type=float,
@@ -104,7 +104,7 @@ def init(
     front: Path,
     rows: list[str],
     count: int | None,
-    by: str,
+    by: str | None,
     share: float | None,
     participants: int,
     order: str,
@@ -118,9 +118,10 @@ def init(
     words: Path | None,
     seed: int,
 ) -> None:
-    """Begin a study of some rows of a front in a new folder DIR.
+    """Begin a study of rows of a front.
 
-    Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front.
+    Writes into a new folder DIR the design, the schedule, the stimuli, a page for each participant, and a copy of the
+    front.
     """
     from hpop import following
     from hpop.status import Progress
@@ -162,9 +163,10 @@ def init(
 @click.option("--network", is_flag=True, help="To headsets in the network too, over https: hpop[serve].")
 @user_errors
 def serve(folder: Path, port: int, network: bool) -> None:
-    """Show the pages of the study in DIR and write down each answer, until Ctrl-C.
+    """Show the pages, and write down each answer.
 
-    To this machine alone, and to a headset on its cable after `adb reverse`; with --network to other machines too.
+    Until Ctrl-C. To this machine alone, and to a headset on its cable after `adb reverse`; with --network to other
+    machines too.
     """
     from hpop.cli.serving import EVERYWHERE, LOCAL, certificate_for, context_of, own_address
     from hpop.study import Design
@@ -200,7 +202,10 @@ def serve(folder: Path, port: int, network: bool) -> None:
 @folder_argument
 @user_errors
 def check(folder: Path) -> None:
-    """Check the front, stimuli, pages and answers of the study in DIR; exit code 17 where there are faults."""
+    """Look for faults of the front, pages and answers.
+
+    Exit code 17 where the front, stimuli, pages or answers of the study in DIR have faults.
+    """
     from hpop.study.checks import check as checked
 
     found = checked(folder)
@@ -218,19 +223,25 @@ def check(folder: Path) -> None:
 @folder_argument
 @user_errors
 def score(folder: Path) -> None:
-    """Make tables of the answers in DIR, and print the medians of the scores.
+    """Make tables of the answers; print medians.
 
     Writes answers.csv, scores.csv, choices.csv and answers.sqlite; what participants wrote goes to remarks.csv alone.
+    Exit code 17 where the front of the study has changed since.
     """
-    from hpop.study import Answers
+    from hpop.study import Answers, Design
+    from hpop.study.folder import front_of
+    from hpop.study.locks import changing
 
-    answers = Answers.load(folder)
+    design = Design.load(folder)
+    with changing(folder):  # not while somebody withdraws
+        answers = Answers.load(folder, design)
+        written = answers.save_tables(folder)
     for said in (*answers.faults, *answers.notes):
         echo(f"note: {said}")
-    written = answers.save_tables(folder)
     _print_scores(answers)
     _print_letters(answers.design)
     echo(f"written to {folder}: {', '.join(path.name for path in written)}")
+    front_of(folder, design)
 
 
 @study.command()
@@ -249,9 +260,12 @@ def score(folder: Path) -> None:
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the report. [DIR/report]")
 @user_errors
 def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
-    """Test a score of the answers in DIR, and write a report: a page, tables, figures, and the code that repeats it."""
+    """Test a score of the answers; write a report.
+
+    It is a page, tables, figures, and the code that repeats them.
+    """
     from hpop.study import Answers, analyse
-    from hpop.study.folder import REPORT
+    from hpop.study.folder import REPORT, front_of
 
     answers = Answers.load(folder)
     analysis = analyse(
@@ -264,6 +278,7 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
     page = analysis.save(out or folder / REPORT)
     echo(analysis.text())
     echo(f"written: {page}")
+    front_of(folder, answers.design)
 
 
 def _score(text: str) -> tuple[str, str]:
@@ -279,11 +294,11 @@ def _score(text: str) -> tuple[str, str]:
 @click.argument("participant")
 @user_errors
 def replace(folder: Path, participant: str) -> None:
-    """Give the place of a PARTICIPANT who dropped out to the next person; the answers so far stay.
+    """Let the next person take the place of a drop-out.
 
-    PARTICIPANT is an id such as p07.
+    PARTICIPANT is the id of who dropped out, such as p07. The answers so far stay.
     """
-    from hpop.study.folder import replace as replaced
+    from hpop.study import replace as replaced
 
     successor = replaced(folder, participant)
     echo(f"{participant} dropped out; {successor} takes the place, in the same order: pages/{successor}.html")
@@ -294,71 +309,93 @@ def replace(folder: Path, participant: str) -> None:
 @click.argument("participant")
 @user_errors
 def withdraw(folder: Path, participant: str) -> None:
-    """Delete all that is known of a PARTICIPANT who withdraws, and make the tables again.
+    """Delete a PARTICIPANT, and make tables and reports again.
 
-    PARTICIPANT is an id such as p07. The next person takes the place, under another id.
+    PARTICIPANT is the id of who withdraws, such as p07. All that is known of that person is deleted. The
+    next person takes the place, under another id.
     """
-    from hpop.study.folder import withdraw as withdrawn
+    from hpop.study import withdraw as withdrawn
 
     done = withdrawn(folder, participant)
-    echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'nothing, there was nothing'}")
+    echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'nothing, for nothing was left'}")
+    if done.remade:
+        echo(f"made again without {participant}: {', '.join(done.remade)}")
     for note in done.notes:
         echo(f"note: {note}", err=True)
     echo(f"{done.successor} takes the place, in the same order")
 
 
-def _rows(front: Front, asked: list[str], count: int | None, by: str, share: float | None) -> list[str | NamedRow]:
+def _rows(
+    front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
+) -> list[str | NamedRow]:
     """The rows that are asked for, and so many in all that differ most from them."""
     from hpop.study import pick
     from hpop.study.conditions import VIEW
 
     if asked and count is None:
+        if share is not None or by is not None:
+            raise click.UsageError("--share and --by choose the rows that --count adds: give --count as well")
         return [*asked]
     views = [row for row in asked if row == VIEW]
     named = [row for row in asked if row != VIEW] or ["knee"]
-    return [*pick(front, (count or DEFAULT_COUNT) - len(views), always=named, by=by, share=share), *views]
+    several = DEFAULT_COUNT if count is None else count
+    if several < max(2, len(named) + len(views)):
+        raise click.UsageError(
+            f"--count is how many stimuli there are in all: expected {max(2, len(named) + len(views))} or more, got "
+            f"{several}"
+        )
+    return [*pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
 
 
 @study.command()
 @click.option("--effect", metavar="SD,SD", help="Shift of each stimulus in standard deviations; one: of the last.")
 @click.option("--people", type=int, metavar="N", help="Whose power is asked for; the least number if left out.")
-@click.option("--stimuli", type=int, default=3, metavar="K", help="How many there are. [3]")
-@click.option("--correlation", type=float, default=0.5, metavar="R", help="Of two answers of one person. [0.5]")
+@click.option("--stimuli", type=int, metavar="K", help="How many there are. [3]")
+@click.option("--correlation", type=float, metavar="R", help="Of two answers of one person. [0.5]")
 @click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; of two stimuli wilcoxon]")
 @click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
 @click.option(
     "--pilot", type=click.Path(path_type=Path), metavar="DIR", help="People are drawn from this study's answers."
 )
-@click.option("--score", "named", default="ssq.total", metavar="FORM.SCORE", help="Of the pilot. [ssq.total]")
+@click.option("--score", "named", metavar="FORM.SCORE", help="Of the pilot. [ssq.total]")
 @click.option("--seed", type=int, default=0, metavar="N", help="Of the simulated studies. [0]")
 @user_errors
 def power(
     effect: str | None,
     people: int | None,
-    stimuli: int,
-    correlation: float,
+    stimuli: int | None,
+    correlation: float | None,
     test: str | None,
     target: float,
     pilot: Path | None,
-    named: str,
+    named: str | None,
     seed: int,
 ) -> None:
-    """Say how likely a study finds a difference, or how many people it needs; before it is made, by simulation.
+    """Say how many people a study needs.
 
-    Give --effect, the least difference that would matter, or --pilot.
+    Or how likely so many find a difference: by simulation, before the study. Give --effect, the least difference that
+    would matter, or --pilot.
     """
     from hpop.study import Answers
     from hpop.study import power as simulated
 
     if (effect is None) == (pilot is None):
         raise click.UsageError("give --effect or --pilot, one of them")
+    shifts = None if effect is None else _shifts(effect)
+    several = len(shifts) if isinstance(shifts, list) else 3
+    if stimuli is not None and (pilot is not None or (isinstance(shifts, list) and stimuli != several)):
+        raise click.UsageError(
+            "--stimuli goes with one number as --effect: a pilot, and several numbers, say how many there are"
+        )
+    if (correlation if effect is None else named) is not None:
+        raise click.UsageError("--correlation goes with --effect, and --score with --pilot")
     found = simulated(
-        None if effect is None else _shifts(effect),
+        shifts,
         n=people,
-        k=stimuli,
-        correlation=correlation,
+        k=several if stimuli is None else stimuli,
+        correlation=0.5 if correlation is None else correlation,
         test=test,
-        pilot=None if pilot is None else Answers.load(pilot).matrix(*_score(named)).values,
+        pilot=None if pilot is None else Answers.load(pilot).matrix(*_score(named or "ssq.total")).values,
         target=target,
         seed=seed,
     )
@@ -373,15 +410,24 @@ def _shifts(text: str) -> Any:
         several = [float(part) for part in text.split(",")]
     except ValueError:
         raise click.UsageError(f"--effect is a number or several between commas, such as 0.5, got {text!r}") from None
+    if several == [0.0] or (len(several) > 1 and len(set(several)) == 1):
+        raise click.UsageError(
+            f"--effect {text} is no difference, which no study finds; give the least one that would matter, such as 0.5"
+        )
     return several if len(several) > 1 else several[0]
 
 
 def _consent(path: Path) -> str:
     """The text of a file."""
-    from hpop.study.documents import read_bytes
+    from hpop.regular_file import read_regular
 
     try:
-        return read_bytes(path, MOST_CONSENT).decode()
+        return read_regular(path, MOST_CONSENT).decode()
+    except OSError as error:
+        raise StudyError(
+            f"cannot read the consent text {path}: {error.strerror or error}; write what participants agree to before "
+            "they begin into a text file, and name it by --consent"
+        ) from None
     except UnicodeDecodeError:
         raise StudyError(
             f"{path}: expected the consent text as UTF-8, found something else; save it as UTF-8"

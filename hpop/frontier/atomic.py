@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -20,6 +21,10 @@ try:
     import fcntl
 except ImportError:  # no such locks on this system: what dead writers left stays
     fcntl = None  # type: ignore[assignment]
+
+
+PARTIAL = re.compile(r"\..+\.[0-9a-f]{32}\.tmp", re.DOTALL)
+"""Names of files that are not whole yet."""
 
 
 @contextmanager
@@ -82,15 +87,20 @@ def _locked(target: Path) -> BinaryIO:
         file.close()  # swept by another writer before it was held
 
 
-def _sweep(target: Path) -> None:
-    """Remove what dead writers of a file left."""
-    with suppress(OSError), os.scandir(target.parent) as entries:
+def sweep(folder: Path, begins: str = ".") -> None:
+    """Remove what dead writers left in a folder of the files whose hidden names begin so."""
+    with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
-            begins = entry.name.startswith(f".{target.name}.") and entry.name != f".{target.name}.tmp"
-            if begins and entry.name.endswith(".tmp") and entry.is_file(follow_symlinks=False):
+            is_partial = PARTIAL.fullmatch(entry.name) and entry.name.startswith(begins)
+            if is_partial and entry.is_file(follow_symlinks=False):
                 with suppress(OSError), open(entry.path, "rb") as file:
                     if _hold(file, wait=False):
                         os.unlink(entry.path)
+
+
+def _sweep(target: Path) -> None:
+    """Remove what dead writers of a file left."""
+    sweep(target.parent, f".{target.name}.")
 
 
 def _hold(file: BinaryIO, *, wait: bool = True) -> bool:

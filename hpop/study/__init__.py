@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from hpop.study.checks import Checked, check
     from hpop.study.conditions import Baseline, Condition
     from hpop.study.design import Design
-    from hpop.study.folder import Withdrawal, prepare, replace, withdraw
+    from hpop.study.folder import prepare
     from hpop.study.forms import Form
     from hpop.study.identity import front_digest
     from hpop.study.learning import Fitted, fit_criterion
+    from hpop.study.leaving import Withdrawal, replace, withdraw
     from hpop.study.page import session_page
     from hpop.study.participants import Participant
     from hpop.study.picking import pick
@@ -76,7 +77,7 @@ _HOMES = {
     "Preference": "hpop.preference",
     "Prior": "hpop.preference",
     "Protocol": "hpop.study.protocol",
-    "Withdrawal": "hpop.study.folder",
+    "Withdrawal": "hpop.study.leaving",
     "analyse": "hpop.study.analysis",
     "check": "hpop.study.checks",
     "fit_criterion": "hpop.study.learning",
@@ -84,12 +85,12 @@ _HOMES = {
     "pick": "hpop.study.picking",
     "power": "hpop.study.statistics",
     "prepare": "hpop.study.folder",
-    "replace": "hpop.study.folder",
+    "replace": "hpop.study.leaving",
     "save_stimuli": "hpop.study.stimuli",
     "score": "hpop.study.scoring",
     "session_page": "hpop.study.page",
     "simulate": "hpop.study.simulating",
-    "withdraw": "hpop.study.folder",
+    "withdraw": "hpop.study.leaving",
 }
 
 __getattr__ = on_first_use(__name__, _HOMES)

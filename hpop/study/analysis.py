@@ -18,7 +18,7 @@ from hpop.options import one_of
 from hpop.study.answers import Answers, Matrix
 from hpop.study.decisions import decided
 from hpop.study.design import Design
-from hpop.study.results import BEFORE, Method, Row, choice_tables, score_tables
+from hpop.study.results import BEFORE, Method, Row, choice_tables, score_tables, stimuli_table
 from hpop.study.statistics.corrections import CORRECTIONS, Correction
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ class Analysis:
     form        whose score was analysed
     score       its name
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
-    tables      rows by the name of the table: "scores", "test", "pairs", "against before", "places", "carry-over",
-                "balance", "choices", "favourites", "strengths", as far as the answers go
+    tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
+                "carry-over", "balance", "choices", "favourites", "strengths", as far as the answers go
     choices     what was decided, and how: the test, ties, who was left out
     """
 
@@ -130,6 +130,6 @@ def analyse(
         form=form,
         score=name,
         correction=chosen,
-        tables=tables | chosen_of_pairs,
-        choices=decided(design, answers, matrix, method, chosen, [*notes, *lacking]),
+        tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs,
+        choices=decided(design, answers, matrix, form, method, chosen, [*notes, *lacking]),
     )

@@ -165,29 +165,34 @@ class Answers:
         for session in self.sessions:
             name = session.person.id
             if session.stopped:
-                said.append(f"{name} stopped the session at place {session.reached}")
+                said.append(f"{name} stopped the session: {_how_far(session)}")
             elif not session.ended:
-                said.append(f"{name} has half a session: it came to place {session.reached} and has no end")
+                said.append(f"{name} has half a session: {_how_far(session)}, and it has no end")
             else:
                 said += [f"{name}: {lacking}" for lacking in session.lacking(self.design)]
-            for letter, slow in session.jerky:
-                said.append(f"{name} saw {letter} with fewer than 60 pictures a second for {slow:.0%} of its time")
+            if slow := ", ".join(f"{letter} ({part:.0%})" for letter, part in session.jerky):
+                said.append(f"{name} saw fewer than 60 pictures a second for a part of {slow}")
         return tuple(said)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know of the answers: who is still to come, orders that are short, devices that differ."""
+        return tuple(self.noted.values())
+
+    @property
+    def noted(self) -> dict[str, str]:
+        """The notes, by what they are about."""
         expected = {person.id for person in self.design.expected}
         ended = [session.person for session in self.sessions if session.ended and session.person.id in expected]
-        said = [f"{len(ended):,} of {counted(len(expected), 'session')} are complete"]
+        said = {"Complete sessions": f"{len(ended):,} of {counted(len(expected), 'session')} are complete"}
         if short := unequal([person.order for person in ended], self.design.orders):
-            said.append(f"complete sessions by order are not equally many: {'; '.join(short)}")
+            said["Orders of complete sessions"] = f"complete sessions by order are not equally many: {'; '.join(short)}"
         worn = sum(session.device.get("headset") is True for session in self.sessions)
         if 0 < worn < len(self.sessions):
-            said.append(
+            said["Devices"] = (
                 f"{worn} of {len(self.sessions)} saw it in a headset, the others on a screen: compare them apart"
             )
-        return tuple(said)
+        return said
 
     def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks apart from them in remarks.csv.
@@ -262,6 +267,13 @@ def _check_file(path: Path, participant: str, design: Design, known: dict[str, S
         )
     if path != own:
         raise StudyError(f"{path}: these are the answers of {participant}; call the file {own.name}")
+
+
+def _how_far(session: Session) -> str:
+    """The last stimulus that began, in words."""
+    if not session.reached:
+        return "no stimulus had begun"
+    return f"stimulus {_letter(session, session.reached)}, {session.reached} of {len(session.person.order)}, had begun"
 
 
 def _letter(session: Session, place: int) -> str | None:

@@ -77,6 +77,8 @@ def lettered(
     """Rows, the still view where it is among them, and baselines under letters dealt at random; in their order."""
     found = [_named(front, row) for row in rows if row != VIEW]
     count = len(found) + (VIEW in rows) + len(baselines)
+    if list(rows).count(VIEW) > 1:
+        raise StudyError("the still view is named more than once: show it once")
     if not found or not 2 <= count <= MOST_STIMULI:
         raise StudyError(
             f"a study shows 2 to {MOST_STIMULI} stimuli, at least one of them a row of the front, got {count}"
@@ -112,12 +114,12 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
         first[row.number] = row
 
 
-def unlike(conditions: Sequence[Condition]) -> list[str]:
-    """What is said where stimuli differ much in duration."""
+def unlike(conditions: Sequence[Condition]) -> str:
+    """What is said where stimuli differ much in duration; nothing where they do not."""
     first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
     if last.duration <= (1 + ALIKE) * first.duration:
-        return []
-    return [
+        return ""
+    return (
         f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure makes "
-        "sicker by itself. `hpop study init --count N --share 0.1` takes rows that last alike"
-    ]
+        "sicker by itself"
+    )

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpop.study.answers import Answers, Matrix
+from hpop.study.conditions import unlike
 from hpop.study.design import Design
+from hpop.study.forms import Form
 from hpop.study.results import Method
 from hpop.study.session import questions_of
 from hpop.study.statistics.corrections import Correction
@@ -22,7 +24,8 @@ PAPERS_POWER = (
 )
 DEFAULT = {
     "Test of all stimuli": "Friedman's test, by chi-square, and Kendall's W",
-    "Tests of pairs": "Wilcoxon's signed-rank test, two-sided; p counts out all signs (up to 200 people)",
+    "Tests of pairs": "Wilcoxon's signed-rank test, two-sided; p is exact for up to 200 people: of all ways to "
+    "put signs to the ranks, the share that is as far from even",
     "Differences of zero": "ranked, then left out (Pratt)",
     "Effect sizes": "matched-pairs rank-biserial correlation; |z| / sqrt(people); Hodges and Lehmann's shift with its "
     "interval of 95 %",
@@ -43,12 +46,19 @@ CARRY_OVER = (
 )
 CHOICES = (
     "shares with Wilson's intervals of 95 % and exact binomial p, who said neither left out; a favourite was chosen "
-    "over each other stimulus; strengths by Bradley and Terry, ties as Davidson has them, intervals by people"
+    "over each other stimulus, by those who compared all pairs; "
+    "strengths by Bradley and Terry, ties as Davidson has them, intervals by people"
 )
 
 
 def decided(
-    design: Design, answers: Answers, matrix: Matrix, method: Method, correction: Correction, notes: Sequence[str]
+    design: Design,
+    answers: Answers,
+    matrix: Matrix,
+    form: str,
+    method: Method,
+    correction: Correction,
+    notes: Sequence[str],
 ) -> dict[str, str]:
     """Every choice, by what it is about; ``notes`` say what could not be done."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
@@ -57,18 +67,39 @@ def decided(
     if method == "default" and len(matrix.conditions) < LEAST_STIMULI:
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
+        "Questionnaire": _asked(design.form(form)),
         "Correction": f"{correction.title()}, within each table of comparisons; the column p has none",
         "Ties": "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
         "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
         "Drop-outs": "; ".join(left) or "nobody left",
         "Faults of sessions": "; ".join(answers.faults) or "none",
-        "Groups and devices": "; ".join(answers.notes) or "as planned",
-        "Stimuli": "; ".join(design.notes) or "of like duration, in orders that are equally frequent",
+        "Orders": "; ".join(design.uneven) or _orders(design),
+        "Durations": _durations(design),
         "Carry-over": CARRY_OVER,
+        **answers.noted,
     }
     if questions_of(design):
         made["Choices of pairs"] = CHOICES
     if notes:
         made["Not done"] = "; ".join(notes)
     return made
+
+
+def _asked(form: Form) -> str:
+    """Where a form comes from, and when it is asked."""
+    when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
+    return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
+
+
+def _orders(design: Design) -> str:
+    """How orders were balanced, where they are."""
+    return "drawn at random" if design.order == "random" else f"{design.order}, each as often as any other"
+
+
+def _durations(design: Design) -> str:
+    """How long the stimuli last, and what that means where they differ."""
+    if lasting := unlike(design.conditions):
+        return f"{lasting}, so a part of what differs may come from how long they last, not from the way"
+    lasts = [condition.duration for condition in design.conditions]
+    return f"stimuli last {min(lasts):.1f} to {max(lasts):.1f} s"

@@ -137,6 +137,11 @@ class Design:
         """The design in a study's folder; StudyError where it is none, or was changed since it was written."""
         path = Path(folder) / FILE
         what = "the design of a study, as `hpop study init` writes it"
+        if not path.exists():
+            raise StudyError(
+                f"{folder} is no study: expected {FILE} in it; give the folder that `hpop study init` made, or "
+                "begin one"
+            )
         data = documents.read_bytes(path, MOST_BYTES)
         stored = documents.checked(path, documents.parsed(path, data, what), DesignFile, what)
         try:
@@ -287,7 +292,14 @@ class Design:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the researcher should know before the study: unequal orders, also within strata, unequal durations."""
-        return (*self._uneven(), *self._uneven_within(), *unlike(self.conditions))
+        lasting = unlike(self.conditions)
+        said = [f"{lasting}. `hpop study init --count N --share 0.1` takes rows that last alike"] if lasting else []
+        return (*self.uneven, *said)
+
+    @property
+    def uneven(self) -> tuple[str, ...]:
+        """Whether orders are planned unequally often, also within strata, in words."""
+        return (*self._uneven(), *self._uneven_within())
 
     def pairs(self, participant: str) -> list[tuple[str, str]]:
         """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""

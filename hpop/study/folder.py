@@ -1,50 +1,36 @@
-"""A study's folder: made whole or not at all, and emptied of whoever withdraws."""
+"""A study's folder, made whole or not at all."""
 
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
-from typing import NamedTuple
 
 from hpop.errors import HpopError, StudyError
 from hpop.front import Front
 from hpop.problem import Problem
 from hpop.status import ProgressCallback
-from hpop.study.answers import CSV, REMARKS, SQLITE, Answers
 from hpop.study.answers import FOLDER as ANSWERS
 from hpop.study.conditions import VIEW, Baseline
 from hpop.study.design import Design
 from hpop.study.design_file import FRONT
 from hpop.study.documents import read_bytes, write_bytes
 from hpop.study.identity import front_digest
+from hpop.study.locks import hold, release
 from hpop.study.page import rides_of, session_page
 from hpop.study.stimuli import save_stimuli
 from hpop.study.words import FOLDER as WORDS
 from hpop.study.words import MOST_BYTES as MOST_WORDS
+from hpop.study.words import checked_file
 from hpop.trajectory import Trajectory
 
 PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
-BEGINNING = 2**20
 PRIVATE = 0o700
 """A study's folder is its owner's alone: it holds what people answer about how they feel."""
-
-
-class Withdrawal(NamedTuple):
-    """What was removed of a participant.
-
-    removed    files, as they are called in the study's folder
-    successor  who has the place
-    notes      what is still to be done
-    """
-
-    removed: tuple[str, ...]
-    successor: str
-    notes: tuple[str, ...]
 
 
 def prepare(
@@ -77,6 +63,7 @@ def prepare(
     problem = Problem.from_description(front.problem or {})
     with _whole(target) as made:
         if words is not None:
+            checked_file(words)
             (made / WORDS).mkdir()
             write_bytes(made / WORDS / f"{design.language}.json", read_bytes(words, MOST_WORDS))
         design.save(made)
@@ -141,90 +128,31 @@ def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
     return front
 
 
-def replace(folder: str | os.PathLike[str], participant: str) -> str:
-    """Who takes the place of a participant who dropped out: the next id, with the same order, and a page of its own.
-
-    What the participant answered stays. Raises StudyError where nobody of this id is expected.
-    """
-    target = Path(folder)
-    after = Design.load(target).after(participant, withdrawn=False)
-    return _followed(after, target, participant)
-
-
-def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
-    """Delete all that is known of a participant, and make the tables again without it; the next id takes the place.
-
-    Every file in the folder that is called after the participant, or that holds the participant's answers, is removed:
-    answers, page, preference. What a report shows is not: a note says so. It may be called again after a crash.
-    """
-    target = Path(folder)
-    design = Design.load(target)
-    if participant not in design.withdrawn:
-        design = design.after(participant, withdrawn=True)
-    successor = _followed(design, target, participant)
-    removed = sorted(_files_of(target, participant))
-    for path in removed:
-        path.unlink(missing_ok=True)
-    notes = _tables_again(target, design)
-    if (target / REPORT).exists():
-        notes.append(
-            f"{target / REPORT} was made with the answers of {participant}: `hpop study report` makes it again"
-        )
-    return Withdrawal(tuple(str(path.relative_to(target)) for path in removed), successor, tuple(notes))
-
-
-def _followed(design: Design, folder: Path, participant: str) -> str:
-    """Save who left, and write the page of the successor."""
-    successor = next(one.successor for one in design.left if one.participant == participant)
-    design.save(folder)
-    if (folder / STIMULI).is_dir() and successor not in {one.participant for one in design.left}:
-        write_pages(design, folder, [successor])
-    return successor
-
-
-def _files_of(folder: Path, participant: str) -> Iterator[Path]:
-    """Files that are called after a participant, hidden ones of a writer that was killed too, or hold its answers."""
-    called = re.compile(rf"\.?{participant}(?![0-9])")
-    says = re.compile(rf'"participant"\s*:\s*"{participant}"'.encode())
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.is_symlink():
-            in_answers = path.parent == folder / ANSWERS
-            if called.match(path.name) or (in_answers and says.search(_beginning(path))):
-                yield path
-
-
-def _beginning(path: Path) -> bytes:
-    """As much of a file as says whose answers it holds."""
-    with path.open("rb") as file:
-        return file.read(BEGINNING)
-
-
-def _tables_again(folder: Path, design: Design) -> list[str]:
-    """Make tables that are there again; remove them where other answers cannot be read, and say so."""
-    tables = [folder / name for name in (*CSV, SQLITE, REMARKS)]
-    if not any(path.exists() for path in tables):
-        return []
-    try:
-        Answers.load(folder, design).save_tables(folder)
-    except StudyError as error:
-        for path in tables:
-            path.unlink(missing_ok=True)
-        return [f"the tables were removed, and cannot be made again before this is mended: {error}"]
-    return []
-
-
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
     """A folder to write into, which takes the place of ``target`` at the end, and is removed after any error."""
     made = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
+    held = None
     try:
         made.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(target)
         made.mkdir(PRIVATE)
+        held = hold(made, wait=False)
         yield made
         made.rename(target)
     except HpopError:
         raise
     except OSError as error:
-        raise StudyError(f"cannot write {target}: {error.strerror or error}") from None
+        raise StudyError(f"cannot write {target}: {error.strerror or error}; choose another folder") from None
     finally:
+        release(held)
         shutil.rmtree(made, ignore_errors=True)
+
+
+def _sweep(target: Path) -> None:
+    """Remove what is left of studies that were begun here by a program that was killed."""
+    for made in target.parent.glob(f".{escape(target.name)}.{'[0-9a-f]' * 32}.tmp"):
+        with suppress(OSError, StudyError):
+            if (held := hold(made, wait=False)) is not None:
+                shutil.rmtree(made, ignore_errors=True)
+                release(held)

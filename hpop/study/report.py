@@ -16,6 +16,8 @@ import scipy
 import hpop
 from hpop.errors import StudyError
 from hpop.html import table_html
+from hpop.study import report_file
+from hpop.study.conditions import unlike
 from hpop.study.documents import write_bytes
 from hpop.study.figures import draw, figures
 from hpop.study.results import Cell, Row
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 PAGE, SCRIPT = "report.html", "repeat.py"
 DPI = 130
 TITLES = {
+    "stimuli": "Stimuli: how long each lasts, and its costs",
     "scores": "Scores",
     "test": "Do the stimuli differ?",
     "pairs": "Which stimuli differ? (positive: the second scores higher)",
@@ -46,6 +49,8 @@ CAPTIONS = {
     "choices": "The choices of pairs",
 }
 P_COLUMNS = ("p", "adjusted p")
+HEADINGS = {"lower": "lower quartile", "upper": "upper quartile", "low": "95 % from", "high": "95 % to"}
+"""Of columns, where people read them."""
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
@@ -66,13 +71,17 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"cannot make the folder {target}: {error.strerror or error}") from None
-    for name, rows in analysis.tables.items():
-        write_bytes(target / f"{name.replace(' ', '_')}.csv", csv_bytes(_contents(rows, analysis.mark)))
     pictures = {name: png_of(draw(analysis, name), DPI) for name in figures(analysis)}
-    for name, png in pictures.items():
-        write_bytes(target / f"{name}.png", png)
-    write_bytes(target / SCRIPT, code(analysis).encode())
-    write_bytes(target / PAGE, page(analysis, pictures).encode())
+    files = {
+        f"{name.replace(' ', '_')}.csv": csv_bytes(_contents(rows, analysis.mark))
+        for name, rows in analysis.tables.items()
+    }
+    files |= {f"{name}.png": png for name, png in pictures.items()}
+    files |= {SCRIPT: code(analysis).encode(), PAGE: page(analysis, pictures).encode()}
+    report_file.remove(target)  # an earlier one may have had other tables
+    report_file.write(target, (analysis.form, analysis.score), _how(analysis), analysis.mark, files)
+    for name, data in files.items():
+        write_bytes(target / name, data)
     return target / PAGE
 
 
@@ -96,10 +105,15 @@ def code(analysis: Analysis) -> str:
         f'assert design.digest == "{analysis.design.digest}"\n'
         "answers = study.Answers.load(folder, design)\n"
         f"score = {(analysis.form, analysis.score)!r}\n"
-        f"how = { {'method': analysis.method, 'correction': analysis.correction}!r}\n"
+        f"how = {_how(analysis)!r}\n"
         "result = study.analyse(design, answers, score=score, **how)\n"
         'result.save("report")\n'
     )
+
+
+def _how(analysis: Analysis) -> dict[str, str]:
+    """Arguments of :func:`hpop.study.analyse`."""
+    return {"method": analysis.method, "correction": analysis.correction}
 
 
 def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
@@ -133,16 +147,19 @@ def _heading(analysis: Analysis) -> str:
 def _summary(analysis: Analysis) -> str:
     """The result in a sentence or two."""
     people = analysis.choices["People"]
+    lasting = unlike(analysis.design.conditions)
+    also = f" {lasting[0].upper()}{lasting[1:]}." if lasting else ""
     for row in analysis.tables.get("test", ()):
+        p = written("p", row["p"])
         found = "differ" if float(row["p"]) < 0.05 else "are not found to differ"
         effect = next(
             (f"{key} = {value:.3f}" for key, value in row.items() if key in ("Kendall's W", "epsilon squared")), ""
         )
         return (
             f"{people}. The stimuli {found}: {row['test']} chi-square({row['df']}) = {row['chi-square']:.3f}, "
-            f"p = {written('p', row['p'])}, {effect}."
+            f"p {'' if p.startswith('<') else '= '}{p}, {effect}.{also}"
         )
-    return f"{people}."
+    return f"{people}.{also}"
 
 
 def _figure(name: str, png: bytes) -> str:
@@ -151,15 +168,17 @@ def _figure(name: str, png: bytes) -> str:
 
 
 def _table(rows: Sequence[Row]) -> str:
-    headings = _columns(rows)
-    return table_html(headings, [[written(key, row.get(key, "")) for key in headings] for row in rows])
+    columns = _columns(rows)
+    headings = [HEADINGS.get(column, column) for column in columns]
+    return table_html(headings, [[written(key, row.get(key, "")) for key in columns] for row in rows])
 
 
 def _aligned(rows: Sequence[Row]) -> list[str]:
-    headings = _columns(rows)
-    cells = [headings, *([written(key, row.get(key, "")) for key in headings] for row in rows)]
+    columns = _columns(rows)
+    headings = [HEADINGS.get(column, column) for column in columns]
+    cells = [headings, *([written(key, row.get(key, "")) for key in columns] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(headings))]
-    words = [isinstance(rows[0].get(key), str) for key in headings]
+    words = [isinstance(rows[0].get(key), str) for key in columns]
     return [
         "  "
         + "  ".join(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import combinations
@@ -60,6 +61,11 @@ def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
         for name, rows in tables_of_one.items():
             tables[name] = [*tables.get(name, ()), *rows]
     return tables, notes
+
+
+def stimuli_table(design: Design) -> Sequence[Row]:
+    """What stands behind each letter: how long it lasts, s, and what it costs by each criterion."""
+    return [{"stimulus": label(design, one.id), "seconds": one.duration, **one.costs} for one in design.conditions]
 
 
 def placed(matrix: Matrix) -> FloatArray:
@@ -172,7 +178,7 @@ def _signed_rank_rows(
             "z": pair.z,
             "p": pair.p,
             "adjusted p": float(corrected),
-            "p by": "all signs" if pair.exact else "normal approximation",
+            "p by": "exact" if pair.exact else "normal approximation",
             "rank-biserial": pair.biserial,
             "|z|/sqrt(n)": pair.r,
             "shift": pair.shift,
@@ -190,24 +196,27 @@ def _by_place(matrix: Matrix) -> list[Row]:
 
 def _carried_over(matrix: Matrix) -> list[Row]:
     """Whether the place matters, and whether the stimuli differ where nothing was seen before."""
-    by_place, rows = placed(matrix), []
+    by_place = placed(matrix)
+    rows: list[Row] = []
     if by_place.shape[1] >= LEAST_STIMULI:
         test = statistics.friedman(by_place)
-        rows.append(_check("the place matters (Friedman)", test.statistic, test.freedom, test.p, test.people))
+        what = "the place matters (Friedman, by chi-square)"
+        rows.append({"check": what, **_chi2(test), "people": test.people})
     else:
         pair = statistics.wilcoxon(by_place[:, 0], by_place[:, 1])
-        rows.append(_check("the place matters (Wilcoxon)", pair.z**2, 1, pair.p, pair.people))
+        what = f"the place matters (Wilcoxon, {'exact p' if pair.exact else 'by z'})"
+        rows.append({"check": what, "z": pair.z, "p": pair.p, "people": pair.people})
     first = [column[places == 1] for column, places in zip(matrix.values.T, matrix.places.T, strict=True)]
     sizes = [int((~np.isnan(one)).sum()) for one in first]
     if min(sizes) > 0 and sum(sizes) > len(sizes):
         alone = statistics.kruskal(first)
-        what = "stimuli differ at the first place alone (Kruskal-Wallis)"
-        rows.append(_check(what, alone.statistic, alone.freedom, alone.p, sum(sizes)))
+        what = "stimuli differ at the first place alone (Kruskal-Wallis, by chi-square)"
+        rows.append({"check": what, **_chi2(alone), "people": sum(sizes)})
     return rows
 
 
-def _check(what: str, statistic: float, freedom: int, p: float, people: int) -> Row:
-    return {"check": what, "chi-square": statistic, "df": freedom, "p": p, "people": people}
+def _chi2(test: statistics.Related | statistics.Independent) -> Row:
+    return {"chi-square": test.statistic, "df": test.freedom, "p": test.p}
 
 
 def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
@@ -252,7 +261,11 @@ def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
 
 def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
     """Who chose one stimulus over each other one, and whether these are all alike."""
-    people = sorted({person for person, _ in asked})
+    pairs = Counter(person for person, _ in asked)
+    every = len(compared) * (len(compared) - 1) // 2
+    people = sorted(person for person, several in pairs.items() if several == every)
+    if not people:
+        return []
     won = np.array(
         [[sum(one.chosen == c for who, one in asked if who == person) for c in compared] for person in people]
     )
@@ -263,11 +276,12 @@ def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[
     exact = statistics.multinomial(counts)
     q = statistics.cochran(best).p if len(compared) >= LEAST_STIMULI and len(people) > 1 else float("nan")
     rows: list[Row] = []
-    for letter, count in zip(compared, counts, strict=True):
+    names = [*(label(design, letter) for letter in compared), "none over each other one"]
+    for name, count in zip(names, [*counts, len(people) - sum(counts)], strict=True):
         part = statistics.share(count, len(people))
         share = {"share": part.share, "low": part.low, "high": part.high}
-        tests = {"p of all alike (multinomial)": exact.p, "p (Cochran's Q)": q}
-        who = {"question": question, "favourite": label(design, letter), "people": count, "of": len(people)}
+        who = {"question": question, "favourite": name, "people": count, "of": len(people)}
+        tests = {} if name == names[-1] else {"p of all alike (multinomial)": exact.p, "p (Cochran's Q)": q}
         rows.append({**who, **share, **tests})
     return rows
 

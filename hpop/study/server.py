@@ -7,6 +7,7 @@ has recorded so far to that page, and no other file.
 
 from __future__ import annotations
 
+import errno
 import html
 import json
 import os
@@ -31,6 +32,7 @@ from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
 from hpop.study.documents import read_bytes, write_bytes
 from hpop.study.ledger import Ledger
+from hpop.study.locks import changing, release, serve_alone
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 LOCAL = "127.0.0.1"
@@ -122,7 +124,6 @@ class Study:
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
         """What a page is replied that has sent something: all events where it was opened, or that one has arrived."""
-        design = self._with(participant)
         if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
             raise Refused(
                 HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
@@ -130,11 +131,14 @@ class Study:
         tab, event = sent["tab"], sent.get("event")
         if not isinstance(tab, str) or not 0 < len(tab) <= LONGEST_TAB or not isinstance(sent["device"], dict):
             raise Refused(HTTPStatus.BAD_REQUEST, "expected a short text as tab and an object as device")
-        if sent["design"] != design.digest:
-            raise Refused(
-                HTTPStatus.CONFLICT, "this page is of another design than the one that is served; reload it", "design"
-            )
-        with self._lock:
+        with self._lock, changing(self.folder):  # nothing is added for somebody who withdraws meanwhile
+            design = self._with(participant)
+            if sent["design"] != design.digest:
+                raise Refused(
+                    HTTPStatus.CONFLICT,
+                    "this page is of another design than the one that is served; reload it",
+                    "design",
+                )
             ledger = Ledger(self.folder / FOLDER / f"{participant}.json", design, participant)
             if event is None:
                 self.tabs[participant] = tab
@@ -143,7 +147,6 @@ class Study:
                 raise Refused(HTTPStatus.CONFLICT, "the session was opened in another window since", "elsewhere")
             if not isinstance(event, dict):
                 raise Refused(HTTPStatus.BAD_REQUEST, "expected an object as event")
-            ledger.path.parent.mkdir(exist_ok=True)
             return {"added": ledger.add(event, sent["device"])}
 
     def _with(self, participant: str) -> Design:
@@ -168,7 +171,8 @@ class StudyServer(ThreadingHTTPServer):
     secured : what encrypts the connections
     tell : called with what whoever runs the study should know: that answers cannot be written
 
-    Raises StudyError where the folder holds no study or lacks stimuli, OutputError where the port cannot be had.
+    Raises StudyError where the folder holds no study, lacks stimuli or is served already, OutputError where the port
+    cannot be had.
     """
 
     daemon_threads = True
@@ -186,15 +190,19 @@ class StudyServer(ThreadingHTTPServer):
     ) -> None:
         self.study = Study(Path(folder))
         self.tell = tell
-        first = self.study.design.participants[0].id
-        self.study.page(first)  # what lacks is said now, not to the first participant
+        self.study.page(self.study.design.expected[0].id)  # what lacks is said now, not to the first participant
         self.token = token
+        answers = self.study.folder / FOLDER
+        try:
+            answers.mkdir(exist_ok=True)
+        except OSError as error:
+            raise StudyError(f"cannot make {answers}, where answers go: {error.strerror or error}") from None
+        self._held = serve_alone(answers)
         try:
             super().__init__((host, port), _Handler)
         except OSError as error:
-            raise OutputError(
-                f"cannot serve on port {port}: {error.strerror or error}; choose another --port"
-            ) from None
+            release(self._held)
+            raise OutputError(no_port(port, error)) from None
         here = self.server_address[1]
         self.hosts = {f"{name}:{here}" for name in (LOCAL, "localhost", *names)}
         self.scheme = "http" if secured is None else "https"
@@ -205,6 +213,12 @@ class StudyServer(ThreadingHTTPServer):
         """Without the name of this machine, for which http.server would ask the network, and may wait long."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+
+    def server_close(self) -> None:
+        """Let go of the port and of the folder."""
+        super().server_close()
+        held, self._held = self._held, None
+        release(held)
 
     def address(self, name: str = LOCAL) -> str:
         """Where the sessions are, as it is typed into a browser; a participant's is this and the id."""
@@ -343,6 +357,16 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:
         """Nothing is printed of who asks for what."""
+
+
+def no_port(port: int, error: OSError) -> str:
+    """Why a port cannot be had, and what to do."""
+    way = "choose another --port; 0 takes any that is free"
+    if error.errno == errno.EADDRINUSE:
+        return f"cannot serve on port {port}: another program has it; end that, or {way}"
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"cannot serve on port {port}: ports below 1024 are the system's; {way}"
+    return f"cannot serve on port {port}: {error.strerror or error}; {way}"
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from importlib import resources
 from pathlib import Path
@@ -30,22 +31,33 @@ def words(language: str, study: Path | None = None) -> Words:
     'Stop'
     """
     shipped = resources.files("hpop.study").joinpath("words")
-    english = _read(shipped.joinpath("en.json").read_bytes(), "en.json")
+    english = _english()
     if not LANGUAGE.fullmatch(language):
         raise StudyError(f"a language is written as in 'en', 'de' or 'pt-BR', got {shown(language)}")
     name = f"{language}.json"
     own = None if study is None else study / FOLDER / name
     if own is not None and own.is_file():
-        try:
-            return _checked(_read(read_regular(own, MOST_BYTES), str(own)), english, str(own))
-        except OSError as error:
-            raise StudyError(f"{own}: {error.strerror or error}") from None
+        return checked_file(own)
     if not shipped.joinpath(name).is_file():
         raise StudyError(
             f"hpop brings no texts in {shown(language)}: translate its hpop/study/words/en.json, and give "
             f"the file to `hpop study init --words`, which keeps it as {FOLDER}/{name}"
         )
     return _checked(_read(shipped.joinpath(name).read_bytes(), name), english, name)
+
+
+def checked_file(path: str | os.PathLike[str]) -> Words:
+    """The texts of a file; StudyError where it lacks something."""
+    try:
+        return _checked(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
+    except OSError as error:
+        raise StudyError(
+            f"cannot read {path}: {error.strerror or error}; give a translation of hpop/study/words/en.json"
+        ) from None
+
+
+def _english() -> Words:
+    return _read(resources.files("hpop.study").joinpath("words", "en.json").read_bytes(), "en.json")
 
 
 def _read(data: bytes, file: str) -> Words:

@@ -126,7 +126,7 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--participants", "7"], 17, "multiple of 6 participants, got 7: take 6 or 12"),
         (["--order", "latn"], 17, "Did you mean 'latin'"),
         (["--consent", "empty.txt"], 17, "the consent text is empty"),
-        (["--consent", "nowhere.txt"], 17, "cannot read nowhere.txt: No such file"),
+        (["--consent", "nowhere.txt"], 17, "cannot read the consent text nowhere.txt: No such file"),
         (["--consent", "latin1.txt"], 17, "expected the consent text as UTF-8"),
         (["--consent", "steers.txt"], 17, r"control character, '\x1b'"),
         (["--forms", "sqq"], 17, "Did you mean 'ssq'"),
@@ -135,6 +135,12 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--front", "nowhere"], 12, "cannot read nowhere"),
         (["--language", "xx"], 17, "not written in 'xx'"),
         (["--rest", "-1"], 17, "rest_s must be"),
+        (["--rows", "knee,view", "--share", "0.1"], 2, "give --count as well"),
+        (["--rows", "knee,view", "--count", "1"], 2, "expected 2 or more, got 1"),
+        (["--count", "0"], 2, "expected 2 or more, got 0"),
+        (["--rows", "knee,view,view"], 17, "the still view is named more than once"),
+        (["--words", "nowhere.json"], 17, "give a translation of"),
+        (["--words", "empty.txt"], 17, "empty.txt: expected texts as JSON"),
     ],
 )
 def test_a_mistake_is_one_message_and_leaves_nothing(
@@ -154,6 +160,26 @@ def test_a_mistake_is_one_message_and_leaves_nothing(
     assert sorted(Path().iterdir()) == before
 
 
+def test_a_folder_that_is_no_study_is_said_by_every_command(study: Study) -> None:
+    for command in (["check"], ["score"], ["report"], ["serve"], ["withdraw"], ["replace"], ["power", "--pilot"]):
+        who = ["p01"] if command[0] in ("withdraw", "replace") else []
+        done = study(*command, "nowhere", *who)
+        assert done.exit_code == 17
+        assert "nowhere is no study: expected design.json in it; give the folder" in done.output
+    assert not Path("nowhere").exists()
+
+
+def test_tables_and_reports_of_a_study_whose_front_changed_do_not_pass_for_whole(study: Study, planned: Path) -> None:
+    begun = ["--rows", "knee,least turns", "--participants", 2, "--consent", "consent.txt", "--forms", "comfort"]
+    assert study("init", "s", "--front", planned, *begun).exit_code == 0
+    answered(Design.load("s"), Path("s"), ["p01", "p02"])
+    hpop.Front.load("s/front.json")[1:].save("s/front.json")
+    for command in (["score"], ["report", "--score", "comfort.comfort"]):
+        done = study(command[0], "s", *command[1:])
+        assert done.exit_code == 17
+        assert "has changed since the study began" in done.output
+
+
 def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
     done = study("power", "--effect", "0.5", "--people", 35, "--stimuli", 2)
     assert done.exit_code == 0, done.output
@@ -161,7 +187,21 @@ def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
     observed = study("power", "--effect", "observed", "--people", 35)
     assert observed.exit_code == 17
     assert "observed power is not given" in observed.output
-    assert study("power").exit_code == study("power", "--effect", "some").exit_code == 2
+    for wrong, said in {
+        "": "give --effect or --pilot",
+        "--effect some": "such as 0.5",
+        "--effect 0": "is no difference, which no study finds",
+        "--effect 1,1,1": "is no difference",
+        "--effect 0,1 --stimuli 3": "say how many there are",
+        "--effect 1 --score ssq.total": "--score with --pilot",
+        "--pilot s --correlation 0.5": "--correlation goes with --effect",
+    }.items():
+        done = study("power", *wrong.split())
+        assert (done.exit_code, said in done.output) == (2, True), done.output
+
+
+def test_what_commands_do_is_said_whole(study: Study) -> None:
+    assert "..." not in study("--help").output.partition("Commands:")[2]
 
 
 def test_serve_says_where_and_what_cannot_be_served_is_told(study: Study, planned: Path) -> None:

@@ -15,6 +15,7 @@ from hpop.errors import StudyError
 from hpop.study import report, statistics
 from tests.study.sessions import events_of, put, session
 
+Q = {"comfort": 12, "prefer": 11}
 FELT = {"A": -0.5, "B": 1.5, "C": 4.0}
 
 
@@ -109,8 +110,42 @@ def test_who_did_not_answer_all_is_left_out_where_it_is_said(design, answers):
     assert (result.tables["test"][0]["people"], result.tables["test"][0]["left out"]) == (11, 1)
     assert "12 sessions; 11 with all scores" in result.choices["People"]
     assert "p01 has half a session" in result.choices["Faults of sessions"]
-    assert "order" in result.choices["Groups and devices"]
+    assert "11 of 12" in result.choices["Complete sessions"]
+    assert "order" in result.choices["Orders of complete sessions"]
     assert sum(row["place 1"] for row in result.tables["balance"]) == 11
+
+
+def test_who_compared_some_pairs_alone_has_no_favourite_among_all(design, answers):
+    """Who made no comparison of one pair can have none: counted with the others, no share would reach 1."""
+    events = [one for one in answers.sessions[0].events if one.kind != "compare" or one.value["question"] == "comfort"]
+    some = replace(answers.sessions[0], events=tuple(events))
+    result = study.analyse(design, study.Answers(design, (some, *answers.sessions[1:])))
+    rows = {question: [row for row in result.tables["favourites"] if row["question"] == question] for question in Q}
+    for question, of in Q.items():
+        assert [row["of"] for row in rows[question]] == [of] * 4
+        assert sum(row["people"] for row in rows[question]) == of
+        assert rows[question][-1]["favourite"] == "none over each other one"
+
+
+def test_the_page_says_what_stands_behind_each_letter_and_how_long_it_lasts(design, answers):
+    first, *others = design.conditions
+    design = replace(design, conditions=(replace(first, duration=60.0), *others))
+    result = study.analyse(design, study.Answers(design, answers.sessions))
+    assert [row["seconds"] for row in result.tables["stimuli"]] == [60.0, *(one.duration for one in others)]
+    assert [row["length"] for row in result.tables["stimuli"]] == [one.costs["length"] for one in design.conditions]
+    assert "may come from how long they last" in result.choices["Durations"]
+    assert "--share" not in result.text()
+    assert "60.0 s (" in report.page(result, {}).partition("<h2>")[0]
+
+
+def test_of_two_stimuli_the_place_is_tested_as_a_pair_is(front):
+    design = study.Design.of(front, ["knee", "least turns"], participants=6, consent="Yes", forms=["fms"])
+    result = study.analyse(design, study.simulate(design, {"A": 0.0, "B": 0.5}, seed=2), score=("fms", "sickness"))
+    place = result.tables["carry-over"][0]
+    assert place["check"] == "the place matters (Wilcoxon, exact p)"
+    assert "chi-square" not in place
+    assert "once a ride, at its end" in result.choices["Questionnaire"]
+    assert "Asked before the first stimulus, once after each" in result.choices["Questionnaire"]
 
 
 def test_what_one_persons_answers_do_not_suffice_for_is_said(design, answers):

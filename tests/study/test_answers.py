@@ -126,7 +126,9 @@ def test_half_a_session_is_used_as_far_as_it_goes_and_told(design: Design, folde
     answers = Answers.load(folder)
     matrix = answers.matrix("ssq", "total")
     assert np.isnan(matrix.values).sum() == 2
-    assert answers.faults == ("p01 has half a session: it came to place 2 and has no end",)
+    assert answers.faults == (
+        f"p01 has half a session: stimulus {design.participant('p01').order[1]}, 2 of 3, had begun, and it has no end",
+    )
     assert answers.notes[0] == "0 of 12 sessions are complete"
 
 
@@ -139,7 +141,9 @@ def test_who_stopped_is_asked_how_they_feel_and_is_told(design: Design, folder: 
     assert after["kind"] == "answer"
     put(folder, session(design, "p01", [*events[:third], stop, after, {**events[-1], "t": 1e4}]))
     answers = Answers.load(folder)
-    assert answers.faults == ("p01 stopped the session at place 2",)
+    assert answers.faults == (
+        f"p01 stopped the session: stimulus {design.participant('p01').order[1]}, 2 of 3, had begun",
+    )
     assert answers.table[-1].place == 4
     put(folder, session(design, "p01", [*events[:third], after]))
     with pytest.raises(StudyError, match="form ssq is not asked at place 4"):
@@ -155,7 +159,7 @@ def test_orders_that_are_short_rides_that_jerk_and_devices_that_differ_are_told(
             event["value"]["slow"] = 0.25
     put(folder, screen)
     answers = Answers.load(folder)
-    assert answers.faults == ("p11 saw B with fewer than 60 pictures a second for 25% of its time",)
+    assert answers.faults == ("p11 saw fewer than 60 pictures a second for a part of B (25%)",)
     short = " ".join(design.participant("p12").order)
     assert answers.notes == (
         "11 of 12 sessions are complete",

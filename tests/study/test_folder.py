@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -127,60 +128,60 @@ def test_all_faults_are_told_at_once(begun: Path, design: Design) -> None:
     assert len(check(begun).faults) == 5
 
 
-def test_nothing_is_kept_of_whoever_withdraws(begun: Path, design: Design) -> None:
-    """Not in any file but the design and the list of who left, and the others' scores are as they were."""
-    people = ["p01", "p02", "p03"]
-    answered(design, begun, people, lambda who, place, form, item: float(int(who[1:]) % 4))
-    put(begun, session(design, "p02", events_of(design, "p02", remark="I know the robot")))
-    Answers.load(begun).save_tables(begun)
+def test_nothing_is_kept_of_whoever_withdraws(begun: Path, design: Design, tmp_path: Path) -> None:
+    """Byte for byte, the folder is as if somebody who withdrew before answering had had the place."""
+
+    def rule(who: str, place: int, form: str, item: str) -> float:
+        return float(int(who[1:]) % 4)
+
+    never = Path(shutil.copytree(begun, tmp_path / "never"))
+    study.withdraw(never, "p02")
+    answered(design, never, ["p01", "p03"], rule)
+    answered(design, begun, ["p01", "p03"], rule)
+    events = [{**one, "t": one["t"] + 0.718281} for one in events_of(design, "p02", rule, remark="I know the robot")]
+    put(begun, {**session(design, "p02", events), "device": {"browser": "Lynx"}})
+    for at in (begun, never):
+        Answers.load(at).save_tables(at)
+        study.analyse(Design.load(at), Answers.load(at), score=("comfort", "comfort")).save(at / "report")
+    assert any(b".71828" in path.read_bytes() for path in begun.glob("*.csv"))
+    assert "p02" in (begun / "scores.csv").read_text()
     put(begun, session(design, "p02"), "copy")
-    (begun / "answers" / ".p02.json.0123.tmp").write_text("{}")  # of a writer that was killed
+    left = f".{'0123456789abcdef' * 2}.tmp"  # of writers that were killed
+    for name in (f"answers/.p02.json{left}", f".answers.csv{left}", f"report/.scores.csv{left}"):
+        (begun / name).write_text("p02,2.718281")
     (begun / "p02_preference.json").write_text("{}")
-    done = folder.withdraw(begun, "p02")
-    assert done.successor == "p13"
-    assert done.notes == ()
-    assert set(done.removed) == {
-        "answers/p02.json",
-        "answers/copy.json",
-        "answers/.p02.json.0123.tmp",
-        "p02_preference.json",
-        "pages/p02.html",
-    }
-    for path in begun.rglob("*"):
-        if path.is_file() and path.name not in ("design.json", "people.json", "schedule.csv"):
-            assert not WORD.search(path.read_bytes()), path
-            assert b"I know the robot" not in path.read_bytes(), path
-    assert (begun / "pages" / "p13.html").is_file()
-    after = Answers.load(begun)
-    assert after.people == ("p01", "p03")
-    assert after.matrix("ssq", "fatigue").values.tolist() == [[1.0] * 3, [3.0] * 3]
+    (begun / "backup.csv").write_text("p01,1\np02,2.718281\n")
+    done = study.withdraw(begun, "p02")
+    assert (done.successor, study.withdraw(begun, "p02").removed) == ("p13", ())  # again, as after a crash
+    gone = {"answers/p02.json", "answers/copy.json", f"answers/.p02.json{left}", "p02_preference.json"}
+    assert set(done.removed) == {*gone, "pages/p02.html"}
+    assert {"answers.sqlite", "report/"} <= set(done.remade)
+    (note,) = done.notes
+    assert note.startswith(f"{begun / 'backup.csv'} names p02")
+    (begun / "backup.csv").unlink()
+    assert files_of(begun) == files_of(never)
+    for name in files_of(begun):
+        data = (begun / name).read_bytes()
+        assert data == (never / name).read_bytes(), name
+        for trace in (b".71828", struct.pack(">d", 2 + 0.718281), b"I know the robot", b"Lynx"):
+            assert trace not in data, name
+        if name not in ("design.json", "people.json", "schedule.csv") and "report" not in name:
+            assert not WORD.search(data), name
     assert check(begun).faults == ()
-    assert folder.withdraw(begun, "p02").removed == ()  # again, as after a crash
-
-
-def test_tables_that_cannot_be_made_again_are_removed_with_the_rest(begun: Path, design: Design) -> None:
-    answered(design, begun, ["p01", "p02"])
-    Answers.load(begun).save_tables(begun)
-    (begun / "answers" / "p01.json").write_text("{")
-    (begun / "report").mkdir()
-    done = folder.withdraw(begun, "p02")
-    assert not any((begun / name).exists() for name in ("answers.csv", "answers.sqlite", "remarks.csv", "scores.csv"))
-    assert "the tables were removed" in done.notes[0]
-    assert "`hpop study report` makes it again" in done.notes[1]
 
 
 def test_who_dropped_out_keeps_what_was_answered(begun: Path, design: Design) -> None:
     answered(design, begun, ["p02"])
-    assert folder.replace(begun, "p02") == "p13"
+    assert study.replace(begun, "p02") == "p13"
     assert Answers.load(begun).people == ("p02",)
     with pytest.raises(StudyError, match="p02 dropped out before; p13 has the place"):
-        folder.replace(begun, "p02")
+        study.replace(begun, "p02")
     assert (begun / "pages" / "p13.html").is_file()
     assert check(begun).faults == ()
 
 
 @pytest.mark.parametrize("given", ["Anna", "p99", "../p01", "p1"])
-@pytest.mark.parametrize("act", [folder.replace, folder.withdraw])
+@pytest.mark.parametrize("act", [study.replace, study.withdraw])
 def test_nobody_else_is_removed(begun: Path, act: Any, given: str) -> None:
     before = files_of(begun)
     with pytest.raises(StudyError, match=r"names, initials|no participant p99"):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
@@ -14,7 +16,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import OutputError, StudyError
-from hpop.study.server import MOST_BODY, StudyServer, token_of
+from hpop.study.server import MOST_BODY, StudyServer, no_port, token_of
 from tests.study.conftest import CONSENT
 
 
@@ -223,8 +225,27 @@ def test_a_study_without_stimuli_or_with_a_port_in_use_is_said_at_once(folder: P
     (tmp_path / "design.json").write_bytes((folder / "design.json").read_bytes())
     with pytest.raises(StudyError, match="stimulus"):
         StudyServer(tmp_path)
-    with StudyServer(folder) as server, pytest.raises(OutputError, match="--port"):
-        StudyServer(folder, port=server.server_address[1])
+    shutil.copytree(folder, other := tmp_path / "other")
+    with StudyServer(folder) as server, pytest.raises(OutputError, match="another program has it; end that, or choose"):
+        StudyServer(other, port=server.server_address[1])
+
+
+def test_a_study_is_served_once(folder: Path, tmp_path: Path) -> None:
+    """Two servers would know nothing of each other's windows."""
+    with StudyServer(folder), pytest.raises(StudyError, match="is served already, by another"):
+        StudyServer(folder)
+    StudyServer(folder).server_close()  # whoever held it has ended
+
+
+def test_why_a_port_cannot_be_had_is_said() -> None:
+    assert "below 1024 are the system's; choose another --port" in no_port(443, PermissionError(errno.EACCES, "x"))
+    assert "Cannot assign" in no_port(8000, OSError(errno.EADDRNOTAVAIL, "Cannot assign"))
+
+
+def test_a_study_is_served_though_its_first_participant_withdrew(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "study")
+    study.withdraw(tmp_path / "study", "p01")
+    StudyServer(tmp_path / "study").server_close()
 
 
 def test_a_token_is_asked_for_where_there_is_one(folder: Path, made: tuple[Path, study.Design]) -> None:

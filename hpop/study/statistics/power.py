@@ -20,7 +20,7 @@ from hpop.options import MOST_SEED, one_of, real, whole
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances
 from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
 from hpop.study.statistics.shares import share
-from hpop.text import shown
+from hpop.text import counted, shown
 
 Test = Literal["friedman", "wilcoxon", "kruskal"]
 TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")
@@ -164,7 +164,10 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
     scores = checked(pilot)
     scores = scores[complete_rows(scores)]
     if len(scores) < 2 or scores.shape[1] < 2:
-        raise StudyError(f"a pilot has two people or more with all of two scores or more, got {scores.shape}")
+        raise StudyError(
+            f"expected a pilot of two people or more who have scores for all of two stimuli or more, got "
+            f"{counted(len(scores), 'such session')}; ask more people, or give an effect instead"
+        )
     if n == len(scores):
         raise StudyError(f"the pilot has {n} people, as the study asked about has: {OBSERVED}")
 
@@ -231,7 +234,8 @@ def _least(of: Callable[[int], Power], target: float) -> Power:
     while (reached := of(high)).power < target:
         if high == MOST_PEOPLE:
             raise StudyError(
-                f"{MOST_PEOPLE:,} people have a power of {reached.power:.2f}, below {target:g}: the effect is too small"
+                f"{MOST_PEOPLE:,} people have a power of {reached.power:.2f}, below {target:g}: the effect is too "
+                "small for any study; give a larger one, or a lower target"
             )
         low, high = high, min(2 * high, MOST_PEOPLE)
     while high - low > 1:
