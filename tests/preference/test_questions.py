@@ -74,12 +74,12 @@ def test_asking_stops_when_the_best_is_known_and_after_twelve_at_the_latest() ->
     assert person.why_stop(most=3) == "3 questions asked"
 
 
-@pytest.mark.parametrize("n", [2, pytest.param(100, marks=pytest.mark.proof)])
-def test_who_answers_at_random_is_told_that_no_preference_can_be_seen(n: int) -> None:
+@pytest.mark.parametrize(("n", "count"), [(2, 2_000), pytest.param(100, 5_000, marks=pytest.mark.proof)])
+def test_who_answers_at_random_is_told_that_no_preference_can_be_seen(n: int, count: int) -> None:
     """After 25 questions; those few who happen to answer as somebody would who has a preference are not."""
     told, front = 0, people.front(158, 4)
     for i in range(n):
-        start = Preference.fit(front, seed=i, count=5_000)
+        start = Preference.fit(front, seed=i, count=count)
         person = people.asked(start, 25, np.zeros(4), np.random.default_rng([i, 6]))
         best = person.best()
         told += not person.can_be_seen
@@ -149,7 +149,7 @@ def test_ratings_count_as_pairs_in_the_person_however_they_are_scaled() -> None:
 def test_a_threshold_finds_who_minds_turns_only_above_some() -> None:
     front = people.front(158)
     bound = float(np.median(front.costs[:, 1]))
-    person = Preference.fit(front, features={"turns": bound})
+    person = Preference.fit(front, features={"turns": bound}, count=2_000)
     assert person.scale.columns == ("length", "turns", "exposure", f"turns above {bound:g}")
     person = people.asked(person, 25, 25.0 * np.array([0.2, 0.0, 0.0, 0.8]), np.random.default_rng(5))
     shares = person.weights

@@ -16,6 +16,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "study.md"
 
 def test_the_python_of_the_page_runs(front: hpop.Front, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hpop.study.report.DPI", 30)
     names: dict[str, object] = {"hpop": hpop, "front": front}
     for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL):
         exec(compile(block, str(PAGE), "exec"), names)

@@ -172,6 +172,7 @@ def test_the_nearest_are_those_of_the_metric_also_round_the_circle(seed: int) ->
 # What is found
 
 
+@pytest.mark.cases("holonomic-roadmap", "pan-tilt-planner1")
 @pytest.mark.parametrize("planner", ["roadmap", {"weighted-sum": {"on": {"roadmap": {"samples": 80, "seed": 1}}}}])
 @pytest.mark.parametrize("model", [BASE, HEAD], ids=["holonomic", "pan-tilt"])
 def test_what_is_found_is_free_by_the_judge_keeps_its_ends_and_costs_what_was_planned(

@@ -26,6 +26,7 @@ def is_solved(asked: hpop.Problem, samples: int) -> None:
     assert verify(asked, front) == []  # costs, ends, limits of joints; each distinct edge once by python-fcl, at 1 mm
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("number", [NUMBERS[0], pytest.param(NUMBERS[1], marks=pytest.mark.proof)])
 def test_there_is_a_path_on_few_samples_and_every_edge_of_the_front_is_free(shared_data, name, number):

@@ -1,5 +1,7 @@
 """Claims: what the graph on a clock has arcs and standing cost is what the criteria say, at any tick, near and far."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -27,6 +29,7 @@ PEOPLE = {"stays": (STAYS,), "turns round": (TURNS_ROUND,), "several": (STAYS, T
 CRITERIA = ["hall_zones", "personal_space", "visibility_to_people"]
 
 
+@cache
 def on_a_clock(people, criterion, robot=ROBOT, **options):
     problem = through_the_doors(*people, criteria=(criterion,), robot=robot)
     lattice = Lattice(step=0.5, **options)

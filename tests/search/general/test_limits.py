@@ -28,7 +28,7 @@ def large() -> tuple[Graph, set[tuple[int, ...]]]:
     return graph, set(map(tuple, pareto_paths(graph, 0, 575, method="general").costs.tolist()))
 
 
-@pytest.mark.parametrize("limit", [300_000, 1_000_000, 2_000_000])
+@pytest.mark.parametrize("limit", [300_000, pytest.param(1_000_000, marks=pytest.mark.proof), 2_000_000])
 def test_a_memory_limit_bounds_what_is_allocated_and_says_how_far_it_came(large, limit, monkeypatch):
     graph, exact = large
     allocated: list[int] = []
