@@ -34,8 +34,10 @@ print(out.round(9).tolist(), "coverage" in sys.modules)
 """
 
 
-@pytest.fixture(scope="module")
-def unwritable(tmp_path_factory: pytest.TempPathFactory) -> subprocess.CompletedProcess[str]:
+@pytest.fixture(scope="module", params=[5, pytest.param(1, marks=pytest.mark.proof)], ids=["some", "all"])
+def unwritable(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> subprocess.CompletedProcess[str]:
     """A kernel used in a copy of hpop where no cache can be written, which goes for root as well."""
     folder = tmp_path_factory.mktemp("read_only")
     shutil.copytree(PACKAGE, folder / "hpop", ignore=shutil.ignore_patterns("__pycache__"))
@@ -46,7 +48,7 @@ def unwritable(tmp_path_factory: pytest.TempPathFactory) -> subprocess.Completed
     elsewhere = {"HOME": str(file / "home"), "NUMBA_CACHE_DIR": str(file / "cache"), "PYTHONPATH": str(folder)}
     environment = {**os.environ, **elsewhere, "XDG_CACHE_HOME": str(file / "xdg")}
     environment.pop("COVERAGE_PROCESS_START", None)
-    command = [sys.executable, "-P", "-c", USE, *KERNELS]
+    command = [sys.executable, "-P", "-c", USE, *KERNELS[:: request.param]]
     return subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, check=False)
 
 

@@ -97,4 +97,6 @@ def test_some_inputs_are_accepted_and_some_refused(
         place.mkdir()
         monkeypatch.chdir(place)
         outcomes.add(harness.outcome_of(targets.TARGETS[name], 0, place, number))
+        if {"accepted", "refused"} <= outcomes:
+            break
     assert {"accepted", "refused"} <= outcomes

@@ -68,7 +68,10 @@ def test_a_notebook_is_valid_and_kept_without_what_running_it_leaves(path):
         pytest.param(  # sixty degrees beside the sun, cos^4 = 1/16 of 26 s
             *("02_own_criterion", 3, "round(aside.best('length').costs['glare'], 6)", 1.625), marks=pytest.mark.proof
         ),
-        ("03_real_map", 4, "['obstacle' in str(refused), bool(point.costs['turns'] <= 6)]", [True, True]),
+        pytest.param(
+            *("03_real_map", 4, "['obstacle' in str(refused), bool(point.costs['turns'] <= 6)]", [True, True]),
+            marks=pytest.mark.proof,
+        ),
         (
             "04_own_graph",
             0,

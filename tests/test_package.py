@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import shutil
 import subprocess
@@ -143,24 +142,16 @@ def test_type_checkers_see_hpop_where_it_is_installed_for_editing(tmp_path: Path
 # Extras
 
 
-CALLS = {"import_module", "library", "__import__"}
+IMPORT = re.compile(r"^[ \t]*(?:from (\w+)[\w.]* import |import (\w+)[\w.]*(?: as \w+)?$)", re.MULTILINE)
+CALL = re.compile(r"\b(?:import_module|library|__import__)\(\s*\"(\w+)")
 CALLED = {"PIL": "pillow", "fcl": "python-fcl", "yaml": "pyyaml"}  # what PyPI calls a module
 
 
 def imported() -> set[str]:
     """Top-level modules that hpop names in an import, or in a call that imports."""
-    found: set[str] = set()
-    for path in (ROOT / "hpop").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            names: list[str] = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module:
-                names = [node.module]
-            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in CALLS:
-                names = [arg.value for arg in node.args[:1] if isinstance(arg, ast.Constant)]
-            found |= {name.partition(".")[0] for name in names}
-    return found
+    texts = [path.read_text() for path in (ROOT / "hpop").rglob("*.py")]
+    found = {name for text in texts for names in IMPORT.findall(text) for name in names if name}
+    return found | {name for text in texts for name in CALL.findall(text)}
 
 
 def distributions(asked: list[str]) -> set[str]:

@@ -125,13 +125,14 @@ def test_without_the_plugin_its_names_are_unknown(hpop, plan):
     assert "unknown criterion 'oblique'" in done.stderr
 
 
-def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_path):
+@pytest.mark.parametrize("code", [UNDRAWN, pytest.param(DRAWN, marks=pytest.mark.proof)], ids=["undrawn", "drawn"])
+def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_path, code):
     shutil.copy(PLUGIN / "holonomic.yaml", tmp_path)
     shutil.copy(PLUGIN / "plan.txt", tmp_path)
     out = tmp_path / "out"
-    done = hpop("plan", tmp_path / "holonomic.yaml", "--out", out, fresh=fresh, cwd=tmp_path, code=DRAWN)
+    done = hpop("plan", tmp_path / "holonomic.yaml", "--out", out, fresh=fresh, cwd=tmp_path, code=code)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert {"front.json", "map.png"} <= {file.name for file in out.iterdir()}
+    assert ("map.png" in {file.name for file in out.iterdir()}) == (code == DRAWN)
     saved = json.loads((out / "front.json").read_text())
     assert saved["problem"]["model"] == {"holonomic": {**HOLONOMIC, "turn_rate": 1.0}}
     assert len(saved["points"]["costs"]["length"]) > 3

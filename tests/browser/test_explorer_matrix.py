@@ -116,6 +116,7 @@ def test_hover_takes_the_nearest_point_and_every_view_shows_that_row(matrix: Mat
     assert state(page, "s.hovered") == []
 
 
+@pytest.mark.cases("2-3-True")
 @pytest.mark.parametrize(("across", "up", "flipped"), [(0, 2, False), (0, 1, False), (2, 3, True)])
 def test_a_rectangle_selects_the_points_that_numpy_finds_in_it(
     matrix: Matrix, front: hpop.Front, across: int, up: int, flipped: bool

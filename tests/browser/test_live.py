@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.seeded_fronts import front, problem
@@ -13,6 +14,7 @@ from hpop.cli.live import LivePage
 from tests.browser.explored import READY, bounds, selected, state, until, within
 
 
+@pytest.mark.proof
 def test_fronts_appear_as_they_are_found_and_bounds_and_pins_stay(browser: Browser, tmp_path: Path) -> None:
     whole = replace(front(120, 3), problem=problem(3).describe())
     found = np.arange(len(whole)) % 2 == 1

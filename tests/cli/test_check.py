@@ -124,6 +124,7 @@ class Mine:
 """
 
 
+@pytest.mark.cases("0.5")
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_robots_and_planners_are_checked_as_criteria_are(
     run: Callable[..., Result], refused: Callable[..., None], here: Path, monkeypatch: pytest.MonkeyPatch, share: float
@@ -208,7 +209,10 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
 
 def test_importing_the_package_is_light() -> None:
     assert loaded("import hpop") & HEAVY == set()
-    assert loaded("import hpop; hpop.Problem") & {"casadi", "cvxpy", "numba", "matplotlib", "pydantic"} == set()
+    assert (
+        loaded("import hpop; hpop.Problem, hpop.Front") & {"casadi", "cvxpy", "numba", "matplotlib", "pydantic"}
+        == set()
+    )
 
 
 def test_the_installed_command_answers(room: Path) -> None:

@@ -59,6 +59,7 @@ def front(folder: Path) -> tuple[object, ...]:
     return (found.costs.tolist(), ways, found.provenance, found.status, found.certificate)
 
 
+@pytest.mark.cases("lattice")
 @pytest.mark.parametrize("planner", ["lattice", "roadmap"])
 def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_goes(tmp_path, planner):
     options = {"lattice": {"step": 0.5}, "roadmap": {"samples": 80}}[planner]

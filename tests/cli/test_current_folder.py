@@ -36,8 +36,8 @@ class Run(NamedTuple):
     stderr: str
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, write_map) -> Run:
+@pytest.fixture(scope="module", params=[1, pytest.param(2, marks=pytest.mark.proof)])
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, write_map) -> Run:
     """One run of the command, among traps, its standard output read by nobody."""
     folder = Path(os.fsdecode(os.fsencode(tmp_path_factory.mktemp("strange")) + b"/" + NOT_UTF8))
     folder.mkdir()
@@ -53,7 +53,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, write_map) -> Run:
     script = tmp_path_factory.mktemp("bin") / "hpop"  # as it is installed: Python looks in the script's own folder
     script.write_text("from hpop.entry import main\n\nif __name__ == '__main__':\n    main()\n")
     command = [sys.executable, script]
-    arguments = ["plan", "room.yaml", "--out", "out", "--workers", "2"]
+    arguments = ["plan", "room.yaml", "--out", "out", "--workers", str(request.param)]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
     done = subprocess.run([*command, *arguments], cwd=folder, stdout=writer, stderr=subprocess.PIPE, env=environment)
     os.close(writer)

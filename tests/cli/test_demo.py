@@ -62,6 +62,7 @@ def test_an_unknown_file_of_the_examples_is_told_with_the_nearest() -> None:
         hpop.examples.copied("muesum", Path(os.devnull))
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("shell", "words"), [("bash", "complete -o nosort"), ("zsh", "#compdef hpop"), ("fish", "complete")]
 )

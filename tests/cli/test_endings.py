@@ -15,6 +15,7 @@ from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import check_writable
 from hpop.errors import OutputError
 from hpop.interrupts import ENDING, endings_interrupt
+from tests.warm import Warm
 
 INTERRUPTED_IMPORT = """\
 import signal, sys
@@ -111,12 +112,12 @@ def test_a_terminal_that_is_closed_takes_what_is_still_said() -> None:
     assert child.returncode == 7
 
 
-def test_output_that_a_full_disk_does_not_take_is_one_message() -> None:
-    with open("/dev/full", "wb") as full:
-        command = [sys.executable, "-P", "-c", "from hpop.entry import main; main()", "planners"]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == OutputError.exit_code
-    assert done.stderr == "error: cannot print: No space left on device; send the output elsewhere\n"
+def test_output_that_a_full_disk_does_not_take_is_one_message(tmp_path: Path, warm: Warm) -> None:
+    said = tmp_path / "said.txt"
+    with open("/dev/full", "wb") as full, said.open("w") as errors:
+        process = warm.start("planners", cwd=tmp_path, stdout=full.fileno(), stderr=errors.fileno())
+        assert process.wait() == OutputError.exit_code
+    assert said.read_text() == "error: cannot print: No space left on device; send the output elsewhere\n"
 
 
 def test_ctrl_c_while_drawing_begins_leaves_no_process_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -136,6 +136,7 @@ SplineJob.solve = solve_one
 """  # it makes splines of one path, and never ends those of the second
 
 
+@pytest.mark.proof
 def test_kill_9_between_stages_leaves_the_front_of_the_last(tmp_path: Path, warm: Warm) -> None:
     shelf = yaml.safe_load(Path("examples/arm_shelf.yaml").read_text())
     for key in ("urdf", "srdf"):

@@ -62,7 +62,7 @@ def test_show_verifies_what_plan_wrote(run: Callable[..., Result], plan: Callabl
         assert "verified" in result.stdout
 
 
-@pytest.mark.cases(2)
+@pytest.mark.cases("aws_bookstore")
 @pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("name", ["pal_office", "aws_bookstore", "nav2_depot"])
 def test_the_same_command_plans_in_real_buildings(
@@ -260,7 +260,9 @@ def test_a_front_that_cannot_be_saved_where_it_should_is_saved_elsewhere(
 def test_when_pictures_fail_the_front_is_there_and_the_error_says_so(
     plan: Callable[..., Result], refused: Callable[..., None], room: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan(room)
+    (room / "out").mkdir()
+    for name in ("map.png", "trace.png", "front.html"):
+        (room / "out" / name).write_text("of an earlier front")
 
     def broken(*arguments: object, **options: object) -> None:
         raise ValueError("no ink")

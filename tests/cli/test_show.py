@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import Result
+
+from hpop.front import Front
+from hpop.scenario import load_scenario
 
 
 def edited(path: Path, change: Callable[[dict], object]) -> None:
@@ -22,10 +26,22 @@ def moved(data: dict, name: str, by: float) -> None:
     states[name] = [value + by for value in states[name]]
 
 
+@pytest.fixture(scope="module")
+def front(
+    tmp_path_factory: pytest.TempPathFactory, write_map: Callable[..., None], write: Callable[..., None]
+) -> Front:
+    folder = tmp_path_factory.mktemp("planned")
+    write_map(folder)
+    write(folder)
+    scenario = load_scenario(folder / "room.yaml")
+    return scenario.problem.solve(scenario.planners)
+
+
 @pytest.fixture
-def saved(plan: Callable[..., Result], room: Path, no_pictures: None) -> Path:
-    plan(room)
-    return room / "out" / "front.json"
+def saved(front: Front, tmp_path: Path) -> Path:
+    (tmp_path / "out").mkdir()
+    front.save(tmp_path / "out" / "front.json")
+    return tmp_path / "out" / "front.json"
 
 
 @pytest.mark.parametrize(
@@ -108,7 +124,13 @@ def test_showing_what_is_not_there(run: Callable[..., Result], refused: Callable
 
 
 def test_a_map_that_changed_since_the_front_was_saved(
-    run: Callable[..., Result], refused: Callable[..., None], write_map: Callable[..., None], saved: Path, room: Path
+    run: Callable[..., Result],
+    refused: Callable[..., None],
+    write_map: Callable[..., None],
+    front: Front,
+    room: Path,
 ) -> None:
     write_map(room, door=1.2)
-    refused(run("show", saved), 3, "has changed since this was saved")
+    world = {**(front.problem or {})["world"], "path": str(room / "map.yaml")}
+    replace(front, problem={**(front.problem or {}), "world": world}).save(room / "front.json")
+    refused(run("show", room / "front.json"), 3, "has changed since this was saved")

@@ -85,6 +85,7 @@ def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_a
     assert "epsilon-constraint" in planners
 
 
+@pytest.mark.proof
 def test_a_dask_scheduler_may_be_named(scenario: Path, alone: Any) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

@@ -92,23 +92,25 @@ def test_messages_in_python_say_no_control_characters_and_a_key_cannot_forge_a_l
     assert str(ScenarioError(CLEAR)) == SHOWN
 
 
-def test_pictures_show_dollars_and_leave_out_control_characters(front: Front) -> None:
+@pytest.mark.cases("map", "trace")
+@pytest.mark.parametrize("picture", ["map", "front", "trace", "where"])
+def test_pictures_show_dollars_and_leave_out_control_characters(front: Front, picture: str) -> None:
     named = replace(front, names=(DOLLARS, CLEAR), units=("$", CLEAR), certificate=DOLLARS + CLEAR)
     problem = Problem.from_description(front.problem or {})
     trajectory = front.knee().item
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # a font has no glyph for a control character
-        for figure in (
-            draw_map(problem, named),
-            draw_front(named),
-            draw_trace(problem, trajectory, name=DOLLARS),
-            draw_where(problem, trajectory, name=DOLLARS),
-        ):
-            figure.canvas.draw()
-            texts = figure.findobj(Text)
-            assert any(DOLLARS in text.get_text() for text in texts)
-            assert not any(text.get_parse_math() for text in texts if "$" in text.get_text())  # shown, no formula
-            assert not any(HARMFUL.search(line) for text in texts for line in lines(text.get_text()))
+        figure = {
+            "map": lambda: draw_map(problem, named),
+            "front": lambda: draw_front(named),
+            "trace": lambda: draw_trace(problem, trajectory, name=DOLLARS),
+            "where": lambda: draw_where(problem, trajectory, name=DOLLARS),
+        }[picture]()
+        figure.canvas.draw()
+    texts = figure.findobj(Text)
+    assert any(DOLLARS in text.get_text() for text in texts)
+    assert not any(text.get_parse_math() for text in texts if "$" in text.get_text())  # shown, no formula
+    assert not any(HARMFUL.search(line) for text in texts for line in lines(text.get_text()))
 
 
 def test_umlauts_accents_and_other_scripts_are_printed_as_they_are() -> None:

@@ -38,6 +38,7 @@ def transforms(path):
     return found
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("robot", ["differential drive", "pan-tilt", "mobile arm", "serial arm"])
 def test_the_tree_of_transforms_leads_from_the_map_to_the_camera(robot, tmp_path):
     trajectory = robots()[robot]
@@ -120,6 +121,7 @@ def still(message):
     return np.append(False, moved < 1e-8)
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize("robot", ["differential drive", "holds", "stays", "mobile arm"])
 def test_a_path_has_the_ends_of_all_motions_and_is_nowhere_coarse(robot, tmp_path):
     trajectory = robots()[robot]

@@ -203,7 +203,7 @@ def limits(figure):
 
 
 def test_a_map_shows_the_part_where_the_trajectories_lead_if_it_is_small(make_problem, make_front):
-    park = hpop.World.from_polygons([shapely.box(80, 80, 82, 82)], extent=shapely.box(-60, -40, 100, 120))
+    park = hpop.World.from_polygons([shapely.box(45, 45, 47, 47)], extent=shapely.box(-20, -10, 60, 70))
     problem = make_problem(world=park)
     front = make_front(problem)
     paths = np.concatenate([path_points(trajectory) for trajectory in front.trajectories])
@@ -212,7 +212,7 @@ def test_a_map_shows_the_part_where_the_trajectories_lead_if_it_is_small(make_pr
     assert (shown[:, 1] > paths.max(axis=0)).all()
     assert np.diff(shown).max() < 30
     nowhere = make_front(problem, costs=np.zeros((0, 2)), status="no path")
-    assert np.diff(limits(draw_map(problem, nowhere))).min() > 160
+    assert np.diff(limits(draw_map(problem, nowhere))).min() > 80
 
 
 def test_a_map_shows_the_rectangle_that_is_asked_for(make_problem, make_front):

@@ -78,6 +78,7 @@ def test_nobody_who_moves_is_no_such_picture(make_problem, trajectory):
         draw_encounters(make_problem(), trajectory)
 
 
+@pytest.mark.proof
 def test_pictures_of_a_front_have_it_where_people_move(problem, trajectory, tmp_path):
     front = hpop.Front.of(
         np.array([[8.0, 1.0]]),

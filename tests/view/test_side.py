@@ -211,6 +211,7 @@ def test_a_robot_that_says_where_its_parts_are_is_drawn_at_both_ends_of_the_firs
 # What is drawn of whom
 
 
+@pytest.mark.proof
 def test_of_who_rises_there_is_a_side(tmp_path):
     names = [path.name for path in save_pictures(*seen(Lift(), LIFTED, LEVEL), tmp_path, dpi=30)]
     assert names == ["map.png", "front.png", "trace.png", "where.png", "side.png", "states.png"]

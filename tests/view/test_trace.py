@@ -62,6 +62,7 @@ def curve(axes):
     return axes.lines[0].get_xydata()
 
 
+@pytest.mark.cases(2)
 @pytest.mark.cases("obstruction", "turns", "clearance", "rotation")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_running_value_ends_at_the_cost_of_the_trajectory(problem, trajectory, name):
@@ -72,6 +73,7 @@ def test_a_running_value_ends_at_the_cost_of_the_trajectory(problem, trajectory,
     assert drawn[-1] == pytest.approx([trajectory.duration, values[-1]], rel=1e-3)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.cases("turns", "clearance")
 @pytest.mark.parametrize("name", ["turns", "length", "exposure", "clearance"])
 def test_totals_and_worst_values_never_fall(problem, trajectory, name):

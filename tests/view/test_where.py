@@ -172,6 +172,7 @@ def test_nothing_is_in_the_legend_that_is_not_there(problem):
     ]
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("criteria", [["turns"], NAMES])
 def test_legend_and_title_lie_outside_the_maps_and_inside_the_page(make_problem, trajectory, criteria):
     figure = draw_where(make_problem(criteria), trajectory, name="a trajectory")
