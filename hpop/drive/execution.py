@@ -90,7 +90,7 @@ class Execution(Telling):
         )  # s of the drive at which the plan began, as far as it is known where the robot is
         self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0, self._lag)]
         self._latest: Options | None = None
-        self._lay_out(self.begin)  # ahead of the first question
+        self.ready(self.begin)  # ahead of the first question
 
     def __repr__(self) -> str:
         plan = self._plan
@@ -98,10 +98,19 @@ class Execution(Telling):
         return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
-        """Make ready for questions from now on, in the world as it is now."""
+        """Make ready for questions from now on, in the world as it is now: among people who move, beside the drive."""
         if not self.surroundings.moving:
             self._network.ways(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:
+            self._network.begin(self.surroundings, commit)
+
+    def ready(self, now: float | None = None) -> None:
+        """Wait until all is laid out anew that a change of the world made necessary, however long that takes.
+
+        Where nobody waits, options are those of :meth:`options` meanwhile. Wait where time is told and does not pass.
+        """
+        self._lay_out(now := self._now() if now is None else now)
+        if self.surroundings.moving and not (commit := self.commit(now, 0.0)).arrives:
             self._network.among(self.surroundings, commit)
 
     # Where it is
@@ -174,7 +183,9 @@ class Execution(Telling):
         """The front of the rest from the commit on, and the present plan among its points while it is open.
 
         deadline  s of this thread's processor time for the search. What is known of ways from there takes none, so that
-                  a deadline of 0 is answered with that; whatever is missing is at most a factor 1 + gap better
+                  a deadline of 0 is answered with that; whatever is missing is at most a factor 1 + gap better. Where
+                  people have changed, so much time by the clock is given to what must be made anew; if that is not
+                  enough, the known ways that are open and clear of people are the answer, and the gap is infinite
         """
         now, deadline = self._told(now), _deadline(deadline)
         options, found = self._options(now, deadline, None)

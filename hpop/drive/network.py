@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.arrays import IntArray
 from hpop.criteria.base import make_criterion
+from hpop.drive.aside import Aside
 from hpop.drive.known import Known
 from hpop.drive.options import Commit
+from hpop.drive.rechecked import clear_ways, rechecked, rests_from
 from hpop.drive.surroundings import Surroundings
 from hpop.drive.timed_ways import TimedPlan, TimedWays
 from hpop.drive.ways import Ways
@@ -21,10 +26,16 @@ from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.timed.assembly import reading_time
+from hpop.planners.timed.clock import GOLDEN, TimeOptions
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
+
+
+LOOK = (
+    0.05  # s of this thread's processor time in which known ways are looked at again, also where a deadline is shorter
+)
 
 
 class Found(NamedTuple):
@@ -39,6 +50,17 @@ class Found(NamedTuple):
     gap: float
     labels: int
     answer: dict[str, Any] | None
+
+
+class _Making(NamedTuple):
+    """A graph on a clock that is being made.
+
+    surroundings, commit  for which it is
+    """
+
+    surroundings: Surroundings
+    commit: Commit
+    future: Future[TimedWays]
 
 
 class Network:
@@ -57,6 +79,9 @@ class Network:
         self._without: Ways | None = None  # while people move: without costs that read the time
         self._among: TimedWays | None = None
         self._met: list[TimedPlan] = []  # what was found last among them
+        self._driven: Sequence[Trajectory] = ()  # the same as trajectories
+        self._aside = Aside()
+        self._making: _Making | None = None
 
     def found(
         self,
@@ -87,7 +112,18 @@ class Network:
         answer: Mapping[str, Any] | None,
     ) -> Found:
         """What a search on a clock finds among people who move, beside what is known."""
-        among = self.among(now, commit)
+        if answer is not None and "ways" in answer:
+            ways = [Trajectory.from_description(problem.model, way) for way in answer["ways"]]
+            return self._rechecked(problem, ways)
+        began = time.perf_counter()
+        among = self.among(now, commit, 0.0 if answer is None else None)
+        if among is None:
+            known = [] if kept is None else [kept]
+            known += self._clear(now, problem, commit, max(LOOK, 0.5 * deadline))
+            among = self.among(now, commit, deadline - (time.perf_counter() - began))
+            if among is None:
+                return self._rechecked(problem, known)
+            deadline = max(0.0, deadline - (time.perf_counter() - began))
         node = int(among.ways.nodes(commit.state)[0])
         node = among.start if node < 0 else node
         if answer is None:
@@ -99,19 +135,67 @@ class Network:
         self._met = among.found(paths)
         again = None if paths.status.is_final else among.described(paths)
         candidates = among.candidates(self.planner.name, problem, commit, node, paths)
+        self._driven = candidates.trajectories
         return Found(candidates, paths.gap, paths.stats.labels_generated, again)
 
-    def among(self, now: Surroundings, commit: Commit) -> TimedWays:
-        """The graph on a clock among the people of now, for questions from a commit on; kept while it serves them."""
-        problem, before = now.at(commit.state, commit.time), self._among
-        ways = self._plain(now)
+    def _clear(self, now: Surroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
+        """Known ways from a commit on that are open and clear of people: those that some seconds let one look at."""
+        options: TimeOptions = self.planner.time_options  # type: ignore[attr-defined]
+        latest = None if options.arrive_by is None else options.arrive_by - (commit.time - self._began)
+        known = (*self._driven, *self._given)
+        spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are much alike
+        ways = rests_from((known[i] for i in spread), commit.state)
+        return [*clear_ways(ways, problem, now.closed, options.margin, latest, time.thread_time() + seconds)]
+
+    def _rechecked(self, problem: Problem, ways: Sequence[Trajectory]) -> Found:
+        """Known ways that are open and clear, while the graph on the clock is being made."""
+        answer = {"ways": [way.describe() for way in ways]}
+        return Found(rechecked(self.planner.name, problem, self.objectives, ways), math.inf, 0, answer)
+
+    # The graph on the clock is made beside the drive
+
+    def begin(self, now: Surroundings, commit: Commit) -> None:
+        """Begin to make the graph on a clock among the people of now, for questions from a commit on."""
+        is_made = self._making is not None and self._making.surroundings is now
+        if not is_made and not self._serves(now, commit):
+            self._making = _Making(now, commit, self._aside.begin(partial(self._made, now, commit)))
+
+    def among(self, now: Surroundings, commit: Commit, seconds: float | None = None) -> TimedWays | None:
+        """The graph on a clock among the people of now, for questions from a commit on; kept while it serves them.
+
+        None where it is not made within some seconds, by the clock; it is being made then.
+        """
+        until = None if seconds is None else time.perf_counter() + seconds
+        while not self._serves(now, commit):
+            self.begin(now, commit)
+            making = self._making
+            assert making is not None
+            try:
+                made = making.future.result(None if until is None else max(0.0, until - time.perf_counter()))
+            except TimeoutError:
+                return None
+            finally:
+                if making.future.done():
+                    self._making = None
+            self._among = made
+            if making.commit.time == commit.time:
+                break
+        return self._among
+
+    def _serves(self, now: Surroundings, commit: Commit) -> bool:
+        """Whether the graph that is there has the answers to questions from a commit on."""
+        among, ways = self._among, self._without
+        if among is None or ways is None or ways.world is not now.problem.world:
+            return False
         node = int(ways.nodes(commit.state)[0])
-        if (
-            before is not None
-            and before.serves(now, node, commit.time, ways)
-            and (before.alone or not before.is_near(problem))
-        ):
-            return before
+        if not among.serves(now, node, commit.time, ways):
+            return False
+        return among.alone or not among.is_near(now.at(commit.state, commit.time))
+
+    def _made(self, now: Surroundings, commit: Commit) -> TimedWays:
+        """The graph on a clock for questions from a commit on, ready for them."""
+        problem, ways = now.at(commit.state, commit.time), self._plain(now)
+        node = int(ways.nodes(commit.state)[0])
         if node < 0:
             ways = ways.from_beside(problem)
             node = ways.query.start
@@ -120,9 +204,9 @@ class Network:
             left = options.arrive_by - (now.since - self._began)
             options = replace(options, arrive_by=max(left, options.tick))
         asked = commit.time, now, problem, self.objectives, options
-        self._among = TimedWays.laid_out(ways, node, *asked, before)
-        _ = self._among.prepared  # ahead of the next question
-        return self._among
+        made = TimedWays.laid_out(ways, node, *asked, self._among)
+        _ = made.prepared  # ahead of the next question
+        return made
 
     def _plain(self, now: Surroundings) -> Ways:
         """The graph with the costs that read no time, among the people of now."""

@@ -122,6 +122,7 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
     if event.kind in WORLD:
         try:
             change = drive.world(event.at, name=event.name, **{event.kind: event.value})
+            drive.ready()  # the clock is told, and waits
         except CoversRobot as error:  # only now is it known where the robot is
             words = str(error)
     closed = drive.surroundings.closings

@@ -84,6 +84,7 @@ def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
             drive.world(now, close=CLOSED, name="wet floor")
         elif event == "open":
             drive.world(now, open="wet floor")
+        drive.ready()
         graph = drive._network._among
         options = drive.options(now, 0.2)
         assert drive._network._among is graph  # it was made ready when the world changed

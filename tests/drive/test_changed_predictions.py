@@ -1,0 +1,113 @@
+"""When people are told anew, a deadline is kept: known ways, looked at again, until the graph on the clock is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+
+import hpop
+from hpop.drive import Execution, Options, load
+from hpop.drive.plan import joined, until
+from hpop.planners import Lattice
+from hpop.status import Status
+from hpop.world import Person
+from tests.drive.rooms import SOUTH, through
+from tests.drive.test_among_people import among
+
+COMES = Person(8.0, 1.0, velocity=(-0.6, 0.0), until=12.0, name="comes")
+IN_SOUTH = Person(6.4, 0.7, velocity=(-0.05, 0.0), until=60.0, name="in the door")
+
+
+@contextmanager
+def busy(drive: Execution) -> Iterator[None]:
+    """Nothing is made meanwhile: the thread beside the drive has something else to do."""
+    done = Event()
+    drive._network._aside.begin(done.wait)
+    try:
+        yield
+    finally:
+        done.set()
+
+
+@cache
+def asked() -> tuple[hpop.Problem, hpop.Front, Lattice]:
+    return among(COMES, margin=0.1)
+
+
+def drive_among() -> Execution:
+    problem, front, planner = asked()
+    drive = hpop.follow(problem, front, 0, planner=planner)
+    assert drive.options(0.3, 0.5).status is Status.COMPLETE
+    return drive
+
+
+def least_gap(way: hpop.Trajectory, person: Person, begins: float) -> float:
+    """Least gap, m, to somebody as predicted, looked at every 2 ms; a way begins so many seconds after that."""
+    times = np.arange(0.0, way.duration, 2e-3)
+    states, (x, y) = way.at(times), person.at(times + begins)
+    apart = np.hypot(states.x - x, states.y - y) - 0.3 - person.radius
+    return float(apart[np.asarray(person.there(times + begins)) > 0].min(initial=np.inf))
+
+
+@pytest.mark.parametrize("change", ["people", "close"])
+def test_until_the_graph_is_made_the_known_ways_are_looked_at_again(change: str) -> None:
+    drive = drive_among()
+    told = {"people": [IN_SOUTH]} if change == "people" else {"close": SOUTH, "name": "south"}
+    with busy(drive):
+        drive.world(0.7, **told)
+        at_once = drive.options(0.7, 0.0)
+    assert at_once.status is Status.TIME_LIMIT
+    assert at_once.gap == np.inf
+    assert at_once.labels == 0
+    assert "ask again" in at_once.certificate
+    assert "NOT VALID" not in at_once.certificate
+    drive.ready()
+    exact = drive.options(0.7, 0.25)
+    assert exact.commit.time == at_once.commit.time
+    assert exact.status is Status.COMPLETE
+    assert len(at_once)
+    problem = drive.surroundings.at(at_once.commit.state, at_once.commit.time)
+    for option in at_once:
+        costs = problem.evaluate(option.item)
+        assert {name: option.costs[name] for name in costs} == pytest.approx(costs)
+        if change == "people":
+            whole = joined(until(drive.plan, at_once.commit.time), option.item)
+            assert least_gap(whole, IN_SOUTH, -0.7) > 0.1 - 2e-3 or option.keeps_on
+        else:
+            assert through(option.item) == "north"
+    # No known way is better than what the exact search finds, but for what rounding takes.
+    slack = exact.front.quanta * 30
+    assert (exact.front.costs[None] <= at_once.front.costs[:, None] + slack).all(axis=2).any(axis=1).all()
+
+
+def test_a_record_tells_what_was_known_again(tmp_path: Path) -> None:
+    drive = drive_among()
+    with busy(drive):
+        drive.world(0.7, people=[IN_SOUTH])
+        at_once = drive.options(0.7, 0.0)
+        taken = drive.take(len(at_once) - 1)
+    drive.save(tmp_path / "drive.json")
+    again = load(tmp_path / "drive.json")
+    assert again.plan.durations.tolist() == taken.durations.tolist()
+    assert again.record == drive.record
+
+
+def test_of_several_changes_the_last_one_counts() -> None:
+    drive, waits = drive_among(), drive_among()
+    with busy(drive):
+        for now, x in ((0.7, 8.0), (0.8, 7.0), (0.9, 9.0)):
+            drive.world(now, people=[Person(x, 2.0, velocity=(-0.5, 0.1), until=6.0)])
+    waits.world(0.9, people=[Person(9.0, 2.0, velocity=(-0.5, 0.1), until=6.0)])
+    fronts = list[np.ndarray]()
+    for each in (drive, waits):
+        each.ready()
+        options: Options = each.options(1.0, 1.0)
+        assert options.status is Status.COMPLETE
+        fronts.append(np.sort(options.front.costs, axis=0))
+    assert fronts[0] == pytest.approx(fronts[1], abs=0.02)
