@@ -182,7 +182,8 @@ def among(name: str, events: int) -> dict[str, Any]:
     began = time.process_time()
     front = asked.solve(planner)
     row: dict[str, Any] = {"map": name, "events": events, "front": len(front), "front_s": time.process_time() - began}
-    told: dict[str, list[float]] = {"follow": [], "people": [], "close": []}
+    told: dict[str, list[float]] = {"follow": [], "people": [], "close": [], "ready": []}
+    at_once: list[tuple[float, int, bool]] = []  # seconds of the drive's own thread
     kept: dict[float, list[tuple[float, int, bool]]] = {limit: [] for limit in LIMITS}
     anew: dict[float, list[tuple[float, int, bool]]] = {limit: [] for limit in LIMITS}
     drive, now = None, 0.0
@@ -199,6 +200,13 @@ def among(name: str, events: int) -> dict[str, Any]:
         except hpop.errors.DriveError:  # it covers the robot
             continue
         told.setdefault(change, []).append(spent)
+        if change != "none":  # the graph on the clock is being made
+            began = time.thread_time()
+            options = drive.options(now, LIMITS[0])
+            at_once.append((time.thread_time() - began, len(options), options.status.is_final))
+            began = time.process_time()
+            drive.ready()
+            told["ready"].append(time.process_time() - began)
         for limit in LIMITS:
             began = time.thread_time()
             options = drive.options(now, limit)
@@ -221,7 +229,11 @@ def among(name: str, events: int) -> dict[str, Any]:
             drive = None
     row |= {f"{what}_ms": spread(spent) for what, spent in told.items() if what != "none"}
     for limit in LIMITS:
-        for words, several in (("kept", kept[limit]), ("anew", anew[limit])):
+        for words, several in (
+            ("kept", kept[limit]),
+            ("anew", anew[limit]),
+            *[("at_once", at_once)] * (limit == LIMITS[0]),
+        ):
             row[f"{words}_{limit:g}_s"] = {
                 "ms": spread([spent for spent, *_ in several]),
                 "more_than_the_plan": sum(count > 1 or final for _, count, final in several) / len(several),

@@ -119,7 +119,7 @@ class Network:
         among = self.among(now, commit, 0.0 if answer is None else None)
         if among is None:
             known = [] if kept is None else [kept]
-            known += self._clear(now, problem, commit, max(LOOK, 0.5 * deadline))
+            known += self._clear(now, problem, commit, 0.5 * deadline)
             among = self.among(now, commit, deadline - (time.perf_counter() - began))
             if among is None:
                 return self._rechecked(problem, known)
@@ -140,12 +140,17 @@ class Network:
 
     def _clear(self, now: Surroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
         """Known ways from a commit on that are open and clear of people: those that some seconds let one look at."""
+        until, least = time.perf_counter() + seconds, time.thread_time() + LOOK
+
+        def enough() -> bool:
+            return time.perf_counter() >= until and time.thread_time() >= least
+
         options: TimeOptions = self.planner.time_options  # type: ignore[attr-defined]
         latest = None if options.arrive_by is None else options.arrive_by - (commit.time - self._began)
         known = (*self._driven, *self._given)
         spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are much alike
         ways = rests_from((known[i] for i in spread), commit.state)
-        return [*clear_ways(ways, problem, now.closed, options.margin, latest, time.thread_time() + seconds)]
+        return [*clear_ways(ways, problem, now.closed, options.margin, latest, enough)]
 
     def _rechecked(self, problem: Problem, ways: Sequence[Trajectory]) -> Found:
         """Known ways that are open and clear, while the graph on the clock is being made."""

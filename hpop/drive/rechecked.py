@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -48,18 +47,18 @@ def clear_ways(
     closings: Sequence[Closing],
     margin: float,
     latest: float | None,
-    until: float,
+    enough: Callable[[], bool],
 ) -> Iterator[Trajectory]:
     """Those of some ways that nothing and nobody is in the way of, as plans and as they are executed.
 
     problem  asked from where and when they begin
     margin   m, to people who move
     latest   s, from then on, by which they arrive; None for whenever
-    until    s of this thread's processor time: no more of them are looked at then
+    enough   whether no more of them are looked at
     """
     parts, people = cast(PlanarModel, problem.model).parts, problem.world.content.people
     for way in ways:
-        if time.thread_time() >= until:
+        if enough():
             return
         if (latest is not None and way.duration > latest) or closed_ways([way], closings).any():
             continue

@@ -21,7 +21,7 @@ from tests.drive.rooms import SOUTH, through
 from tests.drive.test_among_people import among
 
 COMES = Person(8.0, 1.0, velocity=(-0.6, 0.0), until=12.0, name="comes")
-IN_SOUTH = Person(6.4, 0.7, velocity=(-0.05, 0.0), until=60.0, name="in the door")
+IN_SOUTH = Person(6.4, 0.7, velocity=(-0.05, 0.0), until=16.0, name="in the door")
 
 
 @contextmanager
