@@ -257,9 +257,16 @@ def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
     keys.press("Enter")
     assert someone.page.evaluate("document.querySelector('dialog').contains(document.activeElement)")
     keys.press("Escape")
-    someone.begin_ride()
+    someone.ride()
+    someone.page.wait_for_function("document.activeElement.tagName === 'IFRAME'")
+    keys.press("Tab")
+    keys.press("Enter")
+    expect(someone.page.frame_locator("iframe").locator("#card")).to_be_hidden()
     check_phone(someone)
-    someone.sit_out(60)
+    for part in (60.0, 1.0):
+        someone.let_pass(part)
+    someone.page.wait_for_function("document.activeElement.textContent === 'Continue'")
+    keys.press("Enter")
     for _ in range(3):
         check_phone(someone)
         answer_by_keys(someone)
@@ -280,6 +287,7 @@ def check_arrows_look_around(someone: Participant) -> None:
     assert ahead == again != left
 
 
+@pytest.mark.proof
 def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter, tmp_path: Path) -> None:
     """Served, on a phone: begin, end, stop in the middle of the second."""
     design = small_study(tmp_path, "comfort", kind="video")
