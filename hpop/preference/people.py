@@ -2,15 +2,16 @@
 
 Empirical Bayes: the shares of people are taken for draws of one Dirichlet distribution, whose concentrations are what
 makes the answers of all most probable, drawn towards those of a person of whom nothing is known; so a few people change
-little. Each person comes in as the draws of their own posterior, with all its doubt. From ``LEAST_PEOPLE`` people on
-the concentrations also depend on a profile (sickness in cars, experience of virtual reality, age), log-linearly.
+little. Each person comes in as the draws of their own posterior, with all its doubt, and as shares of the mean ranges
+of all: who was asked about a front of other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on the
+concentrations also depend on a profile (sickness in cars, experience of virtual reality, age), log-linearly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST, real
 from hpop.preference.preference import Preference
-from hpop.preference.prior import Prior
+from hpop.preference.prior import Prior, rescaled, stretched
+from hpop.preference.scale import Measure
 from hpop.text import shown
 
 LEAST_PEOPLE = 20
@@ -29,8 +31,6 @@ OF_COSTS, OF_PROFILE = 0.5, 0.5
 """Standard deviations, before any person, of the logarithms of concentrations, and of what a profile does to them."""
 LOGS = -4.0, 6.0
 """Least and greatest logarithm of a concentration."""
-MOST_APART = 1.1
-"""Ratio of the ranges of a cost up to which shares of it are about the same."""
 Profile = Mapping[str, float]
 
 
@@ -59,6 +59,7 @@ class People:
     preferences: Sequence[Preference]
     profiles: Sequence[Profile] = ()
     names: tuple[str, ...] = field(init=False)
+    measures: tuple[Measure, ...] = field(init=False)
     _table: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -72,7 +73,7 @@ class People:
             raise StudyError(
                 f"people are pooled who answered one question about the same costs, got {said}; pool each alone"
             )
-        self._check_ranges()
+        object.__setattr__(self, "measures", self._common())
         if self.profiles and len(self.profiles) != len(self.preferences):
             raise StudyError(f"expected {len(self.preferences)} profiles, one a person, got {len(self.profiles)}")
         names = tuple(sorted({name for profile in self.profiles for name in profile}))
@@ -100,34 +101,44 @@ class People:
         found = self._fitted(self._design(self._table))
         logs = np.clip(self._design(self._numbers(profile or {})[None]) @ found, *LOGS)[0]
         random = (sum(person.random for person in self.preferences) + 1.0) / (len(self) + 5.0)  # as Prior, at first
-        return Prior(concentration=tuple(np.exp(logs).tolist()), random=min(random, 0.9))
+        return Prior(tuple(np.exp(logs).tolist()), random=min(random, 0.9), about=self.measures)
 
     def associations(self) -> list[Association]:
         """How each number of the profile goes with the expected share of each cost, over those who said it."""
         from scipy.stats import spearmanr
 
         found = []
+        expected = np.array([list(person.weights.values()) for person in self.preferences])  # (people, f)
+        expected, _ = rescaled(expected, np.ones(len(self)), self._factors())
         for p, name in enumerate(self.names):
             known = ~np.isnan(self._table[:, p])
-            for cost in self.preferences[0].scale.columns:
-                shares = np.array([person.weights[cost] for person in self.preferences])
+            for j, cost in enumerate(self.preferences[0].scale.columns):
+                shares = expected[:, j]
                 says = known.sum() > 2 and np.ptp(self._table[known, p]) > 0 and np.ptp(shares[known]) > 0
                 value = float(spearmanr(self._table[known, p], shares[known]).statistic) if says else float("nan")
                 found.append(Association(name, cost, value, int(known.sum())))
         return found
 
-    def _check_ranges(self) -> None:
-        """StudyError where shares are of ranges that differ, or of other units: they are not of the same."""
-        scales = [person.scale for person in self.preferences]
-        for j, name in enumerate(scales[0].names):
-            spans = [float(scale.span[j]) for scale in scales]
-            low, high = min(spans), max(spans)
-            if high > MOST_APART * low or len({scale.units[j] for scale in scales}) > 1:
-                ends = [f"{span:g} {scales[spans.index(span)].units[j]}" for span in (low, high)]
-                raise StudyError(
-                    f"people are pooled who were asked about fronts of about the same ranges, of which shares are: the "
-                    f"range of {shown(name)} is {ends[0]} of some, {ends[1]} of others; pool each alone"
-                )
+    def _common(self) -> tuple[Measure, ...]:
+        """What pooled shares are of: the geometric means of the ranges that people were asked about.
+
+        StudyError for other units, and for logarithmic costs of other ranges, which no unit relates.
+        """
+        first, *others = (person.scale.measures for person in self.preferences)
+        for other in others:
+            for one, another in zip(first, other, strict=True):
+                stretched(one, another)
+        sizes = np.array([[one.size for one in measures] for measures in (first, *others)])  # (people, f)
+        logs = np.log(np.where(sizes > 0, sizes, 1.0)).sum(axis=0) / np.maximum((sizes > 0).sum(axis=0), 1)
+        means = np.where(np.ptp(sizes, axis=0) > 0, np.exp(logs), sizes[0])
+        return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
+
+    def _factors(self) -> FloatArray:
+        """By what the common ranges are greater than those that each person was asked about (people, f)."""
+        return np.array([
+            [stretched(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
+            for person in self.preferences
+        ])  # fmt: skip
 
     def _numbers(self, profile: Profile) -> FloatArray:
         for name, value in profile.items():
@@ -151,16 +162,23 @@ class People:
         from scipy.special import gammaln, logsumexp
 
         rng = np.random.default_rng(0)
-        parts: list[Any] = [person.draws.equal(DRAWS, rng) for person in self.preferences]
-        logs = np.log(np.stack([part.shares for part in parts]))  # (people, draws, f)
-        already = np.stack([person.prior.concentrations(logs.shape[2]) for person in self.preferences])
-        shape = (design.shape[1], logs.shape[2])
+        logs, already = [], []
+        for person, factors in zip(self.preferences, self._factors(), strict=True):
+            draws = person.draws.equal(DRAWS, rng)
+            sharp = np.where(draws.sharpness > 0, draws.sharpness, 1.0)
+            shares, common = rescaled(draws.shares, sharp, factors)
+            logs.append(np.log(shares))
+            of_shares, own = person.prior.log_densities(draws.shares, sharp, draws.ties)
+            _, pooled = replace(person.prior, _stretch=()).log_densities(shares, common, draws.ties)
+            already.append(of_shares + np.where(draws.sharpness > 0, own - pooled, 0.0))
+        log_shares, known = np.stack(logs), np.stack(already)  # (people, draws, f), (people, draws)
+        shape = (design.shape[1], log_shares.shape[2])
         sizes = np.array([OF_COSTS] + [OF_PROFILE] * (shape[0] - 1))[:, None]
 
         def loss(flat: FloatArray) -> float:
             found = flat.reshape(shape)
             concentration = np.exp(np.clip(design @ found, *LOGS))  # (people, f)
-            ratio = np.einsum("pdf,pf->pd", logs, concentration - already)
+            ratio = np.einsum("pdf,pf->pd", log_shares, concentration) - known
             constant = gammaln(concentration.sum(axis=1)) - gammaln(concentration).sum(axis=1)
             return float((0.5 * (found / sizes) ** 2).sum() - (constant + logsumexp(ratio, axis=1)).sum())
 

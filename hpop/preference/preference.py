@@ -93,7 +93,7 @@ class Preference:
         question : what was asked, "prefer" or "comfort"
         features : by cost: "log", or a number above which the cost counts once more; see :class:`Scale`
         ties : whether "no difference" could be answered; by default whether it was
-        prior : by default that of anybody; see :meth:`People.prior`
+        prior : by default that of anybody; see :meth:`People.prior`, which is rescaled by units where ranges differ
         seed : of what is drawn
         count : draws of the posterior
 
@@ -106,7 +106,7 @@ class Preference:
         # In any order: sorted ones would drive the draws where the posterior is not, and back.
         answers = [answers[i] for i in np.random.default_rng([seed, 4]).permutation(len(answers))]
         may_tie = any(answer.chosen is None for answer in answers) if ties is None else bool(ties)
-        prior = Prior() if prior is None else prior
+        prior = (Prior() if prior is None else prior).on(scale.measures)
         count = whole("count", count, 1_000, 10**6, error=StudyError)
         drawn = Draws.of(prior, len(scale.columns), count, np.random.default_rng([seed, 0]))
         _check_question(question)

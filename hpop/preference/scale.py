@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,14 @@ BENT = 9.0
 """Of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
 Feature = str | float
 """How a cost is bent: "log", or a number in its unit above which it counts more."""
+
+
+class Measure(NamedTuple):
+    """What a share is of: a column of costs, its unit, and its range in that unit; 0 where it says nothing."""
+
+    name: str
+    unit: str
+    size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +76,20 @@ class Scale:
     @property
     def columns(self) -> tuple[str, ...]:
         """What has a share of its own: a cost, or what of it is above a number."""
-        above = [f"{name} above {bound:g}" for name, bound in self.features.items() if bound != LOG]
+        above = [f"{name} above {bound:g}" for name, bound in self._above]
         return (*self.names, *above)
+
+    @property
+    def measures(self) -> tuple[Measure, ...]:
+        """What the share of each column is of; the unit of a logarithmic cost says that it is one."""
+        found = []
+        for name, unit, span in zip(self.names, self.units, self.span.tolist(), strict=True):
+            found.append(Measure(name, f"{LOG} {unit}" if self.features.get(name) == LOG else unit, span))
+        for column, (name, bound) in zip(self.columns[len(found) :], self._above, strict=True):
+            j = self.names.index(name)
+            room = float(self.ideal[j] + self.span[j]) - bound
+            found.append(Measure(column, self.units[j], max(room, 0.0)))
+        return tuple(found)
 
     def scaled(self, costs: FloatArray) -> FloatArray:
         """What costs (n, k), in units, are for the preference: (n, f), one column for each of ``columns``."""
@@ -108,6 +128,10 @@ class Scale:
     def rows_on(self, front: Front[Any]) -> FloatArray:
         """What the points of a front are for the preference (n, f)."""
         return self.scaled(self.costs_on(front))
+
+    @property
+    def _above(self) -> list[tuple[str, float]]:
+        return [(name, bound) for name, bound in self.features.items() if not isinstance(bound, str)]
 
     @cached_property
     def _each(self) -> list[tuple[int, str]]:

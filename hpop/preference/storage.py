@@ -22,7 +22,7 @@ from hpop.frontier.strict_json import parse, pieces
 from hpop.options import MOST_SEED
 from hpop.preference.answers import MOST_ANSWERS, Answer
 from hpop.preference.prior import Prior
-from hpop.preference.scale import Scale
+from hpop.preference.scale import Measure, Scale
 from hpop.regular_file import read_regular
 from hpop.text import shown
 
@@ -39,8 +39,10 @@ _TOP: Kinds = {
 }  # fmt: skip
 _CRITERION: Kinds = {"name": str, "unit": str, "ideal": (int, float), "range": (int, float)}
 _PRIOR: Kinds = {
-    "concentration": list, **dict.fromkeys(("sharpness", "spread", "random", "ties", "ties_spread"), (int, float)),
+    "concentration": list, "about": list,
+    **dict.fromkeys(("sharpness", "spread", "random", "ties", "ties_spread"), (int, float)),
 }  # fmt: skip
+_MEASURE: Kinds = {"name": str, "unit": str, "size": (int, float)}
 _ANSWER: Kinds = {"first": int, "second": int, "chosen": (int, type(None)), "costs": list, "weight": (int, float)}
 _DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
 
@@ -94,6 +96,7 @@ def _refuse(path: str | os.PathLike[str], expected: str, found: str) -> NoReturn
 
 def _document(stored: Stored) -> dict[str, Any]:
     scale, prior = stored.scale, dataclasses.asdict(stored.prior)
+    del prior["_stretch"]  # follows from what it is about, and the scale
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -107,7 +110,11 @@ def _document(stored: Stored) -> dict[str, Any]:
             )
         ],
         "features": dict(scale.features),
-        "prior": prior | {"concentration": list(stored.prior.concentration)},
+        "prior": prior
+        | {
+            "concentration": list(stored.prior.concentration),
+            "about": [one._asdict() for one in stored.prior.about],
+        },
         "ties": stored.ties,
         "seed": stored.seed,
         "answers": [answer._asdict() for answer in stored.answers],
@@ -142,7 +149,7 @@ def _stored(given: Any) -> Stored:
         scale,
         question,
         tuple(_answer(one, k) for one in answers),
-        _prior(prior),
+        _prior(prior).on(scale.measures),
         ties,
         seed,
         front,
@@ -162,8 +169,17 @@ def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
 
 
 def _prior(given: dict[str, Any]) -> Prior:
-    concentration, *rest = parts(given, "the prior", _PRIOR)
-    return Prior(tuple(numbers(concentration, "concentration", len(concentration)).tolist()), *map(float, rest))
+    concentration, about, *rest = parts({"about": [], **given}, "the prior", _PRIOR)
+    values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
+    measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
+    if measures and len(measures) != len(values):
+        raise ValueError(f"a prior of {len(values)} concentrations about {len(measures)} costs")
+    sizes = numbers([size for *_, size in measures], "the ranges of the prior", len(measures)).tolist()
+    if any(size < 0 for size in sizes):
+        raise ValueError("a negative range of the prior")
+    names = tuple(Measure(name, unit, size) for (name, unit, _), size in zip(measures, sizes, strict=True))
+    sharpness, spread, random, ties, ties_spread = map(float, rest)
+    return Prior(values, sharpness, spread, random, ties, ties_spread, names)
 
 
 def _answer(given: Any, k: int) -> Answer:

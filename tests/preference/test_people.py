@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -104,13 +106,48 @@ def test_a_profile_beyond_those_of_all_earlier_people_counts_as_the_nearest(fort
     assert forty.prior({"mssq": -1e5}) == forty.prior({"mssq": min(known)})
 
 
-def test_shares_of_other_ranges_are_not_pooled() -> None:
-    """A share is of the range of the front that was asked about; a tenth more or less is let pass."""
-    scales = ([1.0, 1.0, times] for times in (1.0, 1.05, 3.0))
-    fronts: list[Front[int]] = [
-        Front.of(FRONT.costs * scale, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3) for scale in scales
-    ]
-    near, close, far = (Preference.fit(front, count=1_000) for front in fronts)
-    assert len(People([near, close])) == 2
-    with pytest.raises(StudyError, match=r"the range of 'exposure' is .* of some, .* of others"):
-        People([near, far])
+def stretched(factors: list[float]) -> Front[int]:
+    """The front with other ranges of length, turns and exposure."""
+    return Front.of(FRONT.costs * factors, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3)
+
+
+def test_a_prior_is_rescaled_by_units_on_a_front_of_other_ranges() -> None:
+    """What a metre counts beside a turn stays, draw by draw; answers then are weighed as if none of it had happened."""
+    prior = People([Preference.fit(FRONT, [(3, 9), (4, 20)], count=1_000)]).prior()
+    here, there = (Preference.fit(front, prior=prior, count=1_000) for front in (FRONT, stretched([3.0, 1.0, 0.5])))
+    weights = there.draws.weights / [3.0, 1.0, 0.5]
+    np.testing.assert_allclose(weights, here.draws.weights, rtol=1e-9)
+    density, other = (one.prior.log_density(one.draws.shares[500:], one.draws.sharpness[500:], one.draws.ties[500:])
+                      for one in (here, there))  # fmt: skip
+    np.testing.assert_allclose(other, density, rtol=1e-9)
+    assert there.weights["length"] > here.weights["length"] + 0.1
+
+
+def test_people_asked_about_fronts_of_other_ranges_are_pooled_by_units() -> None:
+    """Half of them saw three times the metres, each of which counts as much: the next one is expected to be alike."""
+    shares, found = np.array([0.3, 0.6, 0.1]), []
+    for i in range(12):
+        factors = [3.0, 1.0, 1.0] if i % 2 else [1.0, 1.0, 1.0]
+        start = Preference.fit(stretched(factors), seed=i, count=1_000)
+        found.append(people.asked(start, 10, 20.0 * shares * factors, np.random.default_rng([i, 5]), telling=False))
+    for factors, expected in (([1.0, 1.0, 1.0], shares), ([3.0, 1.0, 1.0], np.array([0.9, 0.6, 0.1]) / 1.6)):
+        next_one = Preference.fit(stretched(factors), prior=People(found).prior(), count=2_000)
+        np.testing.assert_allclose(list(next_one.weights.values()), expected, atol=0.12)
+
+
+def test_a_prior_of_other_costs_or_units_or_bends_is_refused(tmp_path: Path) -> None:
+    prior = People([Preference.fit(FRONT, count=1_000)]).prior()
+    with pytest.raises(StudyError, match="asked about length, turns, exposure, and here the costs are length, turns"):
+        Preference.fit(people.front(k=2), prior=prior)
+    units: Front[int] = Front.of(FRONT.costs, names=FRONT.names, units=["mm", "1", "s"], quanta=[1e-6] * 3)
+    with pytest.raises(StudyError, match="about 'length' in 'm', here it is in 'mm'"):
+        Preference.fit(units, prior=prior)
+    bent = [Preference.fit(stretched([f, 1, 1]), features={"length": "log"}, count=1_000) for f in (1.0, 1.05, 3.0)]
+    assert len(People(bent[:2])) == 2
+    with pytest.raises(StudyError, match="shares of the one say nothing of the other"):
+        People(bent[1:])
+    with pytest.raises(StudyError, match="in 'log m', here it is in 'm'"):
+        People([bent[0], Preference.fit(FRONT, count=1_000)])
+    person = Preference.fit(stretched([3, 1, 1]), [(3, 9)], prior=prior, count=1_000)
+    person.save(tmp_path / "p.json")
+    assert Preference.load(tmp_path / "p.json").prior == person.prior

@@ -126,6 +126,7 @@ DROPPED = object()
         (changed(criteria__0__unit=None), "'unit' to be of type str"),
         (changed(features={"turns": "cubic"}), "'log' or a number"),
         (changed(prior__spread=-1), "spread of the prior"),
+        (changed(prior__about=[{"name": "length", "unit": "m", "size": 1.0}]), "0 concentrations about 1 costs"),
         (changed(answers__0__chosen=17), "makes no sense"),
         (changed(answers__0__costs=[[1.0], [2.0]]), "expected 3 numbers"),
         (changed(answers__0__weight=1e9), "makes no sense"),
