@@ -14,6 +14,7 @@ from operator import add
 import numpy as np
 
 from hpop.arrays import Column
+from hpop.symbols import Symbols, lift
 
 instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
 SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
@@ -22,7 +23,7 @@ ALIGNED = 1e-4  # rad: the same of angles between vectors, which pass through ze
 
 def is_symbolic(column: object) -> bool:
     """Tell CasADi symbols from numbers, without importing CasADi."""
-    return type(column).__module__.partition(".")[0] == "casadi"
+    return isinstance(column, Symbols) or type(column).__module__.partition(".")[0] == "casadi"
 
 
 def hypot(x: Column, y: Column) -> Column:
@@ -114,9 +115,7 @@ def erf(x: Column) -> Column:
     if is_symbolic(x):
         import casadi
 
-        value = casadi.erf(x.to_casadi())
-        kind = casadi.ArrayInterface.SX if isinstance(value, casadi.SX) else casadi.ArrayInterface.MX
-        return kind(value, shape=x.shape)
+        return lift(casadi.erf(x.to_casadi()), x.shape)
     from scipy import special
 
     return special.erf(x)

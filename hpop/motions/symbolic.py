@@ -1,7 +1,4 @@
-"""Motions on CasADi symbols: the same criteria, inside nonlinear programs.
-
-CasADi's array interface is young, so all that touches it is here; see the docstring of :func:`lift`.
-"""
+"""Motions on CasADi symbols: the same criteria, inside nonlinear programs."""
 
 from __future__ import annotations
 
@@ -12,17 +9,9 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray
 from hpop.motions import Motions, States
+from hpop.symbols import lift
 
-
-def lift(vector: Any, size: int) -> Column:
-    """A CasADi vector (size,), of SX or MX, as a column that NumPy functions accept.
-
-    Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
-    """
-    import casadi
-
-    kind = casadi.ArrayInterface.SX if isinstance(vector, casadi.SX) else casadi.ArrayInterface.MX
-    return kind(vector, shape=(size,))
+__all__ = ["SymbolicMotions", "elementwise", "lift"]
 
 
 def elementwise(function: Any, size: int) -> Any:

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
 from hpop.math import is_symbolic, is_zero
+from hpop.symbols import lift
 from hpop.world.field import Field
 from hpop.world.people import Person
 
@@ -140,20 +141,19 @@ def _on_symbols(effect: Callable[..., Column], person: Person, deviation: Column
     """The mean on symbols: the effect is asked once, and becomes a function of the symbols of one moment and place."""
     import casadi
 
-    interface: Any = casadi.ArrayInterface
     given = [column for column in (deviation, *columns) if is_symbolic(column)]
     moment = [casadi.SX.sym("moment") for _ in given]
-    alone = (interface.SX(symbol, shape=(1,)) for symbol in moment)
+    alone = (lift(symbol, 1) for symbol in moment)
     own, x, y, *others = (next(alone) if is_symbolic(column) else column for column in (deviation, *columns))
     dx, dy = casadi.SX.sym("dx"), casadi.SX.sym("dy")
-    moved = (x - own * interface.SX(dx, shape=(1,)), y - own * interface.SX(dy, shape=(1,)))
+    moved = (x - own * lift(dx, 1), y - own * lift(dy, 1))
     one = casadi.Function("one", [dx, dy, *moment], [effect(person, *moved, *others).to_casadi()])
     weights, *places = (casadi.DM(row).T for row in zip(*_cubature(), strict=True))
     each = one.map(weights.numel())(*places, *(casadi.repmat(symbol, 1, weights.numel()) for symbol in moment))
     mean = casadi.Function("mean", moment, [casadi.dot(each, weights)])
     shape = given[0].shape
     values = mean.map(shape[0])(*(casadi.vec(column.to_casadi()).T for column in given)).T
-    return (interface.SX if isinstance(values, casadi.SX) else interface.MX)(values, shape=shape)
+    return lift(values, shape)
 
 
 @cache

@@ -19,6 +19,7 @@ import numpy as np
 
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
+from hpop.symbols import lift
 from hpop.world.looks import look
 from hpop.world.shapes import rotate
 
@@ -146,17 +147,15 @@ class Field:
 
     def at(self, places: Places) -> Any:
         """Values at places in this grid, on CasADi symbols."""
-        import casadi
-
         u, v, points, size = places
         if points is None:
-            return casadi.ArrayInterface.SX(look(self, u, v), shape=size)
+            return lift(look(self, u, v), size)
         function = self.__dict__.get("_function")
         if function is None:
             function = self._build()
             self.__dict__["_function"] = function
         values = function.map(u.numel())(points).T
-        return casadi.ArrayInterface.MX(values, shape=size)
+        return lift(values, size)
 
     def _build(self) -> Any:
         """Give the same coefficients to a CasADi B-spline with uniform knots (3 ms at 160 x 160)."""

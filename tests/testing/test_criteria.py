@@ -9,6 +9,7 @@ import pytest
 
 from hpop.criteria import make_criterion
 from hpop.errors import CriterionError
+from hpop.math import is_symbolic
 from hpop.models import DifferentialDrive
 from hpop.testing import check_criterion, conformance, random_motions, random_world
 from hpop.world.proxemics import any_moves, expected, offset
@@ -192,7 +193,7 @@ class OtherOnSymbols(Base):
     smooth: ClassVar[bool] = True
 
     def cost(self, m):
-        return 2.0 * m.base.length if type(m.start.x).__module__.startswith("casadi") else m.base.length
+        return 2.0 * m.base.length if is_symbolic(m.start.x) else m.base.length
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def vector(column: Column, size: int) -> Any:
 
     if isinstance(column, int | float | np.ndarray | np.generic):
         return casadi.DM(np.broadcast_to(np.asarray(column, float), (size,)).copy())
-    return casadi.vec(column.to_casadi() if isinstance(column, casadi.ArrayInterface) else column)
+    return casadi.vec(column.to_casadi() if hasattr(column, "to_casadi") else column)
 
 
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:

@@ -13,6 +13,7 @@ from hpop.arrays import Column, FloatArray, frozen
 from hpop.errors import MapError
 from hpop.math import is_symbolic
 from hpop.options import FARTHEST, MOST
+from hpop.symbols import lift
 from hpop.text import shown
 
 FASTEST = 10.0
@@ -204,16 +205,15 @@ def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
     import casadi
 
     expression = t.to_casadi()
-    interface: Any = casadi.ArrayInterface
     if isinstance(expression, casadi.SX):  # cannot be looked up in a table: a sum of steps
 
         def stepped(values: FloatArray) -> Column:
             rises = np.diff(values).tolist()
             steps = zip(begins[1:].tolist(), rises, strict=True)
             total = sum((rise * (expression >= begin) for begin, rise in steps), casadi.SX(float(values[0])))
-            return interface.SX(total + 0.0 * expression, shape=t.shape)
+            return lift(total + 0.0 * expression, t.shape)
 
         return stepped
     knots = np.append(begins, begins[-1] + MOST)  # the last leg begins at the last but one
     leg = casadi.low(casadi.DM(knots), casadi.vec(expression), {"lookup_mode": "binary"})
-    return lambda values: interface.MX(casadi.MX(casadi.DM(values))[leg], shape=t.shape)
+    return lambda values: lift(casadi.MX(casadi.DM(values))[leg], t.shape)

@@ -1,0 +1,185 @@
+"""Columns of CasADi symbols, which NumPy's functions and operators take for arrays.
+
+CasADi's array interface is young, so all that touches it is here.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+OPERATIONS = {
+    np.add: "ADD",
+    np.subtract: "SUB",
+    np.multiply: "MUL",
+    np.divide: "DIV",
+    np.power: "POW",
+    np.less: "LT",
+    np.less_equal: "LE",
+    np.maximum: "FMAX",
+    np.minimum: "FMIN",
+    np.arctan2: "ATAN2",
+    np.logical_and: "AND",
+    np.logical_or: "OR",
+    np.logical_not: "NOT",
+    np.negative: "NEG",
+    np.absolute: "FABS",
+    np.sqrt: "SQRT",
+    np.square: "SQ",
+    np.sin: "SIN",
+    np.cos: "COS",
+    np.exp: "EXP",
+    np.log: "LOG",
+}
+"""What CasADi calls the elementwise functions that criteria consist of."""
+TURNED = {np.greater: np.less, np.greater_equal: np.less_equal}  # with their arguments exchanged
+NUMBERS = (int, float, np.number, np.bool_)
+
+
+def lift(value: Any, size: int | tuple[int, ...]) -> Any:
+    """A CasADi value, SX or MX, as a column (size,), or an array of a shape of at most two axes, for NumPy functions.
+
+    Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
+    """
+    return _lifted(value, (size,) if isinstance(size, int) else tuple(size))
+
+
+class Symbols(NDArrayOperatorsMixin):
+    """An array of symbols, in CasADi a column (M,), or a matrix if it has two axes.
+
+    ``casadi.ArrayInterface`` does all that NumPy asks of it; what is asked most, elementwise functions of columns of
+    one shape and numbers, goes to CasADi directly. The operators of CasADi in Python first try to convert what they
+    are given to one type after the other, in 20 microseconds, of which the operation takes 2.
+    """
+
+    __slots__ = ("_array", "_value", "shape")
+
+    def __init__(self, shape: tuple[int, ...], value: Any = None, array: Any = None) -> None:
+        self.shape, self._value, self._array = shape, value, array
+
+    def to_casadi(self) -> Any:
+        """The SX or MX: (M, 1) of a column, (P, M) of two axes."""
+        if self._value is None:
+            self._value = self._array.to_casadi()
+        return self._value
+
+    def to_array(self) -> Any:
+        """The same as ``casadi.ArrayInterface``."""
+        if self._array is None:
+            import casadi
+
+            two = len(self.shape) == 2
+            array: Any = casadi.ArrayInterface
+            kind = array.SX if isinstance(self._value, casadi.SX) else array.MX
+            self._array = (
+                array(self._value) if two and self._value.shape == self.shape else kind(self._value, self.shape)
+            )
+        return self._array
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """NumPy's elementwise functions and, by the mixin, operators."""
+        if method == "__call__" and not options:
+            if ufunc in TURNED:
+                ufunc, inputs = TURNED[ufunc], inputs[::-1]
+            if ufunc in OPERATIONS and (operands := self._alike(inputs)):
+                kind, code = type(self.to_casadi()), _codes()[ufunc]
+                return _lifted((kind.unary if len(operands) == 1 else kind.binary)(code, *operands), self.shape)
+        return _wrapped(getattr(ufunc, method)(*_plain(inputs), **options))
+
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
+        """NumPy's other functions."""
+        if function is np.where and not options and len(arguments) == 3 and (operands := self._alike(arguments)):
+            import casadi
+
+            condition, chosen, otherwise = operands
+            return _lifted(casadi.if_else(condition, chosen, otherwise), self.shape)
+        return _wrapped(function(*_plain(arguments), **{name: _plain(option) for name, option in options.items()}))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """Symbols are no numbers: an error that says so."""
+        return self.to_array().__array__(dtype, copy)
+
+    def __getitem__(self, key: Any) -> Any:
+        return _wrapped(self.to_array()[key])
+
+    def __len__(self) -> int:
+        return len(self.to_array())
+
+    def __bool__(self) -> bool:
+        raise TypeError("symbols are neither true nor false: choose by np.where, np.maximum or np.minimum")
+
+    def __getattr__(self, name: str) -> Any:
+        """What arrays have besides, such as ``sum`` and ``reshape``."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        member = getattr(self.to_array(), name)
+        return (lambda *args, **options: _wrapped(member(*args, **options))) if callable(member) else _wrapped(member)
+
+    def _alike(self, inputs: Any) -> list[Any]:
+        """The arguments as CasADi takes them if all are of this shape, of at most one axis, or numbers; else none."""
+        if len(self.shape) > 1:
+            return []
+        operands = []
+        for given in inputs:
+            if isinstance(given, Symbols) and given.shape == self.shape:
+                operands.append(given.to_casadi())
+            elif isinstance(given, NUMBERS):
+                operands.append(float(given))
+            elif isinstance(given, np.ndarray) and given.shape == self.shape and given.dtype.kind in "fiub":
+                operands.append(type(self.to_casadi())(_numbers(given)))
+            else:
+                return []
+        return operands
+
+
+class SymbolsSX(Symbols):
+    """Of SX; CasADi takes it for one."""
+
+    __slots__ = ()
+
+    def __SX__(self) -> Any:  # noqa: N802
+        return self.to_casadi()
+
+
+class SymbolsMX(Symbols):
+    """Of MX; CasADi takes it for one."""
+
+    __slots__ = ()
+
+    def __MX__(self) -> Any:  # noqa: N802
+        return self.to_casadi()
+
+
+def _lifted(value: Any, shape: tuple[int, ...]) -> Symbols:
+    return (SymbolsSX if type(value).__name__ == "SX" else SymbolsMX)(shape, value)
+
+
+@cache
+def _codes() -> dict[Any, int]:
+    import casadi
+
+    return {function: getattr(casadi, f"OP_{name}") for function, name in OPERATIONS.items()}
+
+
+def _numbers(array: Any) -> Any:
+    import casadi
+
+    return casadi.DM(array.astype(float))
+
+
+def _plain(given: Any) -> Any:
+    """Arguments as ``casadi.ArrayInterface`` knows them."""
+    if isinstance(given, Symbols):
+        return given.to_array()
+    return type(given)(map(_plain, given)) if type(given) in (list, tuple) else given
+
+
+def _wrapped(result: Any) -> Any:
+    """Symbols in place of each ``casadi.ArrayInterface`` of symbols."""
+    name = type(result).__name__
+    if name in ("ArrayInterfaceSX", "ArrayInterfaceMX"):
+        return (SymbolsSX if name.endswith("SX") else SymbolsMX)(result.shape, array=result)
+    return type(result)(map(_wrapped, result)) if type(result) in (list, tuple) else result
