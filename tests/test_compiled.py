@@ -34,7 +34,7 @@ print(out.round(9).tolist(), "coverage" in sys.modules)
 """
 
 
-@pytest.fixture(scope="module", params=[5, pytest.param(1, marks=pytest.mark.proof)], ids=["some", "all"])
+@pytest.fixture(scope="module", params=[1000, pytest.param(1, marks=pytest.mark.proof)], ids=["one", "all"])
 def unwritable(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> subprocess.CompletedProcess[str]:

@@ -188,6 +188,7 @@ def test_the_curve_in_the_docs_is_what_it_says():
     assert sum((abs(column) > 0.1).sum() for column in curve.turns) == 2
 
 
+@pytest.mark.proof
 def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
     """From the URDF to a front that is verified, block after block; pictures take seconds."""
     from hpop.verify import verify

@@ -48,7 +48,7 @@ def room(tmp_path: Path) -> Path:
     """
     content = pillars() | {
         "criteria": ["exposure", "turns", "length", "rotation", "clearance", "enclosure"],
-        "planner": {"lattice": {"step": 0.2, "headings": 16, "max_turns": 1000}},
+        "planner": {"lattice": {"step": 0.2, "headings": 8, "max_turns": 1000}},
     }
     (tmp_path / "room.yaml").write_text(yaml.safe_dump(content))
     return tmp_path
