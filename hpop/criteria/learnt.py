@@ -80,9 +80,10 @@ class Learnt:
     file  what :meth:`hpop.study.Fitted.save` wrote, relative to the scenario
 
     In the unit of the ratings, of which more is worse, but for a constant. It adds up along a trajectory as its parts
-    do, so every planner takes it; it requires what they require, and has a gradient where all of them have one. Weights
-    are never negative: a criterion is a cost, of which nobody wants more. ``source`` says where they are from, and how
-    far the criterion is off on trajectories that it was not learnt from. A saved front names the file by its SHA-256.
+    do, so every planner of sums takes it (weighted-sum-corridor needs convex ones); it requires what they require, and
+    has a gradient where all of them have one. Weights are never negative: a criterion is a cost, of which nobody wants
+    more. ``source`` says where they are from, and how far the criterion is off on trajectories that it was not learnt
+    from. A saved front names the file by its SHA-256.
     """
 
     file: Annotated[Any, BesideScenario]

@@ -10,14 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.criteria import Learnt
-from hpop.criteria.base import describe_criterion, make_criterion, motion_costs, trajectory_cost
+from hpop.criteria.base import describe_criterion, make_criterion, motion_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
+from hpop.planners import make_planner
 from hpop.scenario import load_scenario
 from hpop.testing.motions import random_motions
+from hpop.world import Person
 from tests.own_criteria import LEARNT, own_criterion
+from tests.planners.timed.rooms_with_people import ROBOT, through_the_doors
 
 ROOM = """\
 world:
@@ -75,6 +79,45 @@ def test_a_scenario_plans_with_it_and_the_front_moves_together_with_its_file(sce
     assert isinstance(criterion, Learnt)
     assert Path(criterion.file["path"]) == tmp_path.parent / "moved" / "comfort.json"
     assert again.question == front.question
+
+
+def agrees(problem: hpop.Problem, planner: dict[str, Any]) -> None:
+    """What a planner added up is the weighted sum of the parts, evaluated anew, within what it says."""
+    learnt, *_ = problem.criteria
+    assert isinstance(learnt, Learnt)
+    found = make_planner(planner).solve(problem)
+    weights, parts = zip(*learnt.parts, strict=True)
+    again = trajectory_costs(list(parts), found.trajectories, problem.world) @ weights
+    assert len(again)
+    assert (np.abs(found.planned[:, 0] - again) <= found.tolerance[:, 0] + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    "planner",
+    [
+        {"lattice": {"step": 1.0}},
+        {"roadmap": {"samples": 30}},
+        {"weighted-sum": {"on": {"lattice": {"step": 1.0}}}},
+        {"any-angle": {"step": 1.0}},
+        {"epsilon-constraint": {"step": 1.0, "rounds": 1}},
+        pytest.param({"smoothing": {}}, marks=pytest.mark.proof),
+    ],
+    ids=lambda planner: next(iter(planner)),
+)
+def test_planners_add_it_up_as_it_is_evaluated(planner: dict[str, Any]) -> None:
+    room = hpop.World.from_polygons([shapely.box(2, 0, 4, 3)], extent=shapely.box(0, 0, 6, 6))
+    agrees(hpop.Problem(room, ROBOT, (1, 1, 0), (5, 1, None), [own_criterion("learnt"), "turns"]), planner)
+
+
+@pytest.mark.parametrize(
+    "planner", [pytest.param({"lattice": {"step": 1.0}}, marks=pytest.mark.proof), {"roadmap": {"samples": 15}}]
+)
+def test_planners_among_people_who_move_add_it_up_as_it_is_evaluated(tmp_path: Path, planner: dict[str, Any]) -> None:
+    parts = [{"criterion": {name: {}}, "weight": weight} for name, weight in
+             (("hall_zones", 1.5), ("expected_contacts", 4.0), ("duration", 0.1))]  # fmt: skip
+    (tmp_path / "c.json").write_text(changed(parts=parts))
+    walker = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0, spread=0.2)
+    agrees(through_the_doors(walker, criteria=(Learnt(str(tmp_path / "c.json")), "duration")), planner)
 
 
 def test_a_file_that_has_changed_is_refused(scenario: Path) -> None:
