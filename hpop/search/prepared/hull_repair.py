@@ -95,10 +95,10 @@ class HullRepair:
         self.marks: NDArray[np.uint8] | None = None  # which lanes of the one before are made anew; None where all are
 
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """All that is kept; turns may be views of what the groups hold."""
+        """All that is kept, without views of what others hold."""
         kept: list[Any] = [*self.tables, self.arcs, self.closed, self.still, self.new, self.marks]
         kept += [part for each in (*self.kept, *self.bits) for part in each]
-        return [array for array in kept if isinstance(array, np.ndarray)]
+        return [array for array in kept if isinstance(array, np.ndarray) and array.base is None]
 
     def tells(self, closed: BoolArray, still: BoolArray) -> bool:
         """Whether all layers are those of the graph without some arcs (m,) and the turns of some groups (g,)."""

@@ -101,15 +101,12 @@ class Prepared:
 
     @property
     def memory(self) -> int:
-        """Bytes of what is kept beside the graph; what is a view of another counts once."""
+        """Bytes of what is kept beside the graph."""
         outlook, entering = self.outlook, self._entering or ()
         kept = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
         kept += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
         kept += [self.is_target, *vars(self.closings).values(), *([] if self.hull is None else self.hull.arrays())]
-        arrays = [array for array in kept if isinstance(array, np.ndarray)]
-        arrays += [array.base for array in arrays if isinstance(array.base, np.ndarray)]
-        whole = {id(array): array.nbytes for array in arrays if not isinstance(array.base, np.ndarray)}
-        return sum(whole.values())
+        return sum({id(array): array.nbytes for array in kept if isinstance(array, np.ndarray)}.values())
 
     @property
     def outdated(self) -> HullRepair | None:
