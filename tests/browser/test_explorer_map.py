@@ -343,6 +343,7 @@ def runs_of(trajectories: Iterable[hpop.Trajectory]) -> set[frozenset[Point]]:
     return runs
 
 
+@pytest.mark.proof
 def test_the_distinct_runs_of_many_paths(opened: Callable[..., Page], tmp_path: Path) -> None:
     front = seeded.front(600, 3)
     page = opened(explored.written(seeded.problem(3), front, tmp_path / "front.html"), color_scheme="dark")

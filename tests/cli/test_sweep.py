@@ -106,7 +106,7 @@ def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None
     [
         ("weights", 2, ()),
         ("weights", 2, ("--workers", "2")),
-        ("epsilon-constraint", 2, ()),
+        pytest.param("epsilon-constraint", 2, (), marks=pytest.mark.proof),
         pytest.param("epsilon-constraint", 2, ("--workers", "2"), marks=pytest.mark.proof),  # the planner's own tests
     ],
 )
