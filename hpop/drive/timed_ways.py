@@ -179,9 +179,12 @@ class TimedWays:
 
     def candidates(self, name: str, problem: Problem, commit: Commit, node: int, paths: TimedPaths) -> Candidates:
         """Ways from a commit as candidates of the planner that laid out the graph, and what is claimed of them."""
+        # A robot that moves on from rest is behind by half of what stopping and starting take.
+        ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
         query = TimedQuery(
             problem, self.objectives, self.timed, self.options, node, [*self.ways.query.goals],
             self.timed.seconds, begins=commit.time - self.since, closed=self.ways.closed,
+            late_start=ramps.half if ramps is not None and rests else 0.0,
         )  # fmt: skip
         shut = int(self.ways.closed.sum())
         where = query.where + f", {shut:,} of its edges closed" * bool(shut)

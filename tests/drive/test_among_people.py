@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.contacts import contact
 from hpop.drive import Execution, Options
 from hpop.drive.plan import between
 from hpop.planners import Lattice
@@ -135,3 +136,18 @@ def test_a_drive_keeps_the_margin_with_which_it_was_planned() -> None:
     problem, front, planner = among(Person(9.0, 2.0, velocity=(-0.6, 0.0), until=8.0), margin=0.2)
     drive = hpop.follow(problem, front, "knee")
     assert drive.planner == replace(planner, clock=TICK)
+
+
+@pytest.mark.parametrize("speed", [2.0, pytest.param(1.6, marks=pytest.mark.proof)])
+def test_a_robot_at_rest_takes_nothing_in_which_its_start_would_make_it_meet_somebody(speed: float) -> None:
+    """A straight move from rest is behind its plan by v/2a, 0.5 s, and people who cross do not wait for it."""
+    y = 2.0 + speed * (3.0 + 1.05)  # 1.05 s behind a robot that leaves at once and never speeds up
+    crosses = Person(4.0, y, velocity=(0.0, -speed), until=5.0)
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 8, 14)).with_content(people=(crosses,))
+    robot, planner = hpop.DifferentialDrive(radius=0.3), Lattice(step=0.5, headings=4)
+    problem = hpop.Problem(world, robot, (1.0, 2.0, 0.0), (7.0, 2.0, None), ["turns", "duration"])
+    drive = hpop.follow(problem, problem.solve(planner), 0, planner=planner, begin=2.0)
+    options = drive.options(1.0, 0.5)
+    assert options.commit.time == 2.0
+    assert len(options)
+    assert not any(contact(robot.parts, [crosses], option.item.execution()) for option in options)

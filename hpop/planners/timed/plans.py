@@ -49,11 +49,13 @@ class Plans:
     timed
     steps   of each
     begins  s, on the clock, when they really begin
+    late_start  s, by how much executions are later from the beginning on: of a robot that is at rest there
     """
 
     timed: Timed
     steps: Sequence[Steps]
     begins: float = 0.0
+    late_start: float = 0.0
 
     @cached_property
     def driven(self) -> tuple[Driven, ...]:
@@ -64,6 +66,7 @@ class Plans:
         tick, durations = self.timed.clock.tick, self.timed.arcs.durations
         half = 0.0 if self.timed.ramps is None else self.timed.ramps.half
         times, late = np.full(steps.arcs.size + 1, self.begins), np.zeros(steps.arcs.size + 1)
+        late[0] = self.late_start
         for i, arc in enumerate(steps.arcs.tolist()):
             if arc == HELD:
                 times[i + 1] = max(times[i], steps.departures[i + 1] * tick)

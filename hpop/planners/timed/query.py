@@ -46,6 +46,7 @@ class TimedQuery:
     max_turns      paths with more turns do not count
     begins         s, on the clock, when they really leave the start
     closed         (m,) edges that nobody takes; None for none
+    late_start     s, by how much executions are later from the start on, which graph and clock do not allow for
     """
 
     problem: Problem
@@ -58,6 +59,7 @@ class TimedQuery:
     max_turns: int | None = None
     begins: float = 0.0
     closed: BoolArray | None = None
+    late_start: float = 0.0
 
     @property
     def _begin(self) -> int:
@@ -166,7 +168,7 @@ class TimedQuery:
 
     def candidates(self, name: str, paths: TimedPaths, claim: str, origin: Mapping[str, Any]) -> Candidates:
         """Paths as the candidates of the planner ``name``, with more of their origin."""
-        plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))], self.begins)
+        plans = Plans(self.timed, [paths.steps(i) for i in range(len(paths))], self.begins, self.late_start)
         kept = np.flatnonzero(~self._in_contact(plans))
         if kept.size < len(paths):
             claim += f", without {len(paths) - kept.size} that are in people's way as they are executed"
