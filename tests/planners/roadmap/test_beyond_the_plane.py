@@ -85,15 +85,17 @@ def test_lazy_is_eager_vector_for_vector_where_segments_are_blocked_by_chance(se
     lazy_and_eager(problem(Unlucky(3)), samples=120, seed=seed, trees=seed % 2)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.seeds(1, of=17)
 @pytest.mark.parametrize("model", [BASE, HEAD], ids=["holonomic", "pan-tilt"])
 def test_lazy_is_eager_vector_for_vector_in_the_plane(seed: int, model: Any) -> None:
     lazy_and_eager(in_plane(model), samples=40, seed=seed)
 
 
+@pytest.mark.parametrize("samples", [80, pytest.param(150, marks=pytest.mark.proof)])
 @pytest.mark.seeds(1, of=20)
-def test_lazy_is_eager_vector_for_vector_among_balls(seed: int) -> None:
-    lazy_and_eager(problem(Joints(4, 150, 1.2, seed=seed)), samples=150, seed=seed)
+def test_lazy_is_eager_vector_for_vector_among_balls(seed: int, samples: int) -> None:
+    lazy_and_eager(problem(Joints(4, 150, 1.2, seed=seed)), samples=samples, seed=seed)
 
 
 def test_few_edges_are_checked_and_the_counts_are_those_that_were_asked() -> None:

@@ -37,7 +37,7 @@ def dearer(full: Graph, seed: int, free: bool) -> Graph:
     return Graph.from_csr(full.indptr, full.heads, costs[:, order], aggregates=[how[j] for j in order])
 
 
-@pytest.mark.cases(but=("3-True", "1-False", "5-True"))
+@pytest.mark.cases("1-True", "2-False", "3-False", "4-True")
 @pytest.mark.parametrize("free", [True, False])
 @pytest.mark.seeds(6, of=range(1, 20))
 def test_fronts_of_lattices_with_four_to_six_costs_are_those_of_the_closure(closure, lattice, seed, free):
