@@ -268,6 +268,7 @@ def test_somebody_who_walks_into_the_way_cuts_it_and_the_robot_waits_or_gives_wa
     x, y = (float(column[0]) for column in (drive.plan.at(5.0).x, drive.plan.at(5.0).y))
     change = drive.world(0.5, people=[Person(x, y - 0.1 * 4.5, velocity=(0.0, 0.1), name="visitor")])
     assert change.safe_until is not None
+    drive.ready()
     options = drive.options(0.5, 0.5)
     if len(options):
         drive.take(options.knee())
@@ -309,6 +310,7 @@ def test_where_nothing_was_searched_no_more_is_claimed_than_bounds_tell() -> Non
     problem = asked(two_doors(), "turns", "length", "duration")
     drive = hpop.follow(problem, problem.solve("lattice", step=STEP), "knee")
     drive.world(0.5, people=[Person(9.0, 5.0, velocity=(-0.5, 0.0), name="visitor")])
+    drive.ready()
     options = drive.options(0.5, deadline=0.0)
     assert options.status is Status.TIME_LIMIT
     assert options.labels == 0
