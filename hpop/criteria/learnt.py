@@ -60,7 +60,8 @@ class Source(NamedTuple):
 
     def __str__(self) -> str:
         """In words."""
-        asked = f"{self.ratings} ratings ({self.question}) of {self.trajectories} trajectories by {self.people} people"
+        people = "1 person" if self.people == 1 else f"{self.people} people"
+        asked = f"{self.ratings} ratings ({self.question}) of {self.trajectories} trajectories by {people}"
         off = f"{self.error:.3g}, of each person's mean {self.error_of_mean:.3g}"
         return f"learnt from {asked}; error on trajectories left out {off}; source: {self.source}"
 

@@ -15,6 +15,7 @@ import shapely
 import hpop
 from hpop.criteria import Learnt
 from hpop.criteria.base import describe_criterion, make_criterion, motion_costs, trajectory_cost, trajectory_costs
+from hpop.criteria.learnt import Source
 from hpop.errors import CriterionError
 from hpop.planners import make_planner
 from hpop.scenario import load_scenario
@@ -167,3 +168,7 @@ def test_what_is_no_learnt_criterion_is_refused(tmp_path: Path, text: str, said:
     for wrong in (3, None, ""):
         with pytest.raises(CriterionError, match="file is the path"):
             Learnt(wrong)
+
+
+def test_one_person_is_no_people() -> None:
+    assert "by 1 person;" in str(Source("comfort", "made up", 5, 1, 5, 0.5, 0.5))

@@ -128,8 +128,11 @@ def test_all_faults_are_told_at_once(begun: Path, design: Design) -> None:
     assert len(check(begun).faults) == 5
 
 
-def test_nothing_is_kept_of_whoever_withdraws(begun: Path, design: Design, tmp_path: Path) -> None:
+def test_nothing_is_kept_of_whoever_withdraws(
+    begun: Path, design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Byte for byte, the folder is as if somebody who withdrew before answering had had the place."""
+    monkeypatch.setattr("hpop.study.report.DPI", 30)
 
     def rule(who: str, place: int, form: str, item: str) -> float:
         return float(int(who[1:]) % 4)
