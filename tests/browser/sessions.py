@@ -20,6 +20,7 @@ from tests.browser.rides import front_of, problem_of
 
 BEGIN = datetime.datetime(2026, 11, 23, 9, 30, tzinfo=datetime.UTC)
 REST = 20  # s
+PATIENCE = 10  # s by the page's clock after which it gives up a request (web/src/study/recorder.ts)
 WAYS = {"straight": [(1, 1), (2, 1)], "round": [(1, 1), (1, 1.5), (2, 1.5), (2, 1)]}
 SIZE = (480, 400)  # a view of few pixels is drawn soon
 
@@ -77,7 +78,7 @@ class Participant:
     def __init__(self, browser: Browser, address: str, size: tuple[int, int] = SIZE) -> None:
         width, height = size
         self.page: Page = browser.new_context(viewport={"width": width, "height": height}).new_page()
-        self.page.set_default_timeout(10_000)
+        self.page.set_default_timeout(30_000)
         self.complaints: list[str] = []
         self.asked: list[str] = []
         self.page.on("console", lambda said: self.complaints.append(said.text) if said.type == "error" else None)
@@ -118,9 +119,12 @@ class Participant:
         self.page.wait_for_function("document.activeElement.tagName === 'IFRAME'")
 
     def let_pass(self, seconds: float) -> None:
-        """Let time pass at once. What is on its way arrives before: else it would seem to take so long."""
-        expect(self.page.locator("header .saved")).not_to_have_text("Saving …")
-        self.page.clock.fast_forward(round(1000 * seconds))
+        """Let time pass, in jumps that no request takes for its patience's end: what is on its way arrives between."""
+        while seconds > 0:
+            jump = min(seconds, PATIENCE - 1)
+            expect(self.page.locator("header .saved")).not_to_have_text("Saving …")
+            self.page.clock.fast_forward(round(1000 * jump))
+            seconds -= jump
 
     def sit_out(self, seconds: float) -> None:
         """Let a ride pass at once, its end as well: hardly a picture is drawn."""
