@@ -26,6 +26,8 @@ from hpop.trajectory import Trajectory
 
 FOLDS = 10
 """Parts of the trajectories, each left out once, at most."""
+ROUNDING = 1e-9
+"""Part of the greatest number of a column below which differences within a person are none."""
 BETTER = ("high", "low")
 
 
@@ -173,8 +175,9 @@ def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatAr
 
 
 def _within(table: FloatArray, persons: IntArray) -> FloatArray:
-    """Differences (N, m) from each person's mean."""
-    return np.asarray(table - _levels(table, persons)[persons])
+    """Differences (N, m) from each person's mean; 0 where only rounding makes one, of which weights would be made."""
+    away = table - _levels(table, persons)[persons]
+    return np.where(np.abs(away) > ROUNDING * np.abs(table).max(axis=0), away, 0.0)
 
 
 def _levels(table: FloatArray, persons: IntArray) -> FloatArray:
