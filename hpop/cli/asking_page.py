@@ -13,7 +13,7 @@ from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qs
 
 from hpop.errors import OutputError
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 PATIENCE = 30.0
 """s, for who connects and says nothing."""
-MOST_BYTES = 1_000
-"""Of an answer."""
+MOST_BYTES, MOST_DIGITS = 1_000, 4
+"""Of an answer, and of how long it says that it is."""
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'self'; "
     "base-uri 'none'; frame-ancestors 'none'",
@@ -92,6 +92,24 @@ def page_of(asked: Asked) -> str:
     )
 
 
+def _page_of_loss(why: str, address: str) -> str:
+    """What is said of an answer that could not be kept: its question is still open."""
+    said = html.escape(printable(why))
+    return (
+        f"{HEAD}<h1>Once more, please</h1><p>The answer was not kept: {said}</p><p><a href={address}>Ask again</a></p>"
+    )
+
+
+class _Server(ThreadingHTTPServer):
+    """Of one page."""
+
+    daemon_threads = True
+    timeout = 0.2
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A page that was closed is no error."""
+
+
 def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
     """Serve the page until all is answered and what came out was shown; OutputError where the port cannot be had."""
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
@@ -115,14 +133,19 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
             if not self._is_known():
                 return
             length = self.headers.get("Content-Length", "")
-            if not (length.isascii() and length.isdigit() and int(length) <= MOST_BYTES):
+            if not (length.isascii() and length.isdigit() and len(length) <= MOST_DIGITS and int(length) <= MOST_BYTES):
                 self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, b"")
                 return
             given = parse_qs(self.rfile.read(int(length)).decode("ascii", "replace"))
             word, number = given.get("answer", [""])[0], given.get("question", [""])[0]
-            with lock:
-                if word in LABELS and number == str(asked.number) and not asked.is_over:
-                    asked.answer(word)
+            try:
+                with lock:
+                    if word in LABELS and number == str(asked.number) and not asked.is_over:
+                        asked.answer(word)
+            except OutputError as error:
+                say(str(error))
+                self._send(HTTPStatus.INTERNAL_SERVER_ERROR, _page_of_loss(str(error), f"/{token}").encode())
+                return
             self.send_response(HTTPStatus.SEE_OTHER)
             self.send_header("Location", f"/{token}")
             self._end(0)
@@ -152,14 +175,12 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
             """Nothing: nobody reads it."""
 
     try:
-        server = ThreadingHTTPServer((HOST, port), Handler)
+        server = _Server((HOST, port), Handler)
     except OSError as error:
         raise OutputError(
             f"--web: port {port} of this machine cannot be had: {error.strerror or error}; choose another --port, or 0 "
             "for any that is free"
         ) from None
-    server.daemon_threads = True
-    server.timeout = 0.2
     with server:
         say(f"the questions are at http://{HOST}:{server.server_address[1]}/{token}")
         while not over.is_set():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import socket
+import struct
 import threading
 from collections.abc import Callable
 from http.client import HTTPConnection
@@ -18,6 +20,7 @@ from click.testing import Result
 import hpop
 from hpop.cli import asking_page, preferring
 from hpop.cli.preferred import differences
+from hpop.errors import OutputError
 from hpop.frontier import Front
 from hpop.preference import Preference
 from tests import preferring as people
@@ -146,6 +149,9 @@ class Questions:
 
     def __init__(self) -> None:
         self.given: list[str] = []
+        self.disk_is_full = False
+        self.drawing, self.drawn = threading.Event(), threading.Event()
+        self.drawn.set()
 
     @property
     def number(self) -> int:
@@ -163,16 +169,23 @@ class Questions:
         return []
 
     def picture(self) -> bytes:
+        if not self.drawn.is_set():
+            self.drawing.set()
+        self.drawn.wait(30)
         return b"PNG"
 
     def result(self) -> list[str]:
         return ["For you: trajectory 7."]
 
     def answer(self, word: str) -> None:
+        if self.disk_is_full:
+            raise OutputError("cannot write p07.json: <no> space left")
         self.given.append(word)
 
 
-def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its_address() -> None:
+def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its_address(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     asked, said = Questions(), list[str]()
     told = threading.Event()
 
@@ -185,9 +198,9 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     assert told.wait(30)
     port, token = re.findall(r"127\.0\.0\.1:(\d+)/(\S+)", said[0])[0]
 
-    def request(how: str, path: str, *, host: str | None = None, **form: object) -> tuple[int, str]:
+    def request(how: str, path: str, also: dict[str, str] | None = None, **form: object) -> tuple[int, str]:
         connection = HTTPConnection("127.0.0.1", int(port), timeout=30)
-        headers = {"Content-Type": "application/x-www-form-urlencoded"} | ({"Host": host} if host else {})
+        headers = {"Content-Type": "application/x-www-form-urlencoded"} | (also or {})
         connection.request(how, path, urlencode(form) if form else None, headers)
         response = connection.getresponse()
         page = response.read().decode()
@@ -197,16 +210,31 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     here = f"/{token}"
     assert request("GET", "/")[0] == 404
     assert request("POST", "/wrong", answer="a", question=1)[0] == 404
-    assert request("GET", here, host="evil.example")[0] == 404  # DNS that leads here
+    assert request("GET", here, {"Host": "evil.example"})[0] == 404  # DNS that leads here
     status, page = request("GET", here)
     assert (status, "Which &lt;b&gt;?" in page, "I prefer a" in page) == (200, True, True)
     assert request("POST", here, answer="a", question=1)[0] == 303
     request("POST", here, answer="b", question=1)  # sent twice
     request("POST", here, answer="rm", question=2)
     assert request("POST", here, answer="x" * 5_000, question=2)[0] == 413
+    assert request("POST", here, {"Content-Length": "9" * 5_000}, answer="a")[0] == 413
+    asked.disk_is_full = True
+    assert (
+        "answer was not kept: cannot write p07.json: &lt;no&gt; space"
+        in request("POST", here, answer="a", question=2)[1]
+    )
+    assert said[1:] == ["cannot write p07.json: <no> space left"]
+    asked.disk_is_full = False
+    asked.drawn.clear()
+    with socket.create_connection(("127.0.0.1", int(port))) as closed:  # while the picture is drawn
+        closed.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        closed.sendall(f"GET {here} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+        assert asked.drawing.wait(30)
+    asked.drawn.set()
     assert asked.given == ["a"]
     request("POST", here, answer="tie", question=2)
     assert "For you: trajectory 7." in request("GET", here)[1]
     thread.join(30)
     assert not thread.is_alive()
     assert asked.given == ["a", "tie"]
+    assert capfd.readouterr().err == ""
