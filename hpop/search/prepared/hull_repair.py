@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.compiled import lean
+from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.deadline import Deadline
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
@@ -66,8 +67,9 @@ class HullRepair:
     ) -> None:
         """Of a graph with costs (m, k); columns are of its first and its rest cost, least (k, n) its least rests."""
         self.hull, self.columns = hull, columns
-        places = np.empty(len(hull.step), np.int64)  # of plain arcs, in the order of the chains
-        places[hull.step] = np.arange(len(hull.step))
+        there = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
+        places = np.empty_like(there)  # of plain arcs, in the order of the chains
+        places[hull.step] = there
         self.arcs = groups.origin[places].astype(np.int64)
         tails = np.repeat(np.arange(len(groups.nodes)), np.diff(groups.start))
         alike = bool(groups.alike[list(columns)].all())

@@ -81,13 +81,13 @@ def test_bounds_after_closings_are_below_what_every_open_path_weighs(seed: int, 
     np.testing.assert_array_equal(hull.moved, whole[1])
 
 
-@pytest.mark.seeds(1, of=6)
+@pytest.mark.seeds(1, of=[6, *range(6), *range(7, 40)])  # in 6 arcs lead to nodes that reach no target
 def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, lattice: Callable[..., Graph]) -> None:
     """As a hull has them that is made without the door, up to what rounding takes; but for ways of ever more turns."""
     graph = lattice(seed)
     prepared = Prepared(graph, graph.nodes - 1)
     hull = prepared.outlook.hull
-    if hull is None and seed:
+    if hull is None and seed != 6:
         return
     assert hull is not None
     few = (hull.layers[-1] == hull.layers[-2]).all(axis=0)  # lanes in which no node has a use for ever more turns
@@ -110,4 +110,5 @@ def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, 
         bound = least + (hull.layers[-1, prepared.closings.whole.place[node]].astype(np.int64) << STEP_BITS)
         weighed = (paths.costs[:, [first, rest]] @ hull.weights.T).min(axis=0)
         capped = hull.layers[-1, prepared.closings.whole.place[node]] == 2**16 - 1
+        assert (bound <= weighed + ROUNDED).all()
         assert ((weighed - bound <= 0.02 * weighed) | capped | ~few).all()
