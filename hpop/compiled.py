@@ -41,7 +41,7 @@ if (_log := logging.getLogger("numba")).level == logging.NOTSET:
         logging.WARNING
     )  # else whoever listens to everything gets a line for each instruction that is compiled
 
-__all__ = ["compiling_seconds", "kernel", "lean", "numba"]
+__all__ = ["compiling_seconds", "inlined", "kernel", "lean", "numba", "wide"]
 
 LOCK = "hpop.lock"
 _caching: Any = import_module("numba.core.caching")
@@ -115,6 +115,37 @@ def lean(function: Callable[..., Any]) -> Any:
     loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
     """
     return _compiled(function, _nrt=False)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
+    return _compiled(function, _nrt=False, forceinline=True)
+
+
+def wide(function: Callable[..., Any]) -> Any:
+    """Compile a lean kernel in which the same steps on neighbouring numbers become one on a vector.
+
+    LLVM's pass for that is off in numba by default: it takes time, and few kernels gain anything.
+    """
+    made = lean(function)
+    compiled = made._compiler.compile
+
+    def compile_wide(*arguments: Any) -> Any:
+        with _config_set("SLP_VECTORIZE", 1):  # numba compiles one kernel at a time
+            return compiled(*arguments)
+
+    made._compiler.compile = compile_wide
+    return made
+
+
+@contextmanager
+def _config_set(name: str, value: Any) -> Iterator[None]:
+    before = getattr(numba.config, name)
+    setattr(numba.config, name, value)
+    try:
+        yield
+    finally:
+        setattr(numba.config, name, before)
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:

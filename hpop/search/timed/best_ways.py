@@ -113,3 +113,32 @@ def follow(
         t = begin + np.int64(tables.durations[chosen])
         v = np.int64(tables.heads[chosen])
     return count
+
+
+@lean
+def follow_all(
+    tables: Tables,
+    ahead: Ahead,
+    work: Sweep,
+    lanes: IntArray,
+    nodes: IntArray,
+    tick: int,
+    arcs: IntArray,
+    leaves: IntArray,
+    totals: IntArray,
+    sizes: IntArray,
+) -> int:
+    """Follow a best way each of lanes (w,) from nodes (w,), all reached at tick t, and write one behind the other.
+
+    What each costs is added to totals (w, k); sizes (w,) are their numbers of arcs, 0 of those that lead nowhere.
+    Returns how many were followed: there is room for the longest way at least, and none begins where that is not left.
+    """
+    used, longest = 0, len(arcs) // 2
+    for i in range(len(lanes)):
+        if used > longest:
+            return i
+        room = arcs[used : used + longest], leaves[used : used + longest]
+        count = follow(tables, ahead, work, lanes[i], nodes[i], tick, room[0], room[1], totals[i])
+        sizes[i] = max(count, 0)
+        used += sizes[i]
+    return len(lanes)

@@ -18,7 +18,7 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
-from hpop.search.timed.best_ways import follow
+from hpop.search.timed.best_ways import follow_all
 from hpop.search.timed.calm import NOTHING
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, find_quiet, price_arcs, sweep
@@ -111,7 +111,7 @@ class JointBounds:
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
         self.sweeps: list[Sweep] = []
-        self.room = tuple(np.empty(n + graph.horizon, np.int64) for _ in range(2))
+        self.room = tuple(np.empty(2 * (n + graph.horizon), np.int64) for _ in range(2))  # two of the longest ways
         self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
         self.layout = Layout.of(ways, self._needed(), graph.place)
@@ -259,12 +259,12 @@ class JointBounds:
 
     def _seed(self, work: Sweep | None, clock: Clock) -> None:
         """Add the ways that are best for the weights of a table."""
-        start = np.zeros(self.graph.graph.criteria, np.int64)
-        for lane in range(LANES if work is not None else 0):
-            assert work is not None
-            seed = self._followed(work, lane, self.source, self.begin, start, clock)
-            if seed is not None:
-                self.seeds.append(seed)
+        if work is not None:
+            every = np.arange(LANES)
+            nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.graph.graph.criteria), np.int64)
+            self.seeds += [
+                seed for seed in self._followed(work, every, nodes, self.begin, costs, clock) if seed is not None
+            ]
         self._report(clock)
 
     def _report(self, clock: Clock) -> None:
@@ -274,16 +274,25 @@ class JointBounds:
             counters[N_FRONT] = int(is_nondominated(costs).sum())
         clock.report("bounds", counters)
 
-    def completed(self, table: int, lane: int, node: int, tick: int, costs: IntArray, clock: Clock) -> Seed | None:
-        """A best way for a weight, from a node reached at a tick at some costs (k,); None if it leads nowhere."""
-        return self._followed(self.sweeps[table], lane, node, tick, costs, clock)
+    def completed(
+        self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
+    ) -> list[Seed | None]:
+        """Best ways for weights (w,), from nodes (w,) reached at a tick at costs (w, k); None if one leads nowhere."""
+        return self._followed(self.sweeps[table], lanes, nodes, tick, costs, clock)
 
-    def _followed(self, work: Sweep, lane: int, node: int, tick: int, costs: IntArray, clock: Clock) -> Seed | None:
+    def _followed(
+        self, work: Sweep, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
+    ) -> list[Seed | None]:
         arcs, leaves = self.room
-        total = costs.copy()
-        arguments = (self.tables, self.ahead, work, lane, node, tick, arcs, leaves, total)
-        count = clock.call(follow, *arguments)
-        return Seed(total, arcs[:count].copy(), leaves[:count].copy()) if count > 0 else None
+        ways: list[Seed | None] = []
+        while (done := len(ways)) < len(lanes):
+            totals, sizes = costs[done:].copy(), np.zeros(len(lanes) - done, np.int64)
+            arguments = (self.tables, self.ahead, work, lanes[done:], nodes[done:], tick, arcs, leaves, totals, sizes)
+            count = clock.call(follow_all, *arguments)
+            for total, size, end in zip(totals[:count], sizes, np.cumsum(sizes), strict=False):
+                way = slice(end - size, end)
+                ways.append(Seed(total, arcs[way].copy(), leaves[way].copy()) if size else None)
+        return ways
 
     def _longest(self) -> int:
         """Ticks of the longest arc that leaves a node whose rows are swept."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import lean
+from hpop.compiled import inlined, lean, wide
 from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register
@@ -30,6 +30,7 @@ HALF = FAR / 2 - 1  # of an arc: what of it is always the same, and the rest
 DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and sums of floats
 
 IntLanes = NDArray[np.int32]
+Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32]  # LANES of them
 
 
 class Joint(NamedTuple):
@@ -68,7 +69,7 @@ class Ahead(NamedTuple):
     quiet: NDArray[np.int32]
 
 
-@lean
+@inlined
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
     """The row of a node at a tick."""
     return v if t > calm[v] else int(offset[v] + t)
@@ -117,7 +118,7 @@ def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: Int
                     priced[a, lane] = FAR
 
 
-@lean
+@inlined
 def weigh_arc(
     tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, p: int, t: int, out: IntLanes
 ) -> None:
@@ -149,7 +150,7 @@ def weigh_arc(
                 out[0, lane] += np.int32(weights[j, lane] * more)
 
 
-@lean
+@inlined
 def weigh_standing(tables: Tables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
     """Weigh what standing at a place has cost until tick t into `out` (LANES,); weights (k, LANES)."""
     for lane in range(LANES):
@@ -195,19 +196,26 @@ class Sweep(NamedTuple):
     later: IntArray
 
 
-@lean
-def lower(dep: IntLanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> None:
-    """Lower what is least (LANES,) to the sum of two rows."""
-    for lane in range(LANES):
-        dep[lane] = min(dep[lane], np.int32(rows[row, lane] + costs[of, lane]))
+@inlined
+def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> Lanes:
+    """The lesser of what is least and the sum of two rows. Spelled out: in memory, each lane would be one by itself."""
+    return (
+        min(least[0], np.int32(rows[row, 0] + costs[of, 0])),
+        min(least[1], np.int32(rows[row, 1] + costs[of, 1])),
+        min(least[2], np.int32(rows[row, 2] + costs[of, 2])),
+        min(least[3], np.int32(rows[row, 3] + costs[of, 3])),
+        min(least[4], np.int32(rows[row, 4] + costs[of, 4])),
+        min(least[5], np.int32(rows[row, 5] + costs[of, 5])),
+        min(least[6], np.int32(rows[row, 6] + costs[of, 6])),
+        min(least[7], np.int32(rows[row, 7] + costs[of, 7])),
+    )
 
 
-@lean
+@inlined
 def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: bool) -> None:
     """Write the least weighted rests of whoever leaves a node at tick t into `dep`; swept, if all rows are filled."""
-    dep = work.dep
-    for lane in range(LANES):
-        dep[lane] = FAR
+    far = np.int32(FAR)
+    least = (far, far, far, far, far, far, far, far)
     p, w = np.int64(tables.place[v]), len(work.order)
     quiet = np.int64(ahead.quiet[p, min(t, ahead.quiet.shape[1] - 1)])
     slabs = len(work.recent) // max(1, w) - 1
@@ -225,15 +233,17 @@ def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: boo
         if swept or end > work.calm[u]:
             row = row_of(work.offset, work.calm, u, end)
             if always:
-                lower(dep, work.rows, row, work.fixed, a)
+                least = lower(least, work.rows, row, work.fixed, a)
             else:
-                lower(dep, work.rows, row, work.cost, 0)
+                least = lower(least, work.rows, row, work.cost, 0)
         else:
             row = (end & slabs) * w + work.place_in[u]
             if always:
-                lower(dep, work.recent, row, work.fixed, a)
+                least = lower(least, work.recent, row, work.fixed, a)
             else:
-                lower(dep, work.recent, row, work.cost, 0)
+                least = lower(least, work.recent, row, work.cost, 0)
+    for lane, each in enumerate(least):
+        work.dep[lane] = each
 
 
 @lean
@@ -254,7 +264,7 @@ def enter_nodes(work: Sweep, t: int, active: IntArray, count: Any, coming: Any) 
     return more
 
 
-@lean
+@wide
 def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: IntArray, steps: int) -> bool:
     """Fill the rows of so many states in between, or of all that are left; whether all are filled.
 

@@ -186,12 +186,11 @@ class _Run:
 
     def _follow_best(self) -> None:
         """Know the best ways for the weights of all sweeps, from here on."""
-        bounds, start = self.prepared.bounds, np.zeros(self.prepared.graph.graph.criteria, np.int64)
+        bounds = self.prepared.bounds
+        nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.prepared.graph.graph.criteria), np.int64)
         for table in range(len(bounds.sweeps)):
-            for lane in range(LANES):
-                seed = bounds.completed(table, lane, self.source, self.tick, start, self.clock)
-                if seed is not None:
-                    self.seeds.append(seed)
+            ways = bounds.completed(table, np.arange(LANES), nodes, self.tick, costs, self.clock)
+            self.seeds += [seed for seed in ways if seed is not None]
 
     def _search(self, precision: Precision) -> TimedSearch:
         prepared = self.prepared

@@ -126,19 +126,22 @@ class TimedSearch:
         """
         tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
         fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])
+        fresh = fresh[np.linspace(0, len(fresh) - 1, min(WAYS, len(fresh))).astype(np.int64)]
         if not tables or not len(fresh):
             return
-        for at in fresh[np.linspace(0, len(fresh) - 1, min(WAYS, len(fresh))).astype(np.int64)].tolist():
-            self.lane = (self.lane + 1) % (tables * LANES)
-            value = int(self.closed[first + at])
-            arc = (value & 0xFFFFFFFF) - 1
-            node = int(self.graph.graph.heads[arc]) if arc >= 0 else self.source
-            way = (*divmod(self.lane, LANES), node, int(self.state[NOW]), self.fresh[at], clock)
-            rest = self.bounds.completed(*way)
-            if rest is None or is_covered(self._goal(), int(self.counters[N_FRONT]), rest.costs):
-                continue
-            arcs, leaves = self._way(value, int(self.state[NOW]) - int(self.graph.durations[arc]))
-            self.plant(Seed(rest.costs, np.concatenate([arcs, rest.arcs]), np.concatenate([leaves, rest.leaves])))
+        turns = (self.lane + 1 + np.arange(len(fresh))) % (tables * LANES)
+        self.lane = int(turns[-1])
+        values = self.closed[first + fresh]
+        arcs = (values & 0xFFFFFFFF) - 1
+        nodes = np.where(arcs >= 0, self.graph.graph.heads[arcs], self.source)
+        for table in range(tables):
+            of = np.flatnonzero(turns // LANES == table)
+            asked = turns[of] % LANES, nodes[of], int(self.state[NOW]), self.fresh[fresh[of]]
+            for i, rest in zip(of, self.bounds.completed(table, *asked, clock), strict=True):
+                if rest is not None and not is_covered(self._goal(), int(self.counters[N_FRONT]), rest.costs):
+                    way, leaves = self._way(int(values[i]), int(self.state[NOW]) - int(self.graph.durations[arcs[i]]))
+                    way, leaves = np.concatenate([way, rest.arcs]), np.concatenate([leaves, rest.leaves])
+                    self.plant(Seed(rest.costs, way, leaves))
 
     def _take_corners(self) -> None:
         """Cut the corners that new solutions cover."""

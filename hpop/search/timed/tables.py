@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.compiled import inlined, lean
 from hpop.search.timed.graph import RATE_BITS, TimedGraph
 
 PLAIN, STAYS = -1, -2  # rows of arcs without a table of their own
@@ -100,7 +100,7 @@ def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[N
     return stacked, places
 
 
-@lean
+@inlined
 def omega_at(tables: Tables, p: int, j: int, t: int) -> int:
     """What standing at a place has cost until tick t, of a sum."""
     rate = tables.rate[p, j]
@@ -128,7 +128,7 @@ def worst_rate(tables: Tables, p: int, j: int, begin: int, end: int) -> int:
     return int(worst)
 
 
-@lean
+@inlined
 def free_since(tables: Tables, p: int, t: int) -> int:
     """The first tick from which one may have stood at a place until tick t."""
     last = tables.since.shape[1] - 1
@@ -137,7 +137,7 @@ def free_since(tables: Tables, p: int, t: int) -> int:
     return int(tables.since[p, t])
 
 
-@lean
+@inlined
 def is_open(tables: Tables, a: int, p: int, t: int) -> bool:
     """Whether an arc whose tail is at place p can be left for at a tick."""
     r = tables.row[a]
