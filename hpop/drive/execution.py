@@ -21,7 +21,7 @@ from hpop.drive.cuts import Cut, closed_ways, cut_of
 from hpop.drive.departures import same_side
 from hpop.drive.moment import Moment, Stretch, past
 from hpop.drive.network import Found, Network
-from hpop.drive.options import Commit, Compared, Option, Options
+from hpop.drive.options import Commit, Compared, Later, Option, Options
 from hpop.drive.plan import SAME, Plan, between, held, joined, part, until
 from hpop.drive.rest import front_of_rest
 from hpop.drive.surroundings import Surroundings
@@ -34,6 +34,7 @@ from hpop.motions import States
 from hpop.motions.space import StateSpec
 from hpop.options import MOST, real, whole
 from hpop.planners.base import Planner
+from hpop.planners.timed.safety import LEAVING
 from hpop.trajectory import Trajectory
 from hpop.world import Person
 
@@ -173,9 +174,11 @@ class Execution(Telling):
         arrives = at_end and self._plan.stops is None
         stands = max(0.0, t - float(driven.times[place])) if at_end and not arrives else 0.0
         time = self._lag + float(driven.times[place]) + stands
-        names = self.problem.model.space.names
-        state = States(**{name: getattr(driven.states, name)[[place]] for name in names})
-        return Commit(time, state, place, stands, arrives)
+        states = States(**{name: getattr(driven.states, name) for name in self.problem.model.space.names})
+        times = self._lag + driven.times[self._plan.arrivals]
+        soon = (times > time + SAME) & (times <= time + LEAVING)
+        later = Later(times[soon], states.take(self._plan.arrivals[soon]))
+        return Commit(time, states.take(np.array([place])), place, stands, arrives, later)
 
     # What may be chosen
 

@@ -25,8 +25,8 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import Roadmap
-from hpop.planners.timed.assembly import reading_time
 from hpop.planners.timed.clock import GOLDEN, TimeOptions
+from hpop.planners.timed.reading import reading_time
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ class Network:
         self._began = float(begin)
         self._without: Ways | None = None  # while people move: without costs that read the time
         self._among: TimedWays | None = None
+        self._other: TimedWays | None = None  # where nobody is near the robot, if somebody was, or the other way round
         self._met: list[TimedPlan] = []  # what was found last among them
         self._driven: Sequence[Trajectory] = ()  # the same as trajectories
         self._aside = Aside()
@@ -162,7 +163,7 @@ class Network:
     def begin(self, now: Surroundings, commit: Commit) -> None:
         """Begin to make the graph on a clock among the people of now, for questions from a commit on."""
         is_made = self._making is not None and self._making.surroundings is now
-        if not is_made and not self._serves(now, commit):
+        if not is_made and self._serving(now, commit) is None:
             self._making = _Making(now, commit, self._aside.begin(partial(self._made, now, commit)))
 
     def among(self, now: Surroundings, commit: Commit, seconds: float | None = None) -> TimedWays | None:
@@ -171,7 +172,7 @@ class Network:
         None where it is not made within some seconds, by the clock; it is being made then.
         """
         until = None if seconds is None else time.perf_counter() + seconds
-        while not self._serves(now, commit):
+        while (serving := self._serving(now, commit)) is None:
             self.begin(now, commit)
             making = self._making
             assert making is not None
@@ -182,34 +183,39 @@ class Network:
             finally:
                 if making.future.done():
                     self._making = None
+            if self._among is not None and self._among.is_other_part_of(made):
+                self._other = self._among
+            elif self._other is not None and not self._other.is_other_part_of(made):
+                self._other = None
             self._among = made
             if making.commit.time == commit.time:
-                break
-        return self._among
+                return made
+        if serving is self._other:
+            self._among, self._other = serving, self._among
+        if serving.near and self._other is None and self._making is None:  # ahead of when the robot has left them
+            self._making = _Making(now, commit, self._aside.begin(partial(self._made, now, commit, is_far=True)))
+        return serving
 
-    def _serves(self, now: Surroundings, commit: Commit) -> bool:
-        """Whether the graph that is there has the answers to questions from a commit on."""
-        among, ways = self._among, self._without
-        if among is None or ways is None or ways.world is not now.problem.world:
-            return False
-        node = int(ways.nodes(commit.state)[0])
-        if not among.serves(now, node, commit.time, ways):
-            return False
-        return among.alone or not among.is_near(now.at(commit.state, commit.time))
+    def _serving(self, now: Surroundings, commit: Commit) -> TimedWays | None:
+        """The graph that has the answers to questions from a commit on, if it is there."""
+        ways = self._without
+        if ways is None or ways.world is not now.problem.world:
+            return None
+        graphs = (made for made in (self._among, self._other) if made is not None)
+        return next((made for made in graphs if made.serves(now, commit, ways)), None)
 
-    def _made(self, now: Surroundings, commit: Commit) -> TimedWays:
-        """The graph on a clock for questions from a commit on, ready for them."""
-        problem, ways = now.at(commit.state, commit.time), self._plain(now)
+    def _made(self, now: Surroundings, commit: Commit, *, is_far: bool = False) -> TimedWays:
+        """The graph on a clock for questions from a commit on, or for later ones with nobody near; ready for them."""
+        ways = self._plain(now)
         node = int(ways.nodes(commit.state)[0])
         if node < 0:
-            ways = ways.from_beside(problem)
+            ways = ways.from_beside(now.at(commit.state, commit.time))
             node = ways.query.start
         options = self.planner.time_options  # type: ignore[attr-defined]
         if options.arrive_by is not None:  # since the robot left
             left = options.arrive_by - (now.since - self._began)
             options = replace(options, arrive_by=max(left, options.tick))
-        asked = commit.time, now, problem, self.objectives, options
-        made = TimedWays.laid_out(ways, node, *asked, self._among)
+        made = TimedWays.laid_out(ways, node, commit, now, self.objectives, options, self._among, is_far=is_far)
         _ = made.prepared  # ahead of the next question
         return made
 

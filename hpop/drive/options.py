@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
+from hpop.arrays import FloatArray
 from hpop.drive.departures import leaves, next_turn
 from hpop.errors import DriveError
 from hpop.front import Front, Point
@@ -14,6 +15,17 @@ from hpop.motions import States
 from hpop.status import Status
 from hpop.text import shown
 from hpop.trajectory import Trajectory
+
+
+class Later(NamedTuple):
+    """Places of a plan at which a drive may take another way.
+
+    times   (L,)  s, of the drive
+    states  (L,)  of the robot, then
+    """
+
+    times: FloatArray
+    states: States
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +37,7 @@ class Commit:
     place    the state of the plan that is driven, by number
     stands   s that the robot stands there before
     arrives  whether that is the goal
+    later    places soon after it at which the robot may do so as well
     """
 
     time: float
@@ -32,6 +45,7 @@ class Commit:
     place: int
     stands: float
     arrives: bool
+    later: Later
 
 
 @dataclass(frozen=True, eq=False, repr=False)

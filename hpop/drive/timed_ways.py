@@ -19,14 +19,18 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import Surroundings
 from hpop.drive.ways import Ways
+from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.claims import how_far
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
-from hpop.planners.timed.assembly import LaidOut, Timed, timed_graph
+from hpop.planners.timed.assembly import timed_graph
 from hpop.planners.timed.clock import TimeOptions
+from hpop.planners.timed.company import Company
+from hpop.planners.timed.graph import LaidOut, Timed
 from hpop.planners.timed.query import TimedQuery
+from hpop.planners.timed.safety import LEAVING, Safety, Start
 from hpop.search.timed import TimedPaths
 from hpop.search.timed.prepared import PreparedTimed, Walk
 from hpop.status import Status
@@ -53,8 +57,9 @@ class TimedWays:
     timed       the graph on the clock; its tick 0 is `since`, s of the drive
     objectives, options
     people      as they are predicted from then on
-    start       node from which it was laid out, and `begin` the tick
-    alone       whether it serves questions from there alone: somebody is near the robot
+    start       node from which it was laid out, and `begin` the tick from which on it may be asked about
+    near        nodes at which the robot is within somebody's margin, and when, s on the clock: there it may leave, also
+                where it would not be so near else; none where nobody is near it
     """
 
     ways: Ways
@@ -65,56 +70,62 @@ class TimedWays:
     since: float
     start: int
     begin: int
-    alone: bool
+    near: tuple[tuple[int, float], ...]
 
     @classmethod
     def laid_out(
         cls,
         ways: Ways,
         node: int,
-        at: float,
+        commit: Commit,
         now: Surroundings,
-        problem: Problem,
         objectives: Objectives,
         options: TimeOptions,
         before: TimedWays | None,
+        *,
+        is_far: bool = False,
     ) -> TimedWays:
-        """The ways from a node, reached at a time of the drive, s.
+        """The ways from a node, that of a commit.
 
-        problem  asked from there and then
-        before   the same of other people, or of other closings; None if there are none
+        before  the same of other people, or of other closings; None if there are none
+        is_far  whether they are for later places alone, where nobody is near
         """
         space = ways.query.space
         assert isinstance(space, StateGraph | JoinedEnds)
         space = space.costed_in(now.problem.world)
         arcs = before.timed.arcs if before is not None and before.ways.query.space is ways.query.space else None
-        tick = options.tick
-        begin = max(0, math.floor((at - EARLIER - now.since) / tick))
-        laid = LaidOut(ways.graph, ways.closed, begin, arcs)
+        at = commit.time - now.since
+        begin = max(0, math.floor((at - EARLIER) / options.tick))
+        clear = Safety.of(Company.of(space.world), space.model, options, 0, (), space.spending)
+        near = tuple[tuple[int, float], ...]()
+        if not is_far and clear.near(_start(commit.state, at)):
+            # The places that come next belong to the same question: there the robot may go on leaving.
+            nodes, times = ways.nodes(commit.later.states).tolist(), (commit.later.times - now.since).tolist()
+            each = enumerate(zip(nodes, times, strict=True))
+            there = (clear.near(_start(commit.later.states.take([i]), time)) for i, (_, time) in each)
+            later = zip(nodes, times, there, strict=True)
+            near = ((node, at), *((other, time) for other, time, who in later if other >= 0 and who))
+        laid = LaidOut(ways.graph, ways.closed, begin, near, arcs)
         timed = timed_graph(space, objectives.optimised, node, options, now.problem.quanta, laid)
-        made = cls(ways, timed, objectives, options, now.people, now.since, node, begin, alone=False)
-        if not made.is_near(problem):
-            return made
-        # Somebody is near: the robot may leave, which is a question of its own.
-        space, begin = space.costed_in(problem.world), 0
-        laid = LaidOut(ways.graph, ways.closed, None, timed.arcs)
-        timed = timed_graph(space, objectives.optimised, node, options, now.problem.quanta, laid)
-        return replace(made, timed=timed, since=at, begin=0, alone=True)
+        return cls(ways, timed, objectives, options, now.people, now.since, node, begin, near)
 
-    def is_near(self, problem: Problem) -> bool:
-        """Whether somebody is within the margin of the start of a problem; QueryError where there is contact."""
-        x, y = problem.start[:2]
-        people = problem.world.content.people
-        movers = tuple(each for person in people if person.moves for _, each in person.hypotheses)
-        return bool(replace(self.timed.safety, people=movers, start=(float(x), float(y))).about_start)
-
-    def serves(self, now: Surroundings, node: int, at: float, ways: Ways) -> bool:
-        """Whether a question from a node at a time, s of the drive, has its answer here."""
-        if self.ways is not ways or self.people != now.people or node < 0:
+    def serves(self, now: Surroundings, commit: Commit, ways: Ways) -> bool:
+        """Whether a question from a commit has its answer here."""
+        (node,) = ways.nodes(commit.state).tolist()
+        if self.ways is not ways or self.people != now.people or self.since != now.since or node < 0:
             return False
-        if self.alone:
-            return node == self.start and self.since == at
-        return self.since == now.since and self.tick(at) >= self.prepared.earliest[node]
+        if self.tick(commit.time) < self.prepared.earliest[node]:
+            return False
+        at = commit.time - self.since
+        about = self.timed.safety.near(_start(commit.state, at))
+        if not about or not self.near:
+            return not about and not self.near
+        is_there = node in [other for other, _ in self.near] and at <= self.near[0][1] + LEAVING
+        return is_there and {*about} <= {*self.timed.safety.about_start}
+
+    def is_other_part_of(self, made: TimedWays) -> bool:
+        """Whether it is of the same people and closings as another, one of them for a robot near to somebody."""
+        return self.ways is made.ways and self.people == made.people and bool(self.near) != bool(made.near)
 
     def tick(self, at: float) -> int:
         """The tick next to a time, s of the drive."""
@@ -196,3 +207,8 @@ class TimedWays:
                 f"others are missing{how_far(paths.gap, {})}"
             )
         return query.candidates(name, paths, claim, {})
+
+
+def _start(state: States, time: float) -> Start:
+    """A state (1,) as a place where plans begin, at a time on the clock, s."""
+    return Start(float(state.x[0]), float(state.y[0]), time)

@@ -13,8 +13,10 @@ from hpop.contacts import contact
 from hpop.drive import Execution, Options
 from hpop.drive.plan import between
 from hpop.planners import Lattice
-from hpop.planners.timed.assembly import LaidOut, reading_time, timed_graph
+from hpop.planners.timed.assembly import timed_graph
 from hpop.planners.timed.clock import TICK
+from hpop.planners.timed.graph import LaidOut
+from hpop.planners.timed.reading import reading_time
 from hpop.search.timed import timed_paths
 from hpop.status import Status
 from hpop.world import Person
@@ -56,7 +58,7 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
     timed = reading_time(known.objectives.optimised, space)
     plain = space.graph([c for j, c in enumerate(known.objectives.optimised) if j not in timed])
     node = int(known.ways.nodes(commit.state)[0])
-    laid = LaidOut(plain, known.ways.closed, None)
+    laid = LaidOut(plain, known.ways.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
     graph = timed_graph(space, known.objectives.optimised, node, known.options, then.quanta, laid).graph
     paths = timed_paths(graph, node, known.ways.query.goals)
     assert paths.status is Status.COMPLETE

@@ -12,89 +12,28 @@ from typing import Any
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, motion_costs, place_of
-from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
+from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, place_of
+from hpop.errors import OptionError
 from hpop.models.execution import Ramps
-from hpop.motions import Motions, States
+from hpop.motions import States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.trajectory_graph import aggregates
 from hpop.planners.objectives import WHOLE
 from hpop.planners.timed.clock import SLACK, Clock, TimeOptions
 from hpop.planners.timed.company import Company
-from hpop.planners.timed.legs import TimedArcs, motions_of
+from hpop.planners.timed.graph import LaidOut, Timed
+from hpop.planners.timed.legs import TimedArcs
 from hpop.planners.timed.notice import Asked, Attention
 from hpop.planners.timed.presence import Presence
-from hpop.planners.timed.safety import Safety
+from hpop.planners.timed.reading import reading_time
+from hpop.planners.timed.safety import Safety, Start
 from hpop.planners.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
 from hpop.planners.timed.tables import Tables
 from hpop.search import Graph
 from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
 
-TRIED = 64  # arcs that tell whether a criterion reads the time
 NEVER = 2**31 - 1
-
-
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """A graph of states on a clock.
-
-    graph       what a search takes
-    quanta      (k,)  what one count of each cost is, in the criteria's units
-    lasting     the column of the duration, which is counted in ticks; None if it is no cost
-    start       node of the start, at which plans begin
-    arcs        the same arcs as motions
-    clock
-    company     who moves
-    ramps       by how much executions are off; None where that is not known
-    hold        s  that the robot stands at least when it waits, or None
-    overlooked  (k,)  by how much costs may differ in what is not noticed: a second, or at the worst moment
-    pairs       how many costs of an arc or a place at a tick were reckoned
-    seconds     s that making it took
-    safety      what keeps the robot clear of people
-    attention   what criteria said of them
-    """
-
-    graph: TimedGraph
-    quanta: FloatArray
-    lasting: int | None
-    start: int
-    arcs: TimedArcs
-    clock: Clock
-    company: Company
-    ramps: Ramps | None
-    hold: float | None
-    overlooked: FloatArray
-    pairs: int
-    seconds: float
-    safety: Safety
-    attention: Attention
-
-    @property
-    def counts(self) -> dict[str, Any]:
-        """How large it is, for the stats of a planner."""
-        return {
-            "ticks": self.graph.horizon,
-            "timed_edges": int(self.graph.timed.size),
-            "costs_by_time": self.pairs,
-            "table_seconds": self.seconds,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class LaidOut:
-    """What is there of a graph already that is put on a clock again and again, while people change.
-
-    plain   its arcs, and what they cost by those criteria that do not read the time (:func:`reading_time`)
-    closed  (m,)  arcs that nobody takes
-    begin   tick at which the robot comes to the start; None: it is there at tick 0, and may leave who is near it
-    arcs    as they were timed before; None if never
-    """
-
-    plain: Graph
-    closed: BoolArray
-    begin: int | None
-    arcs: TimedArcs | None = None
 
 
 def timed_graph(
@@ -118,12 +57,6 @@ def timed_graph(
     """
     began = time.perf_counter()
     return _Assembly(space, tuple(criteria), start, options, frozenset(quanta), laid, attention).made(began)
-
-
-def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
-    """Which of some criteria read the time, among the people of a graph's world."""
-    inner = space.inner if isinstance(space, JoinedEnds) else space
-    return [j for j, criterion in enumerate(criteria) if _reads_time(criterion, inner)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,21 +168,16 @@ class _Assembly:
 
     @cached_property
     def safety(self) -> Safety:
-        people = tuple(each for person in self.company.people for _, each in person.hypotheses)
-        at = self.arcs.states.take([self.arcs.place[self.begin]])
-        comes = self.laid is not None and self.laid.begin is not None
-        start = None if comes else (float(at.x[0]), float(at.y[0]))
-        parts, margin = self.arcs.inner.model.parts, self.options.margin
-        return Safety(
-            parts,
-            people,
-            self.clock,
-            self.horizon,
-            margin,
-            start,
-            self.ramps.stray,
-            self.space.spending,
-        )
+        model, spending = self.arcs.inner.model, self.space.spending
+        return Safety.of(self.company, model, self.options, self.horizon, self.starts, spending)
+
+    @cached_property
+    def starts(self) -> tuple[Start, ...]:
+        """Where somebody may be near as plans begin."""
+        begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
+        at = self.arcs.states.take(self.arcs.place[[node for node, _ in begins]])
+        times = [time for _, time in begins]
+        return tuple(map(Start, at.x.tolist(), at.y.tolist(), times))
 
     @cached_property
     def presence(self) -> Presence:
@@ -289,8 +217,8 @@ class _Assembly:
         if self.headed:
             stays[:] = False
         elif self.safety.about_start:  # from there one may leave, and turn to do so
-            here = self.arcs.place[self.begin]
-            stays[self.arcs.place[self.arcs.tails] == here] = False
+            nodes = [self.begin] if self.laid is None else [node for node, _ in self.laid.near]
+            stays[np.isin(self.arcs.place[self.arcs.tails], self.arcs.place[nodes])] = False
         return stays
 
     @cached_property
@@ -302,11 +230,13 @@ class _Assembly:
         plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
         network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
         found = dijkstra(network, indices=np.array([self.begin]))[0]
-        begin = 0 if self.laid is None else self.laid.begin or 0
+        begin = 0 if self.laid is None else self.laid.begin
         return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
 
     def made(self, began: float) -> Timed:
         """The graph on the clock."""
+        if self.laid is None:
+            self.safety.refuse_contact()
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
         rows = np.flatnonzero(~self.stays)
         legs, tails = arcs.legs(rows), arcs.tails[rows]
@@ -383,19 +313,3 @@ class _Assembly:
 def _frozen(array: Any) -> Any:
     array.setflags(write=False)
     return array
-
-
-def _reads_time(criterion: Criterion, space: StateGraph) -> bool:
-    """Whether costs depend on when a motion begins: none can be had without, or they differ."""
-    some = np.unique(np.linspace(0, space.arcs.heads.size - 1, TRIED).astype(np.int64))
-    for _, _, motions in motions_of(space, some):
-        try:
-            plain = motion_costs(criterion, motions)
-        except (CriterionError, UnsupportedCriterion):
-            return True
-        world, model, law = motions.world, motions.model, motions.law
-        for t0 in (0.0, 1.0, 5.0):
-            then = Motions(world, model, law, motions.start, motions.end, t0=np.full(len(motions), t0))
-            if (motion_costs(criterion, then) != plain).any():
-                return True
-    return False

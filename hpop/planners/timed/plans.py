@@ -18,7 +18,7 @@ from hpop.motions import HOLD, States
 from hpop.motions.hold import CLOCK
 from hpop.options import LEAST
 from hpop.planners.graphs.joined_ends import JoinedEnds
-from hpop.planners.timed.assembly import Timed
+from hpop.planners.timed.graph import Timed
 from hpop.search.timed.graph import RATE_BITS
 from hpop.search.timed.paths import HOLD as HELD
 from hpop.search.timed.paths import Steps

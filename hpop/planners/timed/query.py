@@ -18,8 +18,8 @@ from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import how_far, within
 from hpop.planners.graphs.query import SHARE, tolerance_counts
 from hpop.planners.objectives import Objectives
-from hpop.planners.timed.assembly import Timed
 from hpop.planners.timed.clock import SLACK, TimeOptions
+from hpop.planners.timed.graph import Timed
 from hpop.planners.timed.plans import Plans
 from hpop.search import pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointSpec
