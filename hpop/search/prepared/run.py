@@ -4,6 +4,7 @@ Most questions of a drive are small: the exact search answers them in millisecon
 limits and is not done, a search within a precision comes in between. Joint bounds that are kept are made right for what
 is closed now, as far as there is time; with them, and all that is known to begin with, it needs some thousands of
 labels, and proves a gap that the exact search, which goes by its first cost, would prove at its end. Then that goes on.
+On small graphs joint bounds are not made right: where anything is closed, all the time is the exact search's.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ class PreparedRun:
         outlook, in_groups = prepared.outlook, groups is prepared.closings.whole
         if isinstance(search, Staircase) and in_groups and outlook.layers is not None:
             search.take_turn_bounds(outlook.layers.astype(search.dtype, copy=False))
-        if isinstance(search, Staircase) and in_groups and outlook.hull is not None and clock.is_limited:
+        is_right = prepared.hull is not None or not prepared.closings.closed.any()
+        if isinstance(search, Staircase) and in_groups and outlook.hull and is_right and clock.is_limited:
             clock.share = SOON if prepared.outdated else FIRST
             status = search.run(clock)
             if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
