@@ -11,16 +11,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numba.core.caching import NullCache
 
 import hpop
-from hpop.compiled import kernel, numba
+from hpop.compiled import kernel, lean, numba, wide
 
 PACKAGE = Path(hpop.__file__).parent
 KERNELS = sorted(
     ".".join(("hpop", *path.relative_to(PACKAGE).with_suffix("").parts))
     for path in PACKAGE.rglob("*.py")
-    if re.search(r"^@(kernel|lean)$|njit", path.read_text(encoding="utf-8"), re.MULTILINE)
+    if re.search(r"^@(kernel|lean|wide)$|njit", path.read_text(encoding="utf-8"), re.MULTILINE)
 )
 USE = """\
 import importlib, sys
@@ -71,6 +73,23 @@ def test_that_they_are_compiled_anew_each_time_is_said_once_with_what_helps(
     assert len(said) == 1
     assert "compiled anew" in said[0]
     assert "NUMBA_CACHE_DIR" in said[0]
+
+
+def test_a_wide_kernel_takes_neighbouring_numbers_in_one_instruction() -> None:
+    def added(one: Any, other: Any) -> None:
+        a, b, c, d = one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
+        other[0], other[1], other[2], other[3] = a, b, c, d
+
+    vectors = {}
+    for compiled in (lean, wide):
+        made, sums = compiled(added), np.arange(4.0)
+        made._cache = NullCache()  # of what is kept numba does not tell the instructions
+        made(np.full(4, 0.5), sums)
+        assert sums.tolist() == [0.5, 1.5, 2.5, 3.5]
+        (code,) = made.inspect_llvm().values()
+        vectors[compiled] = re.findall(r"fadd <(\d+) x double>", code)
+    assert not vectors[lean]
+    assert vectors[wide]
 
 
 def test_ctrl_c_while_llvm_calls_back_is_neither_lost_nor_leaves_half_a_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
