@@ -68,7 +68,9 @@ def _people(faults: Faults, entry: BaseModel, place: Place) -> People:
             return (Person.along(Track.through(entry.waypoints), **said),)
         case PersonEntry():
             said["futures"] = tuple(_future(future) for future in entry.futures)
-            return (Person(**{**said, "yaw": faults.angle(entry.yaw, (*place, "yaw"), "a yaw")}),)
+            if entry.yaw is not None:
+                said["yaw"] = faults.angle(entry.yaw, (*place, "yaw"), "a yaw")
+            return (Person(**said),)
     raise AssertionError(entry)  # there is no other form
 
 

@@ -242,12 +242,12 @@ class FutureEntry(_Strict):
 class PersonEntry(Prediction):
     """A person, m, m/s, who stands, walks at a velocity, or has several futures.
 
-    The yaw is in rad or text such as "90 deg".
+    The yaw is in rad or text such as "90 deg"; left out, it is where the velocity leads.
     """
 
     x: float
     y: float
-    yaw: Angle = 0.0
+    yaw: Angle | None = None
     velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)
     futures: list[FutureEntry] = []
     name: str = ""  # in messages and pictures

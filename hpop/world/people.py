@@ -80,7 +80,7 @@ class Person:
     """A person: where, looking where, moving how. Without more, the prediction is a constant velocity, for ever.
 
     x, y        m     now
-    yaw         rad   heading of the body, of who stands
+    yaw         rad   heading of the body; left out, where a velocity leads, and 0 of who stands
     velocity    (x, y) m/s
     radius      m     of the body
     name
@@ -97,7 +97,7 @@ class Person:
 
     x: float
     y: float
-    yaw: float = 0.0
+    yaw: float = None  # type: ignore[assignment]  # a number from the construction on
     velocity: tuple[float, float] = STANDS
     radius: float = 0.25
     name: str = ""
@@ -112,6 +112,9 @@ class Person:
     def __post_init__(self) -> None:
         what = named_as("person", self.name)
         object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
+        looks_ahead = self.yaw is None
+        if looks_ahead:
+            object.__setattr__(self, "yaw", _along(self.velocity))
         set_numbers(self, what, "x", "y", "yaw", "radius")
         check_radians(what, "yaw", self.yaw)
         if not self.radius >= LEAST:
@@ -124,7 +127,7 @@ class Person:
         one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
         if self.track is not None:
             self._set_track(what, self.track)
-        object.__setattr__(self, "futures", _checked_futures(what, self.futures))
+        object.__setattr__(self, "futures", _checked_futures(what, self.futures, looks_ahead))
         for future in self.futures:
             self._check_begin(what, future)
         if self.futures and (self.track is not None or self.velocity != STANDS):
@@ -268,10 +271,7 @@ class Person:
         return math.cos(yaw), math.sin(yaw)
 
     def yaw_at(self, t: Column) -> Column:
-        """Heading of the body, rad, at times t, s: along a track, else the ``yaw`` that is given. Of one future.
-
-        Who walks at a velocity may look elsewhere, at whom he talks with.
-        """
+        """Heading of the body, rad, at times t, s: along a track, else ``yaw``. Of one future."""
         self._check_one("yaw_at")
         along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
         return self.yaw if along is None else np.arctan2(along[1], along[0])
@@ -380,11 +380,18 @@ def _check_speed(what: str, velocity: tuple[float, float]) -> None:
         )
 
 
-def _checked_futures(what: str, given: Any) -> tuple[Future, ...]:
-    """Futures whose weights sum to 1."""
+def _along(velocity: tuple[float, float]) -> float:
+    """Heading in which a velocity leads, rad; 0 of who stands."""
+    return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
+
+
+def _checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
+    """Futures whose weights sum to 1; of a person who looks ahead, each says where that is."""
     futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
     if futures is None or not all(isinstance(future, Future) for future in futures):
         raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
+    if looks_ahead:
+        futures = tuple(replace(f, yaw=_along(f.velocity)) if f.yaw is None else f for f in futures)
     total = math.fsum(future.weight for future in futures)
     if not futures or abs(total - 1.0) <= SAME_SUM:
         return futures

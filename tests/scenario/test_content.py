@@ -66,7 +66,7 @@ def test_a_scenario_furnishes_its_world_as_it_says(tmp_path):
     ada, friend, walker = content.people
     assert (ada.x, ada.y, ada.yaw, ada.name, ada.radius, ada.velocity) == (4.0, 5.0, math.pi / 2, "Ada", 0.25, (0, 0))
     assert (friend.yaw, friend.radius, friend.name) == (-1.5, 0.3, "")
-    assert walker.velocity == (-0.8, 0.0)
+    assert (walker.velocity, walker.yaw) == ((-0.8, 0.0), math.pi)  # looks where he goes
     assert content.groups == ((0, 1),)
     door, other = content.landmarks
     assert (door.x, door.y, door.z, door.facing, door.weight, door.name) == (8.5, 3.0, 1.6, -math.pi / 2, 2.0, "door")

@@ -47,6 +47,8 @@ def hall() -> World:
 @pytest.mark.parametrize("field", ["x", "y", "yaw", "radius"])
 @pytest.mark.parametrize("wrong", NUMBERS)
 def test_a_person_is_given_by_finite_numbers(field, wrong):
+    if field == "yaw" and wrong is None:
+        return  # it is left out
     with pytest.raises(MapError, match=f"person 'Ada': {field} must be a"):
         Person(**{"x": 0.0, "y": 0.0, "name": "Ada", field: wrong})
 

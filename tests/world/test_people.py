@@ -28,6 +28,16 @@ def columns(person: Person, t: np.ndarray) -> list[np.ndarray]:
     return [np.broadcast_to(column, t.shape) for column in asked]
 
 
+def test_who_walks_looks_where_the_velocity_leads_unless_a_yaw_says_otherwise() -> None:
+    assert Person(0.0, 0.0, velocity=(0.0, 0.5)).yaw_at(1.0) == pytest.approx(math.pi / 2)
+    assert Person(0.0, 0.0, yaw=0.0, velocity=(0.0, 0.5)).yaw_at(1.0) == 0.0
+    assert Person(0.0, 0.0).yaw_at(1.0) == 0.0
+    futures = (Future(1, velocity=(-1, 0)), Future(1, velocity=(0, -1), yaw=1.0), Future(1))
+    headings = [one.yaw_at(0.0) for _, one in Person(0.0, 0.0, futures=futures).hypotheses]
+    assert headings == pytest.approx([math.pi, 1.0, 0.0])
+    assert {one.yaw_at(0.0) for _, one in Person(0.0, 0.0, yaw=0.3, futures=futures[::2]).hypotheses} == {0.3}
+
+
 def test_a_velocity_is_followed_for_ever():
     person = Person(1.0, 2.0, velocity=(0.5, -1.0))
     assert person.moves
