@@ -101,7 +101,10 @@ def _in_time(
 
 
 def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
-    """The motions of a trajectory, but holds, beginning at some times (n,), s; it stands between, and up to a time."""
+    """The motions of a trajectory, but holds, beginning at some times (n,), s; it stands between, and up to a time.
+
+    No hold is shorter than LEAST: a motion begins so much too early at most, and none after it for that reason.
+    """
     moves = [i for i, kind in enumerate(done.kinds) if kind != HOLD.kind]
     lasts, clock = done.durations, getattr(done.states, CLOCK, np.zeros(len(done) + 1))
     rows, kinds, ticks, now = [0], list[str](), [0.0], 0.0
@@ -111,11 +114,12 @@ def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajec
             rows.append(rows[-1])
             kinds.append(HOLD.kind)
             ticks.append(waits)
+            now += waits
         if i < len(done):
             rows.append(i + 1)
             kinds.append(done.kinds[i])
             ticks.append(clock[i + 1] - clock[i])
-            now = begins[i] + lasts[i]
+            now += lasts[i]
     states = {**{name: column[rows] for name, column in done.states.__dict__.items()}, CLOCK: np.cumsum(ticks)}
     names = (*done.model.space.names, *extras(done.model, kinds))
     return Trajectory(done.model, States(**{name: states[name] for name in names}), tuple(kinds))

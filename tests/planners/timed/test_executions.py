@@ -7,6 +7,7 @@ import shapely
 import hpop
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.motions import States
+from hpop.options import LEAST
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
 from hpop.problem import Problem
@@ -55,12 +56,26 @@ def test_an_execution_is_never_off_its_plan_by_more_than_is_said(seed):
     times = np.arange(0.0, plan.duration + v / a, 0.004)
     meant, real = plan.at(times), done.at(times)
     assert np.hypot(real.x - meant.x, real.y - meant.y).max() <= v * v / (8 * a) + 1e-9
-    assert np.abs(real.yaw - meant.yaw).max() <= 1e-9
+    assert np.abs(real.yaw - meant.yaw).max() <= LEAST * robot.turn_rate + 1e-9
     assert np.abs(passed - plan.times)[:-1].max(initial=0.0) <= 0.5 * v / a + 1e-9
     assert (np.diff(passed) >= -1e-9).all()
     ends = done.at(passed)
     assert np.hypot(ends.x - plan.states.x, ends.y - plan.states.y).max() < 1e-3, "it is where it is said to pass"
     assert done.kinds.count("spin") == plan.kinds.count("turn")
+
+
+def test_holds_too_short_to_be_kept_do_not_add_up():
+    """Runs that take all but two thirds of the least time about them, between turns."""
+    robot, turns = DifferentialDrive(speed=1.0, acceleration=1.0), 40
+    length = (1.0 - np.sqrt(2.0 / 3.0 * LEAST)) ** 2  # 2 sqrt(length) is two thirds of LEAST below length + 1
+    x = np.where(np.arange(2 * turns + 1) % 4 < 2, length, 0.0)
+    yaw = np.repeat(np.arange(turns + 1) * np.pi, 2)
+    clock = np.r_[0.0, np.full(x.size + 1, 0.5)]
+    states = States(x=np.r_[0.0, 0.0, x], y=0.0 * clock, yaw=np.r_[0.0, yaw], clock=clock)
+    plan = Trajectory(robot, states, ("hold", *("move", "turn") * turns, "move"), punctual=True)
+    done, _ = robot.execution(plan)
+    times = np.arange(0.0, plan.duration, 0.01)
+    assert np.abs(done.at(times).yaw - plan.at(times).yaw).max() <= LEAST * robot.turn_rate + 1e-9
 
 
 def test_one_that_moves_off_at_once_is_late_by_a_start_until_it_stands():
