@@ -19,6 +19,8 @@ from hpop.preference.best import NEAR
 from hpop.text import counted, printable
 
 MOST_NEAR = 8
+MUCH, LITTLE = 0.5, 0.1  # of the range of a cost on the front
+SMALL = 0.01  # of the cost itself: so little is a little, whatever the range
 
 
 def loaded_preference(path: Path | None) -> Preference | None:
@@ -94,8 +96,8 @@ def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
         if round((a - b) / quantum) == 0:
             said = "the same"
         else:
-            share = abs(a - b) / span[j]
-            much = "much " if share > 0.5 else "a little " if share < 0.1 else ""
+            share, part = abs(a - b) / span[j], abs(a - b) / max(abs(a), abs(b))
+            much = "a little " if share < LITTLE or part < SMALL else "much " if share > MUCH else ""
             less = f"{number(abs(a - b), quantum)}{'' if unit == '1' else f' {unit}'}"
             said = f"{'a' if a < b else 'b'} has {much}less, by {less}"
         found.append(Difference(name, unit, number(a, quantum), number(b, quantum), said))

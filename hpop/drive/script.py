@@ -55,7 +55,7 @@ class Event:
             case (("close" | "open"), _):
                 what = repr(self.name) if self.name else "an area"
             case "people", people:
-                what = f"{len(people)} are there now"
+                what = f"{len(people)} there now"
             case "stop", Person():
                 what = self.value.name or "somebody"
             case "wish", Mapping():

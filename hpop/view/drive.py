@@ -97,11 +97,14 @@ def _draw_map(
         patch.set_gid("closed")
         axes.add_patch(patch)
     for person in people:
-        if bool(np.any(np.asarray(person.there(np.zeros(1))) > 0)):
+        if any(float(one.there(np.float64(0.0))) > 0 for _, one in person.hypotheses):
             body = Circle((person.x, person.y), person.radius, facecolor=SKIN, edgecolor=INK, zorder=6)
             body.set_gid("person")
             axes.add_patch(body)
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
+    axes.set_xlabel("x (m)", fontsize=SMALL)
+    if axes.get_subplotspec().is_first_col():  # type: ignore[union-attr]
+        axes.set_ylabel("y (m)", fontsize=SMALL)
     axes.tick_params(labelsize=SMALL)
 
 

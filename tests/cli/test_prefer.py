@@ -142,6 +142,9 @@ def test_differences_are_told_in_words() -> None:
     near = [one.words for one in differences(front, (0, 1))]  # type: ignore[arg-type]
     assert near == ["a has a little less, by 0.500 m", "b has less, by 1", "the same"]
     assert differences(front, (2, 0))[0].words == "b has much less, by 10.000 m"  # type: ignore[arg-type]
+    alike: Front[int] = Front.of([[30.0, 2.0], [30.1, 1.0]], names=["length", "turns"], units=["m", "1"])
+    words = differences(alike, (0, 1))[0].words  # type: ignore[arg-type]
+    assert words.startswith("a has a little less"), "all that the front differs by, and nobody would notice it"
 
 
 class Questions:

@@ -9,6 +9,7 @@ import hpop
 from hpop.drive.script import Event, performed
 from hpop.errors import OptionError
 from hpop.view.drive import MOST, draw_drive
+from hpop.world import Future, Person
 from tests.drive.rooms import planned
 
 
@@ -53,6 +54,15 @@ def test_of_many_events_the_first_are_drawn_and_the_title_says_so(driven):
 def test_a_drive_on_which_nothing_happened_is_no_picture(driven):
     with pytest.raises(OptionError, match="nothing happened"):
         draw_drive(driven[0], [])
+
+
+def test_who_may_do_several_things_is_drawn_while_any_of_them_is_to_come():
+    problem, front = planned()
+    drive = hpop.follow(problem, front, "knee")
+    several = Person(3.0, 3.0, futures=(Future(1, velocity=(0.1, 0.0)), Future(1)), until=4.0)
+    happenings = list(performed(drive, [Event(1.0, "people", [several]), Event(6.0, "options")]))
+    bodies = [sum(patch.get_gid() == "person" for patch in axes.patches) for axes in draw_drive(drive, happenings).axes]
+    assert bodies == [1, 0, 0]
 
 
 def legend(figure):
