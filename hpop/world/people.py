@@ -56,8 +56,7 @@ class Future:
     def __post_init__(self) -> None:
         what = "a future"
         object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
-        object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
-        _check_speed(what, self.velocity)
+        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
         if self.track is not None:
             _check_track(what, self.track, self.velocity)
         for name in ("x", "y", "yaw", "until", "spread", "growth"):
@@ -111,7 +110,7 @@ class Person:
 
     def __post_init__(self) -> None:
         what = named_as("person", self.name)
-        object.__setattr__(self, "velocity", pair(what, "velocity", self.velocity, "m/s"))
+        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
         looks_ahead = self.yaw is None
         if looks_ahead:
             object.__setattr__(self, "yaw", _along(self.velocity))
@@ -121,7 +120,6 @@ class Person:
             raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
         if self.radius > WIDEST:
             raise MapError(f"{what} needs a radius of at most {WIDEST:g} m; got {self.radius:g}. Radii are in m.")
-        _check_speed(what, self.velocity)
         for name in ("spread", "growth", "age", *(() if self.until is None else ("until",))):
             object.__setattr__(self, name, number(what, name, getattr(self, name), 0.0))
         one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
@@ -371,13 +369,16 @@ def _check_track(what: str, track: object, velocity: tuple[float, float]) -> Non
         raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
 
 
-def _check_speed(what: str, velocity: tuple[float, float]) -> None:
+def _checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
+    """A velocity, m/s; of who is slower than anything that is told apart, such as what a tracker makes of rest, 0."""
+    velocity = pair(what, "velocity", given, "m/s")
     speed = math.hypot(*velocity)
     if speed > FASTEST:
         raise MapError(
             f"{what} has a velocity of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Velocities are in "
             "m/s: check the unit."
         )
+    return velocity if speed >= LEAST else STANDS
 
 
 def _along(velocity: tuple[float, float]) -> float:

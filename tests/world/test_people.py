@@ -17,6 +17,7 @@ from hpop.errors import MapError
 from hpop.motions.symbolic import lift
 from hpop.world import Future, Person, Track, World
 from hpop.world.content import Content
+from hpop.world.predictions import bounded
 
 L = Track.through([(1, 0, 0), (3, 2, 0), (4, 2, 1)])
 T = np.array([0.0, 0.5, 1.0, 2.0, 3.5, 3.999, 4.0, 6.0])
@@ -26,6 +27,17 @@ def columns(person: Person, t: np.ndarray) -> list[np.ndarray]:
     """All that may be asked of one hypothesis."""
     asked = [*person.at(t), *person.velocity_at(t), *person.ahead_at(t), person.there(t), person.deviation(t)]
     return [np.broadcast_to(column, t.shape) for column in asked]
+
+
+@pytest.mark.parametrize("velocity", [(1e-320, 0.0), (0.0, -5e-324), (4e-7, 4e-7)])
+def test_who_is_slower_than_anything_that_is_told_apart_stands(velocity: tuple[float, float]) -> None:
+    assert not Person(5.0, 1.0, velocity=velocity).moves
+    assert Future(1, velocity=velocity).velocity == (0.0, 0.0)
+    slow = World.from_polygons([], extent=shapely.box(0, 0, 6, 4)).with_content(
+        people=[Person(5.0, 1.0, velocity=(2e-6, 0.0))]
+    )
+    (left,), _ = bounded(slow, None)
+    assert left.until == pytest.approx(1.0 / 2e-6)
 
 
 def test_who_walks_looks_where_the_velocity_leads_unless_a_yaw_says_otherwise() -> None:
