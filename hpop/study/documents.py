@@ -53,10 +53,14 @@ def checked(place: object, values: Any, kind: type[T], what: str) -> T:
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        faults = error.errors(include_url=False, include_context=False)
-        said = "; ".join(_said(dict(fault)) for fault in faults[:MOST_FAULTS])
-        more = f"; and {len(faults) - MOST_FAULTS:,} more" if len(faults) > MOST_FAULTS else ""
-        raise StudyError(f"{place}: expected {what}, found {said}{more}") from None
+        raise StudyError(f"{place}: expected {what}, found {in_words(error)}") from None
+
+
+def in_words(error: ValidationError) -> str:
+    """The first faults that pydantic found, and how many more there are."""
+    faults = error.errors(include_url=False, include_context=False)
+    said = "; ".join(_said(dict(fault)) for fault in faults[:MOST_FAULTS])
+    return said + (f"; and {len(faults) - MOST_FAULTS:,} more" if len(faults) > MOST_FAULTS else "")
 
 
 def write(path: str | os.PathLike[str], values: Any) -> None:

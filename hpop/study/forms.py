@@ -15,11 +15,12 @@ from math import isclose
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, model_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
 from hpop.errors import HpopError, StudyError, did_you_mean
 from hpop.scenario.faults import Faults
 from hpop.scenario.yaml_lines import Document
+from hpop.study.documents import in_words
 from hpop.text import shown
 
 MOST_ITEMS = 200
@@ -205,8 +206,8 @@ class Form(_Part):
         """The form that :meth:`to_dict` wrote; StudyError for what is none."""
         try:
             return cls.model_validate(values)
-        except ValueError as error:
-            raise StudyError(f"this is no form: {' '.join(str(error).split())}") from None
+        except ValidationError as error:
+            raise StudyError(f"this is no form: {in_words(error)}") from None
 
     def to_dict(self) -> dict[str, Any]:
         """The form as JSON knows it."""

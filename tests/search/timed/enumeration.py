@@ -6,17 +6,26 @@ from tests.search.timed.instances import TimedQuery
 from tests.search.timed.semantics import Semantics, Vector
 
 Reached = list[list[set[Vector]]]  # by tick and node
+MOST = 100_000  # vectors of a query that are enumerated: a second or so
+
+
+class TooMany(Exception):
+    """More vectors than memory and time are there for; ask :mod:`.expansion` about the query."""
 
 
 def all_vectors(query: TimedQuery) -> Reached:
-    """Costs of all walks that arrive at a node at a tick by an arc, or begin there."""
+    """Costs of all walks that arrive at a node at a tick by an arc, or begin there. Raises TooMany."""
     of = Semantics(query.graph)
     nodes, ticks = range(of.nodes), range(of.last + 1)
     arrived: Reached = [[set() for _ in nodes] for _ in ticks]
     held: Reached = [[set() for _ in nodes] for _ in ticks]
     arrived[0][query.source].add((0,) * len(of.aggregates))
+    count = 0
     for t in ticks:
         for v in nodes:
+            count += len(arrived[t][v]) + len(held[t][v])
+            if count > MOST:
+                raise TooMany
             for end in range(t + of.hold, of.last + 1) if of.hold is not None and arrived[t][v] else ():
                 if of.may_stand(of.place[v], t, end):
                     costs = of.hold_costs(of.place[v], t, end)
