@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 from tests.search.timed.instances import TimedQuery
 from tests.search.timed.semantics import Semantics, Vector
 
 Reached = list[list[set[Vector]]]  # by tick and node
-MOST = 100_000  # vectors of a query that are enumerated: a second or so
 
 
 class TooMany(Exception):
     """More vectors than memory and time are there for; ask :mod:`.expansion` about the query."""
 
 
-def all_vectors(query: TimedQuery) -> Reached:
-    """Costs of all walks that arrive at a node at a tick by an arc, or begin there. Raises TooMany."""
+def all_vectors(query: TimedQuery, most: float = math.inf) -> Reached:
+    """Costs of all walks that arrive at a node at a tick by an arc, or begin there; TooMany where these are."""
     of = Semantics(query.graph)
     nodes, ticks = range(of.nodes), range(of.last + 1)
     arrived: Reached = [[set() for _ in nodes] for _ in ticks]
@@ -24,7 +25,7 @@ def all_vectors(query: TimedQuery) -> Reached:
     for t in ticks:
         for v in nodes:
             count += len(arrived[t][v]) + len(held[t][v])
-            if count > MOST:
+            if count > most:
                 raise TooMany
             for end in range(t + of.hold, of.last + 1) if of.hold is not None and arrived[t][v] else ():
                 if of.may_stand(of.place[v], t, end):
@@ -48,6 +49,6 @@ def nondominated(vectors: set[Vector]) -> list[Vector]:
     return kept
 
 
-def front_by_enumeration(query: TimedQuery) -> list[Vector]:
-    """All non-dominated vectors of walks that end at a target in time."""
-    return nondominated({g for reached in all_vectors(query) for node in query.targets for g in reached[node]})
+def front_by_enumeration(query: TimedQuery, most: float = math.inf) -> list[Vector]:
+    """All non-dominated vectors of walks that end at a target in time; TooMany where walks have more than `most`."""
+    return nondominated({g for reached in all_vectors(query, most) for node in query.targets for g in reached[node]})

@@ -19,6 +19,7 @@ from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query
 from tests.search.timed.semantics import check_timed_walks
 
 TOGETHER = 4  # questions a test
+MOST = 100_000  # vectors of a question that are enumerated: a second or so
 
 
 def from_there(query: TimedQuery, node: int, tick: int) -> TimedQuery:
@@ -54,7 +55,7 @@ def from_there(query: TimedQuery, node: int, tick: int) -> TimedQuery:
 def front_of_all_walks(query: TimedQuery) -> list[tuple[int, ...]]:
     """By enumeration; of the twenty-fifth or so of the questions that have too many walks, on the expanded graph."""
     try:
-        return front_by_enumeration(query)
+        return front_by_enumeration(query, MOST)
     except TooMany:
         return front_by_expansion(query)
 
