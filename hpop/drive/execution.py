@@ -86,9 +86,7 @@ class Execution(Telling):
         self.preference = preference
         self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
-        self._lag = float(
-            self.begin
-        )  # s of the drive at which the plan began, as far as it is known where the robot is
+        self._lag = float(self.begin)  # s of the drive at which the plan began, by where the robot was seen last
         self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0, self._lag)]
         self._latest: Options | None = None
         self.ready(self.begin)  # ahead of the first question
@@ -247,9 +245,8 @@ class Execution(Telling):
         place = options.place_of(option)
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not commit.arrives:
-            raise DriveError(
-                f"these options began at {commit.time:.2f} s, and it is {now:.2f} s: ask for options again"
-            )
+            began = f"{commit.time:.2f} s, and it is {now:.2f} s"
+            raise DriveError(f"these options began at {began}: ask for options again")
         if closed_ways([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; ask for options again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
@@ -286,7 +283,7 @@ class Execution(Telling):
         mean over the costs, if that is better by ``patience``, and no turn that nobody was told of begins within
         ``notice``. Where the person's preference is known, that says which is the best, and by what share it is better.
         """
-        if options is not self._latest:
+        if options is not self._options_at_hand():
             raise DriveError("these are not the last options; ask for options again")
         chosen = adapted(options, self.patience, self.notice)
         if chosen is not None:
@@ -321,23 +318,16 @@ class Execution(Telling):
         given = {"close": close, "open": open, "people": people, "stop": stop}
         told = [key for key, value in given.items() if value is not None]
         if len(told) != 1:
-            raise DriveError(
-                f"tell one thing that changes: close, open, people or stop; got {', '.join(told) or 'none'}"
-            )
+            got = ", ".join(told) or "none"
+            raise DriveError(f"tell one thing that changes: close, open, people or stop; got {got}")
         now = self._in_order(self._now() if now is None else now)
         before, what = self.surroundings, told[0]
-        if what == "close":
-            after = before.close(now, close, name)
-        elif what == "open":
-            after = before.open(now, open)
-        elif people is not None:
-            people, groups = tuple(people), tuple(map(tuple, groups))
-            after = before.with_people(now, people, groups)
-        else:
-            after = before.stop(now, stop)
+        people = given["people"] = tuple(people) if isinstance(people, Iterable) else people
+        after = before.changed(now, what, given[what], name, groups)
         new = [closing for closing in after.closed if closing not in before.closed]
         refuse_covered(new, self.problem.model, self._plan.driven.at(self._planned(now)))
-        self._note(what, self._told(now), **written(close, open, people, groups, stop, name))
+        talk = after.problem.world.content.groups
+        self._note(what, self._told(now), **written(close, open, people, talk, stop, name))
         return self._change(now, after, new)
 
     def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
@@ -380,11 +370,8 @@ class Execution(Telling):
         t, surroundings = self._planned(now), self.surroundings
         then = max(now, self._lag)  # before it leaves people walk on
         people = surroundings.at(self._plan.announced.at(t), then).world.content.people
-        among: dict[str, Any] = {
-            "closings": surroundings.closed,
-            "people": people,
-            "margin": getattr(self.planner, "margin", 0.0),
-        }
+        margin = getattr(self.planner, "margin", 0.0)
+        among: dict[str, Any] = {"closings": surroundings.closed, "people": people, "margin": margin}
         cut = cut_of(self._plan, t, **among)
         if cut.stops == t and t not in self._plan.announced.times:
             # A motion ends here; of a turn each part takes its own time.

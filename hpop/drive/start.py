@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from hpop.drive.adaptation import NOTICE, PATIENCE
 from hpop.drive.execution import Execution
@@ -12,11 +12,9 @@ from hpop.front import Front, Point, question_of
 from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.problem import Problem
 from hpop.registry import planners
 from hpop.text import shown
-
-if TYPE_CHECKING:
-    from hpop.problem import Problem
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
 
@@ -46,6 +44,8 @@ def follow(
     Raises QueryError where the front is of another problem, DriveError for what is no point of it, for a plan that is
     not made of turns, straight moves and holds, and where no graph is known to look for others on.
     """
+    if not isinstance(problem, Problem):
+        raise DriveError(f"follow an answer to an hpop.Problem, got {shown(problem)}")
     if not isinstance(front, Front):
         raise DriveError(f"follow a point of a front of trajectories, an hpop.Front, got {shown(front)}")
     if front.problem is not None and question_of(front.problem) != question_of(plain(problem.describe())):

@@ -71,6 +71,17 @@ class Surroundings:
 
     # Changes
 
+    def changed(self, now: float, what: str, value: Any, name: str, groups: Any) -> Surroundings:
+        """With one thing changed: ``close``, by a name as well, ``open``, ``people``, with groups, or ``stop``."""
+        match what:
+            case "close":
+                return self.close(now, value, name)
+            case "open":
+                return self.open(now, value)
+            case "people":
+                return self.with_people(now, value, groups)
+        return self.stop(now, value)
+
     def close(self, now: float, area: Any, name: str) -> Surroundings:
         """With an area closed, by a name that is known or as a polygon; DriveError where there is none."""
         closing = to_close(area, name, self.known, self.closings)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.errors import DriveError
+from hpop.errors import DriveError, MapError
+from hpop.world import Person
 from tests.drive.rooms import NORTH, SOUTH, planned, through
 
 
@@ -85,14 +86,24 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
         ({"stop": "somebody"}, "nobody is called 'somebody'"),
         ({"close": "north", "open": "south"}, "one thing that changes"),
         ({}, "one thing that changes"),
+        ({"people": 5}, "people are a list of hpop.world.Person"),
+        ({"people": [Person(4.0, 4.0)], "groups": 5}, "groups must be a list"),
     ],
 )
 def test_what_makes_no_sense_is_told_and_changes_nothing(told: dict[str, object], said: str) -> None:
     drive = driving()
-    with pytest.raises(DriveError, match=said):
+    with pytest.raises((DriveError, MapError), match=said):
         drive.world(0.1, **told)  # type: ignore[arg-type]
     assert drive.record == []
     assert drive.surroundings.closed == ()
+
+
+def test_what_is_no_problem_and_no_options_is_told() -> None:
+    problem, front = planned()
+    with pytest.raises(DriveError, match=r"answer to an .*Problem, got None"):
+        hpop.follow(None, front, "knee")  # type: ignore[arg-type]
+    with pytest.raises(DriveError, match="no options at hand"):
+        hpop.follow(problem, front, "knee").adapt(None)  # type: ignore[arg-type]
 
 
 def test_events_are_told_in_order_of_time() -> None:
