@@ -88,6 +88,8 @@ class Choices(Generic[T]):
         if (weights is None) == (preference is None):
             raise FrontError("select by weights, such as {'turns': 2, 'length': 1}, or by a preference, by one of them")
         if preference is not None:
+            if not isinstance(preference, Preferring):
+                raise FrontError(f"expected a preference, such as Preference.load(file) gives, got {shown(preference)}")
             self._require_points()
             return self._point(preference.row(self))
         assert weights is not None

@@ -20,6 +20,7 @@ from hpop.study.decisions import decided
 from hpop.study.design import Design
 from hpop.study.results import BEFORE, Method, Row, choice_tables, score_tables, stimuli_table
 from hpop.study.statistics.corrections import CORRECTIONS, Correction
+from hpop.text import shown
 
 if TYPE_CHECKING:
     import os
@@ -114,6 +115,8 @@ def analyse(
     one_of("method", method, METHODS, error=StudyError)
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
     one_of("correction", chosen, CORRECTIONS, error=StudyError)
+    if isinstance(score, str) or len(score) != 2:
+        raise StudyError(f"a score is named by its form and its name, such as ('ssq', 'total'), got {shown(score)}")
     form, name = score
     if "after_each" not in (when := design.form(form).when):
         raise StudyError(f"form {form} is not asked after each stimulus, so there is nothing to compare")

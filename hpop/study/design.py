@@ -6,7 +6,6 @@ import csv
 import io
 import os
 import string
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -36,9 +35,10 @@ from hpop.study.participants import (
     checked_strata,
     enrolled,
     named,
+    uneven,
 )
 from hpop.study.protocol import Protocol, checked_text
-from hpop.text import counted, shown
+from hpop.text import shown
 
 SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"
@@ -113,6 +113,8 @@ class Design:
         whole("participants", participants, 1, MOST, error=StudyError)
         whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
         one_of("kind", kind, KINDS, error=StudyError)
+        if isinstance(forms, str):
+            raise StudyError(f"forms are a list of ids, such as ['ssq', 'comfort'], got {shown(forms)}")
         questionnaires = [Form.load(form) for form in forms]
         if comparisons and not any(form.kind == "pairs" for form in questionnaires):
             questionnaires.append(Form.load(PAIRS))
@@ -299,7 +301,7 @@ class Design:
     @property
     def uneven(self) -> tuple[str, ...]:
         """Whether orders are planned unequally often, also within strata, in words."""
-        return (*self._uneven(), *self._uneven_within())
+        return () if self.order == "random" else uneven(self.enrolled, self.orders, self.order)
 
     def pairs(self, participant: str) -> list[tuple[str, str]]:
         """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""
@@ -362,32 +364,6 @@ class Design:
     def digest(self) -> str:
         """SHA-256 of design.json: answers name it, so that they are never read with another design."""
         return sha256(self.document).hexdigest()
-
-    def _uneven(self) -> list[str]:
-        several, size = len(self.orders), len(self.enrolled)
-        if self.order == "random" or size % several == 0:
-            return []
-        less = size // several * several
-        near = " or ".join(f"{number:,}" for number in (less, less + several) if number)
-        return [
-            f"{counted(size, 'participant')} for {several} orders: some orders are seen once more than others, or not "
-            f"at all; with {near} each is seen equally often"
-        ]
-
-    def _uneven_within(self) -> list[str]:
-        within = Counter((tuple(person.strata.values()), person.order) for person in self.enrolled)
-        strata = {strata for strata, _ in within}
-        if self.order == "random" or len(strata) == 1:
-            return []
-        if all(len({within[one, order] for order in self.orders}) == 1 for one in strata):
-            return []
-        several = len(self.orders) * len(strata)
-        more = (len(self.enrolled) // several + 1) * several
-        fewer = ", or with fewer orders, such as williams" if self.order == "permutations" else ""
-        return [
-            f"orders are not seen equally often within {' or '.join('/'.join(one) for one in sorted(strata))}; with a "
-            f"multiple of {several:,} participants they are, {more:,} for instance{fewer}"
-        ]
 
     def _schedule(self) -> str:
         """Who sees what in which order, as CSV; letters only, so that whoever runs the sessions is blind as well."""

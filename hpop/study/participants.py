@@ -147,3 +147,26 @@ def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Ite
 
 def _described(levels: Mapping[str, Sequence[str]]) -> str:
     return printable(", ".join(f"{name}={','.join(several)}" for name, several in levels.items()))
+
+
+def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kind: str) -> tuple[str, ...]:
+    """Whether orders of a kind are dealt unequally often, also within strata, in words."""
+    said, size, several = list[str](), len(people), len(orders)
+    if size % several:
+        less = size // several * several
+        near = " or ".join(f"{number:,}" for number in (less, less + several) if number)
+        said.append(
+            f"{counted(size, 'participant')} for {several} orders: some orders are seen once more than others, or not "
+            f"at all; with {near} each is seen equally often"
+        )
+    within = Counter((tuple(person.strata.values()), person.order) for person in people)
+    strata = {strata for strata, _ in within}
+    if len(strata) > 1 and any(len({within[one, order] for order in orders}) > 1 for one in strata):
+        several *= len(strata)
+        more = (size // several + 1) * several
+        fewer = ", or with fewer orders, such as williams" if kind == "permutations" else ""
+        said.append(
+            f"orders are not seen equally often within {' or '.join('/'.join(one) for one in sorted(strata))}; with a "
+            f"multiple of {several:,} participants they are, {more:,} for instance{fewer}"
+        )
+    return tuple(said)

@@ -286,6 +286,8 @@ def test_select_takes_the_row_that_somebody_prefers():
 
 def test_select_takes_weights_or_a_preference():
     front = front_of([[1.0, 2.0], [2.0, 1.0]])
+    with pytest.raises(FrontError, match="expected a preference, such as"):
+        front.select(preference="p07.json")  # type: ignore[arg-type]
     with pytest.raises(FrontError, match="by one of them"):
         front.select()
     with pytest.raises(FrontError, match="by one of them"):

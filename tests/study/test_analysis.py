@@ -217,6 +217,7 @@ def test_names_of_rows_stay_text_on_the_page(design, answers):
         ({"score": ("vrsq", "total")}, "the study asks no form 'vrsq'"),
         ({"score": ("ssq", "sum")}, "score must be one of N, O, D, total"),
         ({"score": ("preference", "comfort")}, "is not asked after each stimulus"),
+        ({"score": "ssq"}, "a score is named by its form and its name"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused(design, answers, asked, said):

@@ -127,6 +127,7 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
         ({"participants": 40}, "multiple of 6 participants, got 40: take 36 or 42"),
         ({"order": "permutation"}, "Did you mean 'permutations'"),
         ({"forms": ["sqq"]}, "Did you mean 'ssq'"),
+        ({"forms": "ssq"}, "forms are a list of ids"),
         ({"forms": ["ssq", "ssq"]}, "each once, got ssq, ssq"),
         ({"forms": [], "comparisons": False}, "asks one form or more"),
         ({"language": "de"}, "not written in 'de'"),
