@@ -273,10 +273,13 @@ def test_rows_that_are_always_chosen_come_first_and_none_is_chosen_twice(Y, coun
 
 
 class Third:
-    """Somebody who always prefers the third row."""
+    """Somebody who always prefers the third row, and minds the first cost alone."""
 
     def row(self, front):
         return 2
+
+    def expected(self, front, costs):
+        return costs[:, 0]
 
 
 def test_select_takes_the_row_that_somebody_prefers():
