@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import click
 
 from hpop.cli.command import user_errors
 from hpop.cli.exporting import listed
 from hpop.cli.front_file import loaded
+from hpop.cli.study_scores import folder_argument, power, report, score
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import StudyError
 from hpop.text import counted
@@ -19,16 +20,11 @@ from hpop.text import counted
 if TYPE_CHECKING:
     from hpop.front import Front
     from hpop.named_rows import NamedRow
-    from hpop.study import Answers, Design
-    from hpop.study.results import Method
-    from hpop.study.statistics.corrections import Correction
 
 DEFAULT_COUNT = 3
 MOST_LINES = 40
 PORT = 8000
 MOST_CONSENT = 100_000  # bytes
-
-folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 
 
 @click.group(cls=Commands)
@@ -37,6 +33,10 @@ def study() -> None:
 
     Everything lies in one folder DIR: `hpop study init DIR` makes it, and each of the others takes it.
     """
+
+
+for _command in (power, report, score):
+    study.add_command(_command)
 
 
 def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
@@ -221,76 +221,6 @@ def check(folder: Path) -> None:
 
 @study.command()
 @folder_argument
-@user_errors
-def score(folder: Path) -> None:
-    """Make tables of the answers; print medians.
-
-    Writes answers.csv, scores.csv, choices.csv and answers.sqlite; what participants wrote goes to remarks.csv alone.
-    Exit code 17 where the front of the study has changed since.
-    """
-    from hpop.study import Answers, Design
-    from hpop.study.folder import front_of
-    from hpop.study.locks import changing
-
-    design = Design.load(folder)
-    with changing(folder):  # not while somebody withdraws
-        answers = Answers.load(folder, design)
-        written = answers.save_tables(folder)
-    for said in (*answers.faults, *answers.notes):
-        echo(f"note: {said}")
-    _print_scores(answers)
-    _print_letters(answers.design)
-    echo(f"written to {folder}: {', '.join(path.name for path in written)}")
-    front_of(folder, design)
-
-
-@study.command()
-@folder_argument
-@click.option(
-    "--score",
-    "named",
-    default="ssq.total",
-    metavar="FORM.SCORE",
-    help="What is tested, such as comfort.comfort. [ssq.total]",
-)
-@click.option(
-    "--method", default="default", metavar="NAME", help="default, or paper: the tests of the paper. [default]"
-)
-@click.option("--correction", metavar="NAME", help="Of several comparisons: holm, bonferroni or none. [the method's]")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the report. [DIR/report]")
-@user_errors
-def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
-    """Test a score of the answers; write a report.
-
-    It is a page, tables, figures, and the code that repeats them.
-    """
-    from hpop.study import Answers, analyse
-    from hpop.study.folder import REPORT, front_of
-
-    answers = Answers.load(folder)
-    analysis = analyse(
-        answers.design,
-        answers,
-        method=cast("Method", method),
-        score=_score(named),
-        correction=cast("Correction | None", correction),
-    )
-    page = analysis.save(out or folder / REPORT)
-    echo(analysis.text())
-    echo(f"written: {page}")
-    front_of(folder, answers.design)
-
-
-def _score(text: str) -> tuple[str, str]:
-    """A form and the name of a score of it."""
-    form, _, name = text.partition(".")
-    if not form or not name:
-        raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
-    return form, name
-
-
-@study.command()
-@folder_argument
 @click.argument("participant")
 @user_errors
 def replace(folder: Path, participant: str) -> None:
@@ -347,76 +277,6 @@ def _rows(
     return [*pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
 
 
-@study.command()
-@click.option("--effect", metavar="SD,SD", help="Shift of each stimulus in standard deviations; one: of the last.")
-@click.option("--people", type=int, metavar="N", help="Whose power is asked for; the least number if left out.")
-@click.option("--stimuli", type=int, metavar="K", help="How many there are. [3]")
-@click.option("--correlation", type=float, metavar="R", help="Of two answers of one person. [0.5]")
-@click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; of two stimuli wilcoxon]")
-@click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
-@click.option(
-    "--pilot", type=click.Path(path_type=Path), metavar="DIR", help="People are drawn from this study's answers."
-)
-@click.option("--score", "named", metavar="FORM.SCORE", help="Of the pilot. [ssq.total]")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of the simulated studies. [0]")
-@user_errors
-def power(
-    effect: str | None,
-    people: int | None,
-    stimuli: int | None,
-    correlation: float | None,
-    test: str | None,
-    target: float,
-    pilot: Path | None,
-    named: str | None,
-    seed: int,
-) -> None:
-    """Say how many people a study needs.
-
-    Or how likely so many find a difference: by simulation, before the study. Give --effect, the least difference that
-    would matter, or --pilot.
-    """
-    from hpop.study import Answers
-    from hpop.study import power as simulated
-
-    if (effect is None) == (pilot is None):
-        raise click.UsageError("give --effect or --pilot, one of them")
-    shifts = None if effect is None else _shifts(effect)
-    several = len(shifts) if isinstance(shifts, list) else 3
-    if stimuli is not None and (pilot is not None or (isinstance(shifts, list) and stimuli != several)):
-        raise click.UsageError(
-            "--stimuli goes with one number as --effect: a pilot, and several numbers, say how many there are"
-        )
-    if (correlation if effect is None else named) is not None:
-        raise click.UsageError("--correlation goes with --effect, and --score with --pilot")
-    found = simulated(
-        shifts,
-        n=people,
-        k=several if stimuli is None else stimuli,
-        correlation=0.5 if correlation is None else correlation,
-        test=test,
-        pilot=None if pilot is None else Answers.load(pilot).matrix(*_score(named or "ssq.total")).values,
-        target=target,
-        seed=seed,
-    )
-    echo(found.text())
-
-
-def _shifts(text: str) -> Any:
-    """A number, or several between commas; "observed" is told why it is refused."""
-    if text == "observed":
-        return text
-    try:
-        several = [float(part) for part in text.split(",")]
-    except ValueError:
-        raise click.UsageError(f"--effect is a number or several between commas, such as 0.5, got {text!r}") from None
-    if several == [0.0] or (len(several) > 1 and len(set(several)) == 1):
-        raise click.UsageError(
-            f"--effect {text} is no difference, which no study finds; give the least one that would matter, such as 0.5"
-        )
-    return several if len(several) > 1 else several[0]
-
-
 def _consent(path: Path) -> str:
     """The text of a file."""
     from hpop.regular_file import read_regular
@@ -432,30 +292,3 @@ def _consent(path: Path) -> str:
         raise StudyError(
             f"{path}: expected the consent text as UTF-8, found something else; save it as UTF-8"
         ) from None
-
-
-def _print_scores(answers: Answers) -> None:
-    """Medians of each score before and after each stimulus, and how many people they are of."""
-    import numpy as np
-    from rich.console import Console
-
-    from hpop.cli.report import plain_table, print_wide
-
-    if not answers.sessions:
-        return
-    table = plain_table()
-    for name in ("form", "score", "before", *answers.design.letters):
-        table.add_column(name, justify="left" if name in ("form", "score") else "right")
-    for form in (form for form in answers.design.questionnaires if form.kind == "ratings"):
-        for name in form.score_names:
-            matrix = answers.matrix(form.id, name)
-            columns = [answers.before(form.id, name), *matrix.values.T]
-            present = [column[~np.isnan(column)] for column in columns]
-            cells = [f"{np.median(column):.2f} (n {column.size})" if column.size else "-" for column in present]
-            table.add_row(form.id, name, *cells)
-    echo("Medians")
-    print_wide(Console(), table)
-
-
-def _print_letters(design: Design) -> None:
-    echo("; ".join(f"{condition.id} is {condition}" for condition in design.conditions))
