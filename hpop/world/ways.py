@@ -75,7 +75,8 @@ class Way:
         """How far along the line it leaves an area, m: 0 if it is never in it; None if it never leaves."""
         spans = self._spans(area)
         if not spans:
-            return 0.0
+            stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
+            return None if stays else 0.0
         left = spans[0][1]
         for begin, end in spans[1:]:
             if begin > left + TOUCH:

@@ -150,6 +150,12 @@ def test_an_end_is_when_the_centre_meets_wall_or_border_whatever_the_direction(n
         assert (person.until, person.afterwards) == (pytest.approx(border), "gone")
 
 
+def test_a_track_of_who_stays_in_one_place_leaves_no_map_that_it_is_in():
+    there, beside = (Person.along(Track.through([(0, x, 1), (3, x, 1), (9, x, 1)])) for x in (1, 12))
+    assert people_of(there) == (there,)
+    assert [person.until for person in people_of(there, beside)] == [9.0, 0.0]
+
+
 walkers = st.builds(
     lambda x, y, vx, vy, until, kind: (
         Person.along(Track.through([(0, x, y), (3, x, y), (9, x + vx, y + 2 * vy)]), until=until)

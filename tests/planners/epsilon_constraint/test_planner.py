@@ -188,8 +188,10 @@ class LowSun:
         return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
 
 
-@pytest.mark.parametrize("most", [2, pytest.param(None, marks=pytest.mark.proof)])
-@STEPS
+@pytest.mark.parametrize(
+    ("step", "most"),
+    [(1.0, 2), *(pytest.param(step, None, marks=pytest.mark.proof) for step in (1.0, 0.5))],
+)
 def test_what_needs_a_finer_sum_is_solved_with_one(step, most):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), [LowSun(), "turns", "length"])
     candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)

@@ -17,6 +17,7 @@ from hpop.problem import Problem
 from hpop.testing import random_world
 from hpop.world import Field
 from hpop.world.ground import WHOLE
+from tests.own_criteria import LEARNT
 
 FIELD = Field(np.random.default_rng(5).random((7, 9)), 0.3, (1.0, 2.0, 0.4))
 OTHER = Field(np.random.default_rng(6).random((5, 5)), 0.5)
@@ -29,6 +30,7 @@ SMOOTH = [
 ]
 TARGET = {"target": (5.0, 3.0, 1.0)}
 ASKED = {
+    "learnt": {"file": str(LEARNT)},
     "optic_flow": {"bearings": 4},
     "peak_optic_flow": {"bearings": 4},
     "look_at": TARGET,
