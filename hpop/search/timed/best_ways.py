@@ -20,8 +20,7 @@ def rest_by(tables: Tables, ahead: Ahead, work: Sweep, lane: int, a: int, p: int
     cost = np.int64(work.fixed[a, lane])
     r = tables.row[a]
     column = min(t, tables.since.shape[1] - 1)
-    always = r == PLAIN or (r == STAYS and end <= ahead.quiet[p, column])
-    for j in range(0 if always else len(work.weights)):
+    for j in range(0 if r == PLAIN else len(work.weights)):
         if tables.is_max[j] or (tables.table_of[j] if r >= 0 else tables.omega_of[j]) < 0:
             continue
         if r >= 0:
@@ -73,7 +72,7 @@ def follow(
             seen = v
         p = np.int64(tables.place[v])
         begin = t
-        depart(tables, ahead, work, v, t, True)
+        depart(tables, ahead, work, v, t)
         leaving = best = np.int64(dep[lane])
         last = np.int64(work.calm[v])
         least = np.int64(work.rows[row_of(work.offset, work.calm, v, t), lane])
@@ -85,7 +84,7 @@ def follow(
                 best > least + work.rounded[lane] and free_since(tables, p, s) <= t and (s <= last + 1 or s == t + hold)
             ):
                 weigh_standing(tables, work.weights, p, s, now)
-                depart(tables, ahead, work, v, s, True)
+                depart(tables, ahead, work, v, s)
                 if dep[lane] + now[lane] - base < best:
                     best, leaving, begin = dep[lane] + now[lane] - base, np.int64(dep[lane]), s
                 s += 1

@@ -20,8 +20,8 @@ from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
 from hpop.search.timed.best_ways import follow_all
 from hpop.search.timed.calm import NOTHING
-from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, find_quiet, price_arcs, sweep
+from hpop.search.timed.graph import MAX_TICKS, TimedGraph
+from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, price_arcs, sweep
 from hpop.search.timed.rest import Ways, reversed_graph
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.weights import lone_weights, mixed_weights
@@ -47,8 +47,8 @@ class Layout(NamedTuple):
     needed  (n,)
     calm    (n,)    L, or NOTHING
     offset  (n,)    of node v at tick t is the row offset[v] + t, until L(v)
-    order   (w,)    nodes that have such rows, those of a place together; place_in (n,) there, -1 if none
-    entering (w,)   of them, as places in `order`, the latest L first
+    order   (w,)    nodes that have such rows, those of a place together
+    first   (p + 1,)  where in `order` those of each such place begin
     size    rows, those of calm nodes included
     """
 
@@ -56,8 +56,7 @@ class Layout(NamedTuple):
     calm: NDArray[np.int32]
     offset: IntArray
     order: IntArray
-    place_in: IntArray
-    entering: IntArray
+    first: IntArray
     size: int
 
     @classmethod
@@ -69,10 +68,8 @@ class Layout(NamedTuple):
         offset = n + np.cumsum(between) - between - np.minimum(ways.earliest, NEVER)
         order = np.flatnonzero(between)
         order = order[np.argsort(place[order], kind="stable")]
-        place_in = np.full(n, -1)
-        place_in[order] = np.arange(len(order))
-        entering = np.argsort(-calm[order], kind="stable")
-        return cls(needed, calm, offset, order, place_in, entering, n + int(between.sum()))
+        first = np.flatnonzero(np.diff(place[order], prepend=-1, append=-1))
+        return cls(needed, calm, offset, order, first, n + int(between.sum()))
 
 
 class Prices(NamedTuple):
@@ -105,8 +102,7 @@ class JointBounds:
         is_target = np.zeros(n, np.uint8)
         is_target[targets] = 1
         arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
-        quiet = np.empty(tables.since.shape, np.int32)
-        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target, quiet)
+        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target)
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
@@ -120,7 +116,6 @@ class JointBounds:
         """Make the tables, as far as there are sums, and memory and time for them."""
         if not len(self.summed):
             return
-        clock.call(find_quiet, self.tables, self.ahead.quiet)
         typical = self._typical()
         weights, self.shift = lone_weights(self.summed, typical)
         prices = self._prices(weights, clock)
@@ -143,7 +138,6 @@ class JointBounds:
     def make_for_all(self, clock: Clock) -> None:
         """Make the first table for whoever comes from the source, whichever way; it tells no solutions."""
         if len(self.summed):
-            clock.call(find_quiet, self.tables, self.ahead.quiet)
             weights, self.shift = lone_weights(self.summed, self._typical())
             work = self._swept(self._prices(weights, clock), self.layout, clock)
             if work is not None:
@@ -225,8 +219,8 @@ class JointBounds:
 
     def _memory(self, layout: Layout) -> int:
         """Bytes of the tables with one more, and what is needed while it is made."""
-        slabs = 4 * _power(min(self._longest(), self.graph.horizon)) + 8 * _power(self.tables.hold)
-        one = LANES * (layout.size * 4 + self.graph.graph.arcs * 20 + len(layout.order) * slabs)
+        held = 8 * _power(self.tables.hold)
+        one = LANES * (layout.size * 4 + self.graph.graph.arcs * 20 + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
     def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> Sweep | None:
@@ -242,16 +236,15 @@ class JointBounds:
             if status is not None:
                 return None
             rows[:n, lanes] = np.minimum(h, FAR).T
-        w, longest = len(layout.order), min(self._longest(), self.graph.horizon)
+        longest, ring = int(self.graph.durations.max(initial=1)), _power(self.tables.hold)
         work = Sweep(
-            prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.place_in,
-            layout.entering, np.empty((_power(longest) * w, LANES), np.int32),
-            np.empty((_power(self.tables.hold), w, LANES), np.int64), (prices.columns % 1 > 0).sum(axis=0),
+            prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.first,
+            int(self.graph.durations.min(initial=MAX_TICKS)), np.empty((len(layout.order), ring, LANES), np.int64),
+            (prices.columns % 1 > 0).sum(axis=0), np.empty((longest + 1, LANES), np.int32), np.full(longest + 1, -1),
             np.empty((1, LANES), np.int32), np.empty(LANES, np.int32), *(np.empty(LANES, np.int64) for _ in range(3)),
         )  # fmt: skip
-        state, active = np.zeros(4, np.int64), np.empty(w, np.int64)
-        state[0] = layout.calm.max() if w else -1
-        while not clock.call(sweep, self.tables, self.ahead, work, active, state, STEPS):
+        state = np.array([layout.calm.max() if len(layout.order) else -1, 0])
+        while not clock.call(sweep, self.tables, self.ahead, work, state, STEPS):
             self._report(clock)
             if clock.exceeded(0, 0, record=False) is not None:
                 return None
@@ -293,10 +286,6 @@ class JointBounds:
                 way = slice(end - size, end)
                 ways.append(Seed(total, arcs[way].copy(), leaves[way].copy()) if size else None)
         return ways
-
-    def _longest(self) -> int:
-        """Ticks of the longest arc that leaves a node whose rows are swept."""
-        return int(self.graph.durations.max(initial=1))
 
 
 def _power(ticks: int) -> int:

@@ -14,19 +14,20 @@ this makes less of the truth, which is still a lower bound.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.compiled import inlined, lean, wide
-from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at
+from hpop.search.timed.tables import NEVER, STAYS, Tables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register
 UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
 FAR = 2**30
 HALF = FAR / 2 - 1  # of an arc: what of it is always the same, and the rest
+CUT = -1
 DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and sums of floats
 
 IntLanes = NDArray[np.int32]
@@ -59,35 +60,18 @@ class Ahead(NamedTuple):
     earliest    (n,)  tick at which a node may be reached
     arrive_by   the latest tick of an arrival
     is_target   (n,)
-    quiet       (P, H + 1)  until when standing at a place, from a tick on, costs what it does at any time
     """
 
     ticks: IntArray
     earliest: IntArray
     arrive_by: int
     is_target: NDArray[np.uint8]
-    quiet: NDArray[np.int32]
 
 
 @inlined
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
     """The row of a node at a tick."""
     return v if t > calm[v] else int(offset[v] + t)
-
-
-@lean
-def find_quiet(tables: Tables, quiet: NDArray[np.int32]) -> None:
-    """Write until when (P, H + 1) nothing happens at places: no table of a sum rises, and one may stand there."""
-    last = quiet.shape[1] - 1
-    for p in range(len(quiet)):
-        quiet[p, last] = last
-        for t in range(last - 1, -1, -1):
-            same = tables.since[p, t + 1] <= t
-            for j in range(len(tables.is_max)):
-                s = tables.omega_of[j]
-                if s >= 0 and not tables.is_max[j]:
-                    same &= tables.omega[s, p, t] == tables.omega[s, p, t + 1]
-            quiet[p, t] = quiet[p, t + 1] if same else t
 
 
 @lean
@@ -120,34 +104,43 @@ def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: Int
 
 @inlined
 def weigh_arc(
-    tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, p: int, t: int, out: IntLanes
+    tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
-    """Weigh what an arc costs at a tick into `out` (1, LANES), less of it where that passes HALF.
+    """Weigh what a timed arc costs at a tick into `out` (1, LANES), less of it where that passes HALF.
 
     weights  (k, LANES); most (k,) of a cost that all lanes can weigh
     """
     for lane in range(LANES):
         out[0, lane] = fixed[a, lane]
-    r = tables.row[a]
-    if r == PLAIN:
-        return
-    t = min(t, tables.since.shape[1] - 1)
+    r, t = tables.row[a], min(t, tables.since.shape[1] - 1)
     for j in range(len(weights)):
-        if tables.is_max[j]:
-            continue
-        if r >= 0:
-            c = tables.table_of[j]
-            if c < 0:
-                continue
+        c = tables.table_of[j]
+        if c >= 0 and not tables.is_max[j]:
             more = min(np.float64(tables.timed[c, r, t]), most[j])
-        else:
-            if tables.omega_of[j] < 0:
-                continue
-            spent = omega_at(tables, p, j, t + np.int64(tables.durations[a])) - omega_at(tables, p, j, t)
-            more = min(np.float64(spent), most[j])
-        if more > 0.0:
-            for lane in range(LANES):
-                out[0, lane] += np.int32(weights[j, lane] * more)
+            if more > 0.0:
+                for lane in range(LANES):
+                    out[0, lane] += np.int32(weights[j, lane] * more)
+
+
+@inlined
+def weigh_stay(
+    tables: Tables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
+) -> None:
+    """Weigh what standing at a place costs for so many ticks from tick t on into `out[ticks]`, as :func:`weigh_arc`.
+
+    CUT in its first lane says that one may not stand there so long.
+    """
+    t = min(t, tables.since.shape[1] - 1)
+    for lane in range(LANES):
+        out[ticks, lane] = 0
+    for j in range(len(weights)):
+        if tables.omega_of[j] >= 0 and not tables.is_max[j]:
+            more = min(np.float64(omega_at(tables, p, j, t + ticks) - omega_at(tables, p, j, t)), most[j])
+            if more > 0.0:
+                for lane in range(LANES):
+                    out[ticks, lane] += np.int32(weights[j, lane] * more)
+    if free_since(tables, p, t + ticks) > t:
+        out[ticks, 0] = CUT
 
 
 @inlined
@@ -169,11 +162,12 @@ class Sweep(NamedTuple):
     weights   (k, LANES); most (k,) of a cost that all lanes can weigh
     fixed     (m, LANES)  what of the arcs' costs is the same at all ticks
     rows      (r, LANES)  the table, its calm rows filled
-    order     (w,)        nodes that have other rows, those of a place together; place_in (n,) there, -1 if none
-    entering  (w,)        places in `order`, the latest L first
-    recent    (power of two times w, LANES)   rows of the last ticks, a tick at a time: near each other in memory
-    held      (power of two, w, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
+    order     (w,)        nodes that have other rows, those of a place together
+    first     (p + 1,)    where in `order` those of each such place begin
+    together  ticks that every arc lasts at least
+    held      (w, power of two, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
     rounded   (LANES,)    weights that are no whole numbers: what they weigh is rounded
+    stay      (ticks, LANES)  what standing costs for so many, as of the state of a place that is in `stay_of` (ticks,)
     cost (1, LANES), dep, now, then, later  (LANES,)  room
     """
 
@@ -184,11 +178,12 @@ class Sweep(NamedTuple):
     offset: IntArray
     calm: NDArray[np.int32]
     order: IntArray
-    place_in: IntArray
-    entering: IntArray
-    recent: NDArray[np.int32]
+    first: IntArray
+    together: int
     held: IntArray
     rounded: IntArray
+    stay: IntLanes
+    stay_of: IntArray
     cost: IntLanes
     dep: IntLanes
     now: IntArray
@@ -212,121 +207,108 @@ def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> L
 
 
 @inlined
-def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int, swept: bool) -> None:
-    """Write the least weighted rests of whoever leaves a node at tick t into `dep`; swept, if all rows are filled."""
+def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: int, stay: IntLanes, ticks: int) -> Lanes:
+    """The same of three rows."""
+    return (
+        min(least[0], np.int32(rows[row, 0] + fixed[a, 0] + stay[ticks, 0])),
+        min(least[1], np.int32(rows[row, 1] + fixed[a, 1] + stay[ticks, 1])),
+        min(least[2], np.int32(rows[row, 2] + fixed[a, 2] + stay[ticks, 2])),
+        min(least[3], np.int32(rows[row, 3] + fixed[a, 3] + stay[ticks, 3])),
+        min(least[4], np.int32(rows[row, 4] + fixed[a, 4] + stay[ticks, 4])),
+        min(least[5], np.int32(rows[row, 5] + fixed[a, 5] + stay[ticks, 5])),
+        min(least[6], np.int32(rows[row, 6] + fixed[a, 6] + stay[ticks, 6])),
+        min(least[7], np.int32(rows[row, 7] + fixed[a, 7] + stay[ticks, 7])),
+    )
+
+
+@inlined
+def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int) -> None:
+    """Write the least weighted rests of whoever leaves a node at tick t into `dep`; later rows are filled."""
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
-    p, w = np.int64(tables.place[v]), len(work.order)
-    quiet = np.int64(ahead.quiet[p, min(t, ahead.quiet.shape[1] - 1)])
-    slabs = len(work.recent) // max(1, w) - 1
+    p = np.int64(tables.place[v])
+    state = p * np.int64(NEVER) + t
     for a in range(tables.start[v], tables.start[v + 1]):
         u = np.int64(tables.heads[a])
-        end = t + np.int64(tables.durations[a])
+        ticks = np.int64(tables.durations[a])
+        end = t + ticks
         if ahead.ticks[u] > ahead.arrive_by - end:
             continue
         r = tables.row[a]
-        always = r == PLAIN or (r == STAYS and end <= quiet)
-        if not always:
+        if r == STAYS:
+            if work.stay_of[ticks] != state:  # nodes of a place follow each other, and their arcs last equally long
+                work.stay_of[ticks] = state
+                weigh_stay(tables, work.weights, work.most, p, t, ticks, work.stay)
+            if work.stay[ticks, 0] == CUT:
+                continue
+        elif r >= 0:
             if not is_open(tables, a, p, t):
                 continue
-            weigh_arc(tables, work.weights, work.most, work.fixed, a, p, t, work.cost)
-        if swept or end > work.calm[u]:
-            row = row_of(work.offset, work.calm, u, end)
-            if always:
-                least = lower(least, work.rows, row, work.fixed, a)
-            else:
-                least = lower(least, work.rows, row, work.cost, 0)
+            weigh_arc(tables, work.weights, work.most, work.fixed, a, t, work.cost)
+        row = row_of(work.offset, work.calm, u, end)
+        if r == STAYS:
+            least = lower_by_stay(least, work.rows, row, work.fixed, a, work.stay, ticks)
+        elif r >= 0:
+            least = lower(least, work.rows, row, work.cost, 0)
         else:
-            row = (end & slabs) * w + work.place_in[u]
-            if always:
-                least = lower(least, work.recent, row, work.fixed, a)
-            else:
-                least = lower(least, work.recent, row, work.cost, 0)
+            least = lower(least, work.rows, row, work.fixed, a)
     for lane, each in enumerate(least):
         work.dep[lane] = each
 
 
-@lean
-def enter_nodes(work: Sweep, t: int, active: IntArray, count: Any, coming: Any) -> Any:
-    """Add the nodes whose rows begin at tick t to the first `count` of `active`, which rise; return how many."""
-    more = np.int64(0)
-    while coming + more < len(work.order) and work.calm[work.order[work.entering[coming + more]]] == t:
-        more += 1
-    old, new, at = count - 1, coming + more - 1, count + more - 1
-    while new >= coming:
-        if old >= 0 and active[old] > work.entering[new]:
-            active[at] = active[old]
-            old -= 1
-        else:
-            active[at] = work.entering[new]
-            new -= 1
-        at -= 1
-    return more
-
-
 @wide
-def sweep(tables: Tables, ahead: Ahead, work: Sweep, active: IntArray, state: IntArray, steps: int) -> bool:
-    """Fill the rows of so many states in between, or of all that are left; whether all are filled.
+def sweep(tables: Tables, ahead: Ahead, work: Sweep, state: IntArray, steps: int) -> bool:
+    """Fill the rows of so many states in between, or a few more, or of all that are left; whether all are filled.
 
-    state (4,) is where it is: the tick, how many nodes have rows at it, how many of `entering` have had, and which of
-    them is next, for a start the latest tick and zeros; active (w,) are the nodes that have rows at this tick. They
-    come in the order of memory, so that rows of the places about are in the processor's cache.
+    state (2,) is where it is: the latest tick of those that are filled together, and the place; at first the latest of
+    all and 0. As every arc lasts longer, these states read none of each other but of the same node: so each place has
+    all these ticks in its turn, and what it reads and writes lies near in memory.
     """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows
-    ring, slabs = len(work.held) - 1, len(work.recent) // max(1, len(order)) - 1
-    t, count, coming, i = state[0], state[1], state[2], state[3]
-    before = np.int64(-1)  # the place of the last node: what standing there costs is known
+    ring, places = work.held.shape[1] - 1, len(work.first) - 1
     stands = may_hold = False
-    while t >= 0 and steps > 0:
-        if i == 0:
-            more = enter_nodes(work, t, active, count, coming)
-            count += more
-            coming += more
-            before = np.int64(-1)
-        while i < count and steps > 0:
-            steps -= 1
-            at = active[i]
-            v = order[at]
-            depart(tables, ahead, work, v, t, False)
-            if hold > 0:
-                p = np.int64(tables.place[v])
+    while state[0] >= 0 and steps > 0:
+        begin, end = work.first[state[1]], work.first[state[1] + 1]
+        p = np.int64(tables.place[order[begin]])
+        for t in range(state[0], max(np.int64(-1), state[0] - work.together), -1):
+            is_weighed = False  # what standing here costs
+            for at in range(begin, end):
+                v = order[at]
                 last = np.int64(calm[v])
-                if p != before:
-                    before = p
-                    weigh_standing(tables, work.weights, p, t, now)
-                    stands = free_since(tables, p, t + 1) <= t
-                    may_hold = free_since(tables, p, t + hold) <= t
-                if stands and t == last:
-                    weigh_standing(tables, work.weights, p, t + 1, then)
-                for lane in range(LANES):  # of leaving at t or later
-                    later[lane] = dep[lane] + now[lane]
-                    if stands:
-                        after = rows[v, lane] + then[lane] if t == last else work.held[(t + 1) & ring, at, lane]
-                        later[lane] = min(later[lane], after)
-                if may_hold:
-                    if t + hold > last:
-                        weigh_standing(tables, work.weights, p, t + hold, then)
+                if t > last or t < ahead.earliest[v]:
+                    continue
+                steps -= 1
+                depart(tables, ahead, work, v, t)
+                if hold > 0:
+                    if not is_weighed:
+                        is_weighed = True
+                        weigh_standing(tables, work.weights, p, t, now)
+                        stands = free_since(tables, p, t + 1) <= t
+                        may_hold = free_since(tables, p, t + hold) <= t
+                    if stands and t == last:
+                        weigh_standing(tables, work.weights, p, t + 1, then)
+                    for lane in range(LANES):  # of leaving at t or later
+                        later[lane] = dep[lane] + now[lane]
+                        if stands:
+                            after = rows[v, lane] + then[lane] if t == last else work.held[at, (t + 1) & ring, lane]
+                            later[lane] = min(later[lane], after)
+                    if may_hold:
+                        if t + hold > last:
+                            weigh_standing(tables, work.weights, p, t + hold, then)
+                        for lane in range(LANES):
+                            after = rows[v, lane] + then[lane]
+                            if t + hold <= last:
+                                after = work.held[at, (t + hold) & ring, lane]
+                            after -= now[lane] + work.rounded[lane]
+                            if after < FAR - 1:
+                                dep[lane] = np.int32(min(np.int64(dep[lane]), max(np.int64(0), after)))
                     for lane in range(LANES):
-                        after = rows[v, lane] + then[lane]
-                        if t + hold <= last:
-                            after = work.held[(t + hold) & ring, at, lane]
-                        after -= now[lane] + work.rounded[lane]
-                        if after < FAR - 1:
-                            dep[lane] = np.int32(min(np.int64(dep[lane]), max(np.int64(0), after)))
+                        work.held[at, t & ring, lane] = later[lane]
+                row = work.offset[v] + t
                 for lane in range(LANES):
-                    work.held[t & ring, at, lane] = later[lane]
-            row, to = work.offset[v] + t, (t & slabs) * len(order) + at
-            for lane in range(LANES):
-                least = np.int32(0) if ahead.is_target[v] else min(dep[lane], np.int32(FAR))
-                rows[row, lane] = least
-                work.recent[to, lane] = least
-            i += 1
-        if i == count:
-            count = np.int64(0)
-            for at in active[:i]:
-                active[count] = at
-                count += t != ahead.earliest[order[at]]
-            t, i = t - 1, np.int64(0)
-    state[0], state[1], state[2], state[3] = t, count, coming, i
-    return bool(t < 0)
+                    rows[row, lane] = np.int32(0) if ahead.is_target[v] else min(dep[lane], np.int32(FAR))
+        state[1] += 1
+        if state[1] == places:
+            state[0], state[1] = state[0] - work.together, 0
+    return bool(state[0] < 0)
