@@ -55,13 +55,17 @@ class Closing:
     """An area, m, that is closed to the robot.
 
     name  by which it is opened again; "" for one that is known by its polygon alone
+    who   whose body it is, who stands there: a name, or "somebody"; "" for an area
     """
 
     area: BaseGeometry
     name: str = ""
+    who: str = ""
 
     def __str__(self) -> str:
         x, y = self.area.centroid.x, self.area.centroid.y
+        if self.who:
+            return f"{self.who} who stands at ({x:.2f}, {y:.2f})"
         return repr(self.name) if self.name else f"an area about ({x:.2f}, {y:.2f})"
 
     def describe(self) -> dict[str, Any]:
@@ -139,7 +143,7 @@ def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> N
         if not closing.collision(model).states_free(here)[0]:
             raise CoversRobot(
                 f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
-                "planned; close an area beside it"
+                "planned; tell of what is beside it"
             )
 
 

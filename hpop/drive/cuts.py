@@ -12,7 +12,7 @@ from hpop.contacts import STEP, first_contact
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, Plan, between
 from hpop.models.base import PlanarModel
-from hpop.motions import Collision
+from hpop.motions import Collision, laws_of
 from hpop.trajectory import Trajectory, batches
 from hpop.world import Person, World
 
@@ -72,7 +72,7 @@ def closed_ways(ways: Sequence[Trajectory], closings: Iterable[Closing]) -> Bool
 
 def _at_once(way: Trajectory, t: float, safe: float) -> float:
     """When a robot stands that stops as soon as it can: in a straight run just before what is closed, else now."""
-    return safe if "x" in way.model.laws[way.kinds[_motion(way, safe)]].varies else t
+    return safe if "x" in laws_of(way.model)[way.kinds[_motion(way, safe)]].varies else t
 
 
 def _motion(way: Trajectory, t: float) -> int:

@@ -11,7 +11,7 @@ import shapely
 from hpop.arrays import FloatArray
 from hpop.drive.closings import Closing
 from hpop.models.base import PlanarModel
-from hpop.motions import HOLD
+from hpop.motions import HOLD, laws_of
 from hpop.planners.smoothing.homotopy import holes, word
 from hpop.trajectory import Trajectory
 from hpop.world import World
@@ -37,9 +37,9 @@ class Run(NamedTuple):
 def runs(way: Trajectory) -> list[Run]:
     """The runs of a way, in order."""
     steps = np.stack([np.diff(getattr(way.states, name)) for name in way.model.space.names], axis=1)
-    found: list[Run] = []
+    found, laws = list[Run](), laws_of(way.model)
     for i, kind in enumerate(way.kinds):
-        moves = "x" in way.model.laws[kind].varies if kind != HOLD.kind else False
+        moves = "x" in laws[kind].varies
         run = Run(STRAIGHT if moves else kind, steps[i], float(way.times[i]), float(way.times[i + 1]))
         if moves and found and found[-1].kind == STRAIGHT:
             run = run._replace(change=found[-1].change + run.change, begin=found.pop().begin)

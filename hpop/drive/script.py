@@ -122,9 +122,9 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
     if event.kind in WORLD:
         try:
             change = drive.world(event.at, name=event.name, **{event.kind: event.value})
-            drive.ready()  # the clock is told, and waits
         except CoversRobot as error:  # only now is it known where the robot is
             words = str(error)
+    drive.ready(event.at)  # the clock is told, and waits
     closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
     taken = None
@@ -133,7 +133,7 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
     asked = taken is not None
     if asked:
         drive.take(taken)  # type: ignore[arg-type]
-    elif change is not None:
+    elif change is not None or options.keep_on is None:  # a robot that waits takes what is open
         taken = drive.adapt(options)
     there = drive.surroundings
     people = tuple(person.later(event.at - there.since) for person in there.people)

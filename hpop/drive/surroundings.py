@@ -85,6 +85,12 @@ class Surroundings:
     def close(self, now: float, area: Any, name: str) -> Surroundings:
         """With an area closed, by a name that is known or as a polygon; DriveError where there is none."""
         closing = to_close(area, name, self.known, self.closings)
+        if not closing.area.intersects(self.bare.extent):
+            x_min, y_min, x_max, y_max = self.bare.bounds
+            raise DriveError(
+                f"{closing} is not on the map, which is from ({x_min:g}, {y_min:g}) to ({x_max:g}, {y_max:g}) m; close "
+                "what the robot may come to"
+            )
         known = {**self.known, closing.name: closing.area} if closing.name else self.known
         return self._changed(*self._as_predicted(now), closings=(*self.closings, closing), known=known)
 
@@ -117,7 +123,9 @@ class Surroundings:
         name = person.name if isinstance(person, Person) else person
         if isinstance(name, str) and names.count(name) == 1:
             return names.index(name)
-        listed = ", ".join(f"{i}: {shown(name)}" if name else str(i) for i, name in enumerate(names)) or "none"
+        if not names:
+            raise DriveError(f"nobody is there to stop, asked for {shown(name)}; tell people first, all who are there")
+        listed = ", ".join(f"{i}: {shown(name)}" if name else str(i) for i, name in enumerate(names))
         raise DriveError(
             f"nobody is called {shown(name)}, or several are.{did_you_mean(name, names)} The people are {listed}; give "
             "a name that one of them has, or a number"
@@ -167,7 +175,10 @@ class Surroundings:
 def _bodies(people: Iterable[Person], before: Mapping[Person, Closing]) -> dict[Person, Closing]:
     """What is closed by people who stand; of those who stood before it is the very same."""
     standing = [person for person in people if not person.moves]
-    return {person: before.get(person) or Closing(Content(people=(person,)).closed) for person in standing}
+    return {
+        person: before.get(person) or Closing(Content(people=(person,)).closed, who=person.name or "somebody")
+        for person in standing
+    }
 
 
 def _standing(person: Person) -> Person:

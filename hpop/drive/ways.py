@@ -329,7 +329,9 @@ class Ways:
         if paths.status.is_final:
             claim = f"exact on {where}, edge costs rounded to their quanta"
             if self.closings:
-                reason = f"no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
+                reason = (
+                    f"no path: no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
+                )
         else:
             claim = (
                 f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, "

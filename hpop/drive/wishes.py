@@ -148,10 +148,13 @@ def _least_loss(options: Options, able: BoolArray, said: str) -> Wish:
 def _chosen(options: Options, row: int, said: str) -> Wish:
     option: Option = options[row]
     plan = _plan_of(options)
+    counts, own = _counts(options)
     changes = [
         f"{name} {value - plan[name]:+.4g} {unit}".removesuffix(" 1")
-        for (name, value), unit in zip(option.costs.items(), options.front.units, strict=True)
-        if value != plan[name]
+        for (name, value), unit, changed in zip(
+            option.costs.items(), options.front.units, counts[row] != own, strict=True
+        )
+        if changed
     ]
     return Wish(option, f"{said}: {', '.join(changes) or 'the present plan'}")
 

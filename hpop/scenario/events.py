@@ -21,14 +21,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, Field
 from shapely.geometry import Polygon
 
 from hpop.drive.script import KINDS, Event
 from hpop.drive.surroundings import Surroundings
-from hpop.drive.wishes import checked_wish
+from hpop.drive.wishes import HURRY, checked_wish
 from hpop.errors import HpopError
 from hpop.named_rows import name_meant
 from hpop.scenario.faults import Faults
@@ -51,7 +51,7 @@ class EventEntry(BaseModel):
     stop: str | int | None = None
     wish: str | dict[str, float] | None = None
     take: str | int | None = None
-    options: bool | None = None
+    options: Literal[True] | None = None
     name: str = ""
 
 
@@ -117,6 +117,10 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
                 case "wish":
                     shares = event.value if isinstance(event.value, Mapping) else {}
                     checked_wish(None if shares else event.value, shares, names)
+                    if event.value == HURRY and "duration" not in names:
+                        faults.add(
+                            place, f"'hurry' is less duration, and the costs are {', '.join(names)}; plan with it"
+                        )
                 case "take" if isinstance(event.value, str) and not event.value.isdigit():
                     name_meant(["knee", *(f"least {name}" for name in names)], event.value)
         except HpopError as error:

@@ -284,7 +284,8 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
         return f"expected {wanted} entries, got {shown(got, 60)}"
     if fault["type"] in ("too_short", "too_long"):
         bound, word = ("min_length", "at least") if fault["type"] == "too_short" else ("max_length", "at most")
-        return f"expected {word} {fault['ctx'][bound]} entries, got {fault['ctx']['actual_length']}"
+        wanted = fault["ctx"][bound]
+        return f"expected {word} {wanted} {'entry' if wanted == 1 else 'entries'}, got {fault['ctx']['actual_length']}"
     limit = LIMITS.get(str(loc[-1])) if loc else None
     expected = [_expected(one) for one in faults if _expected(fault)]
     if (numbers := _numbers_at(schema, loc)) and EXPECTED["tuple_type"] in expected:

@@ -41,7 +41,13 @@ def drive(folder: Path, out: Path, text: str = EVENTS, *more: str) -> Result:
 def test_what_happens_is_printed_drawn_and_can_be_told_again(folder: Path, tmp_path: Path) -> None:
     done = drive(folder, tmp_path)
     assert done.exit_code == 0, done.output
-    for words in ("1.0 s, at", "close: 'north'", "no options", "it waits before what is closed", "open: 'south'"):
+    for words in (
+        "1.0 s, at",
+        "close: 'north'",
+        "no options: no way is open",
+        "it waits before what is closed",
+        "open: 'south'",
+    ):
         assert words in done.output
     assert (tmp_path / "drive.png").read_bytes().startswith(b"\x89PNG")
     again = hpop.drive.load(tmp_path / "drive.json")

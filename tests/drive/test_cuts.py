@@ -54,6 +54,14 @@ def test_a_plan_is_cut_when_the_robot_would_come_too_near_to_somebody(t: float) 
     assert cut_of(plan(), t, (), (early,), margin) == (None, None)
 
 
+def test_a_robot_that_waits_where_somebody_comes_stands_there() -> None:
+    waits = Plan(plan().announced.with_hold(at=0, seconds=3.0))
+    comes = Person(-1.5, 0.0, velocity=(1.0, 0.0), until=5.0)  # the surfaces meet after 1 s of the hold's last 2
+    cut = cut_of(waits, 1.0, (), (comes,))
+    assert cut.safe == pytest.approx(2.0, abs=0.025)
+    assert cut.stops == 1.0
+
+
 @pytest.mark.parametrize("t", WHEN)
 def test_a_plan_is_cut_before_what_is_closed(t: float) -> None:
     way, area = plan().announced, shapely.box(1.5, 2.4, 2.5, 2.6)

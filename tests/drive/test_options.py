@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import hpop
 from hpop.drive.plan import between, held
+from hpop.drive.wishes import wished
 from hpop.errors import DriveError, HpopError
 from hpop.preference import Preference
 from hpop.status import Status
@@ -147,6 +149,17 @@ def test_a_wish_with_a_share_keeps_it_and_hurry_is_quicker() -> None:
     assert quick.option is not None
     assert quick.option.costs["duration"] == min(option.costs["duration"] for option in options)
     assert drive.wish(duration=-0.99).option is None
+
+
+def test_what_becomes_of_a_wish_is_told_without_costs_that_rounding_tells_apart() -> None:
+    options = drive_of().options(1.0)
+    noise = np.where(np.arange(len(options.front)) == options.keep_on, 0.0, 1e-13)
+    costs = options.front.costs + noise[:, None] * [name == "turns" for name in options.front.names]
+    noisy = replace(options, front=replace(options.front, costs=costs))
+    answer = wished(noisy, "less length", {})
+    assert answer.option is not None
+    changes = answer.words.rpartition(": ")[2]
+    assert [change.split()[0] for change in changes.split(", ")] == ["exposure", "length"]
 
 
 @pytest.mark.parametrize(

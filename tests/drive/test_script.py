@@ -9,6 +9,7 @@ import shapely
 import hpop
 from hpop.drive.script import Event, Happening, performed
 from hpop.errors import DriveError
+from hpop.world import Person
 from tests.drive.rooms import NORTH, SOUTH, planned, through
 
 
@@ -71,7 +72,11 @@ def test_options_are_looked_at_without_a_change() -> None:
         ([Event(4.0, "options"), Event(3.0, "options")], "list events in order of time"),
         ([Event(500.0, "options")], "comes too late: the robot arrives"),
         ([Event(1.0, "close", "west")], "west"),
-        ([Event(1.0, "stop", "Ada")], "nobody is called 'Ada'"),
+        ([Event(1.0, "stop", "Ada")], "nobody is there to stop, asked for 'Ada'"),
+        (
+            [Event(1.0, "close", shapely.box(90, 1, 91, 2))],
+            "about .90.50, 1.50. is not on the map, which is from .0, 0.",
+        ),
         ([Event(1.0, "wish", "fewer tunrs")], "Did you mean 'turns'"),
         ([Event(1.0, "close", NORTH, name="door"), Event(2.0, "open", "gate")], "gate"),
     ],
@@ -104,6 +109,23 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
     assert "nothing to take" in none.words
     assert [h.taken for h in (hurry, row, on_robot, fewer, none)] == [None] * 5
     assert opened.change is not None
+
+
+def test_a_robot_that_waits_takes_what_is_open_once_there_is_a_way() -> None:
+    """Somebody walks at a robot that stands, and by: while she comes there is no way, and later there is."""
+    extent = shapely.box(0, -3, 12, 3)
+    ada = Person(11.0, 2.0, velocity=(0.0, 0.1), until=1.0, name="Ada")
+    world = hpop.World.from_polygons([], extent=extent).with_content(people=[ada])
+    robot = hpop.DifferentialDrive(radius=0.25)
+    problem = hpop.Problem(world, robot, (3.0, 0.0, 0.0), (10.0, 0.0, 0.0), ["duration", "turns"])
+    drive = hpop.follow(problem, problem.solve("lattice", step=1.0), "least duration")
+    comes = Person(3.7, 0.0, velocity=(-1.0, 0.0), until=3.0)
+    met, gone = performed(drive, [Event(0.2, "people", (comes,)), Event(6.0, "options")], deadline=0.5)
+    assert met.taken is None
+    assert not len(met.options)
+    assert gone.taken is not None
+    assert not gone.asked
+    assert drive.announced is drive.plan  # it is driven to the goal
 
 
 @pytest.mark.parametrize("at", [-1.0, float("nan"), "soon"])

@@ -67,7 +67,8 @@ def test_each_entry_is_the_event_that_it_says(tmp_path: Path) -> None:
         ("velocity: [-0.8, 0]", "velocity: fast", "line 6.*velocity"),
         ("options: true", "options: true, name: x", "line 11.*a name is for corners"),
         ("choice: least turns", "chioce: knee", "chioce"),
-        ("events:", "events: []\nothers:", "events"),
+        ("events:", "events: []\nothers:", "events: expected at least 1 entry, got 0"),
+        ("options: true", "options: false", "line 11.*options: expected True, got False"),
     ],
 )
 def test_what_is_wrong_is_told_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -114,6 +115,7 @@ events:
         ("wish: hurry", "wish: slower", "line 9.*a wish is 'hurry'"),
         ("take: least turns", "take: least tunrs", "line 10.*least tunrs.*Did you mean 'least turns'"),
         ("[4, 2], [4, 3]]", "[4, 2], [3, 2]]", "line 5"),
+        ("[[3, 2], [4, 2], [4, 3]]", "[[3, 20], [4, 20], [4, 21]]", "line 5.*'wet floor' is not on the map.*12, 8"),
     ],
 )
 def test_what_a_drive_does_not_know_is_told_by_line_before_it_begins(
@@ -126,6 +128,12 @@ def test_what_a_drive_does_not_know_is_told_by_line_before_it_begins(
     (tmp_path / "events.yaml").write_text(PLAIN.replace(old, new))
     with pytest.raises(HpopError, match=f"(?s){words}"):
         load_events(tmp_path / "events.yaml", ASKED, names)
+
+
+def test_who_wishes_to_hurry_is_told_by_line_where_the_duration_is_no_cost(tmp_path: Path) -> None:
+    (tmp_path / "events.yaml").write_text(PLAIN.replace("duration: -0.2", "turns: -0.2"))
+    with pytest.raises(HpopError, match=r"(?s)line 9.*'hurry' is less duration, and the costs are turns, length"):
+        load_events(tmp_path / "events.yaml", ASKED, ("turns", "length"))
 
 
 def test_all_that_a_drive_does_not_know_is_told_at_once(tmp_path: Path) -> None:
