@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel
@@ -17,6 +18,9 @@ from hpop.world.tracks import Track, read_tracks
 
 BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})
 """Keys that say which track it is, and are no attributes of a person."""
+
+FORMS: dict[str, type[BaseModel]] = {"track": TrackEntry, "waypoints": WaypointsEntry}
+ALIKE = 0.8  # of two words, from which on one is meant as the other
 
 People = tuple[Person, ...]
 
@@ -34,8 +38,8 @@ def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[P
 
 
 def form_of(entry: dict[str, Any]) -> type[BaseModel]:
-    """The form that an entry has by its keys."""
-    return TrackEntry if "track" in entry else WaypointsEntry if "waypoints" in entry else PersonEntry
+    """The form that an entry has by its keys, also where one is misspelt."""
+    return next((form for key, form in FORMS.items() if get_close_matches(key, map(str, entry), 1, ALIKE)), PersonEntry)
 
 
 def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> list[list[int]]:
@@ -92,9 +96,9 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
             people.append(Person.along(track, **{**said, "name": name}))
     if not people:
         begin, end = min(track.begin for track in tracks.values()), max(track.end for track in tracks.values())
-        asked = "" if entry.until is None else f" to {entry.begin + entry.until:g} s"
+        asked = " on" if entry.until is None else f" to {entry.begin + entry.until:g} s"
         raise MapError(
-            f"nobody of {shown(entry.track)} is there from {entry.begin:g} s{asked} on: its "
+            f"nobody of {shown(entry.track)} is there from {entry.begin:g} s{asked}: its "
             f"{counted(len(tracks), 'track')} go from {begin:g} to {end:g} s; give another moment that is now, begin."
         )
     return tuple(people)

@@ -143,9 +143,9 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("[2.5, 0], ", "[2.5], "), 5, "world.polygons.obstacles.0.corners.0", "a point [x, y] in m, got [2.5]"),
         (("height: [0, 2]", "height: 2"), 5, "world.polygons.obstacles.0.height", "[z_min, z_max] in m, got 2"),
         (("radius: 0.2", "camera_offset: [1]"), 7, "model.differential_drive.camera_offset", "expected 2 entries"),
-        (("[turns, length]", "[]"), 10, "criteria", "at least 1 entries, got 0"),
+        (("[turns, length]", "[]"), 10, "criteria", "at least 1 entry, got 0"),
         (("[3.5, 0], [3.5, 2.2], ", ""), 5, "world.polygons.obstacles.0.corners", "at least 3 entries, got 2"),
-        (("\n  lattice: {step: 0.5}", " []"), 11, "planner", "at least 1 entries, got 0"),
+        (("\n  lattice: {step: 0.5}", " []"), 11, "planner", "at least 1 entry, got 0"),
         # wrong types
         (("0.5}", "5e-1}"), 12, "planner.lattice.step", "write it with a point and a sign"),
         (("radius: 0.2", "radius: no"), 7, "model.differential_drive.radius", "truth values"),

@@ -37,6 +37,11 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
     first = next(rows, None)
     if first is None:
         raise asked.error("has no rows: expected id, t, x, y.")
+    if len(first) == 1 and len(first[0].split()) > 1:
+        raise asked.error(
+            "has blanks between its columns; expected commas, semicolons or tabs. Rows of numbers alone are read with "
+            "format 'petrack' (id frame x y) or 'obsmat'."
+        )
     header = not _is_number(first[-1])
     places, unit = _columns(first, asked) if header else (_without_header(first, asked), None)
     if not header:
@@ -53,6 +58,8 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
     times = columns[clock] / (asked.rate(None) if clock == "frame" else 1.0)
     a_metre, who = asked.a_metre(unit), list(places).index("id")
     ids = [_identity(row[who]) for row in chosen]
+    if "" in ids:
+        raise asked.error(f"has no id in line {lines.of(ids.index(''))}; expected a number or a name.")
     return tracks_of(asked, ids, times, columns["x"] / a_metre, columns["y"] / a_metre, wanted)
 
 

@@ -44,7 +44,7 @@ def read_tracks(
     """
     asked = Asked(path, frame_rate, unit)
     if ids is not None and not (
-        isinstance(ids, list | tuple) and all(isinstance(one, str | int | float) for one in ids)
+        isinstance(ids, list | tuple) and ids and all(isinstance(one, str | int | float) for one in ids)
     ):
         raise MapError(f"ids are a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
     if format is not None:

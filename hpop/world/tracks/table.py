@@ -54,7 +54,9 @@ class Asked:
                 "counts frames and does not say how many there are a second; give frame_rate=, such as 25."
             )
         if said is not None and not 0 < said <= FASTEST_CAMERA:
-            raise self.error(f"says that there are {said:g} frames a second; expected more than 0.")
+            raise self.error(
+                f"says that there are {said:g} frames a second; expected more than 0, up to {FASTEST_CAMERA:,.0f}."
+            )
         if said is not None and self.frame_rate is not None and said != self.frame_rate:
             raise self.error(
                 f"says {said:g} frames a second, and frame_rate {self.frame_rate:g}; leave frame_rate out."
