@@ -74,6 +74,7 @@ def ros(
     from hpop.ros.path_server import PathServer
     from hpop.ros.planning import Planning
     from hpop.scenario import load_scenario
+    from hpop.status import Status
 
     user_code.register(imports)
     known = Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)
@@ -82,6 +83,8 @@ def ros(
     planning = Planning(loaded.problem, loaded.planners, known)
     with progress_bar() as progress:
         front = planning.rehearsed(progress)
+    if Status.INTERRUPTED in front.status:  # nobody waits for a goal yet
+        raise KeyboardInterrupt
     echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
     server = PathServer(planning, say=echo)
     try:

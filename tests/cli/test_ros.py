@@ -18,6 +18,21 @@ from tests.ros.bridge import SUCCEEDED, FakeBridge, fake_bridge
 
 Run = Callable[..., Result]
 
+PRESSED = """\
+from dataclasses import dataclass
+
+from hpop.planners import planner
+
+
+@planner("pressed")
+@dataclass(frozen=True)
+class Pressed:
+    needs = frozenset()
+
+    def solve(self, problem, progress=None):
+        raise KeyboardInterrupt
+"""
+
 
 def test_it_plans_goals_until_ctrl_c(run: Run, room: Path) -> None:
     main = threading.main_thread().ident
@@ -85,3 +100,10 @@ def test_a_start_that_is_blocked_is_told_at_once(
 ) -> None:
     write(room, ("start: [0.5, 0.5, 0]", "start: [2.0, 0.5, 0]"))
     refused(run("ros", room / "room.yaml", "--url", "ws://localhost:9090"), 5, "start")
+
+
+def test_ctrl_c_while_the_scenario_is_planned_ends_it(run: Run, room: Path, write: Callable[..., None]) -> None:
+    (room / "pressed.py").write_text(PRESSED)
+    write(room, ("lattice: {step: 0.5}", "- lattice: {step: 0.5}\n  - pressed: {}"))
+    result = run("ros", room / "room.yaml", "--url", "ws://localhost:9", "--import", room / "pressed.py")
+    assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
