@@ -21,7 +21,7 @@ class Change:
     safe_until  s, of the drive, until when the present plan may be driven; None for all the way
     stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
     brakes      whether it cannot come to where it might take another way
-    invalid     of the last options, by number, those that are closed now
+    invalid     of the last options, by number, those that are closed now, or whose beginning is not driven to any more
     """
 
     now: float

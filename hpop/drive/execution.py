@@ -19,13 +19,13 @@ from hpop.drive.change import Change, written
 from hpop.drive.closings import Closing, refuse_covered
 from hpop.drive.cuts import Cut, closed_ways, cut_of
 from hpop.drive.departures import same_side
-from hpop.drive.moment import Moment, Stretch, past
+from hpop.drive.moment import Moment, Stretch, past, stopped
 from hpop.drive.network import Found, Network
 from hpop.drive.options import Commit, Compared, Later, Option, Options
-from hpop.drive.plan import SAME, Plan, between, held, joined, part, until
+from hpop.drive.plan import SAME, Plan, between, held, joined, motion_ends, part, until
 from hpop.drive.rest import front_of_rest
 from hpop.drive.surroundings import Surroundings
-from hpop.drive.telling import Telling
+from hpop.drive.telling import Telling, deadline_of
 from hpop.drive.wishes import Wish, wished
 from hpop.errors import DriveError
 from hpop.front import Point
@@ -165,7 +165,7 @@ class Execution(Telling):
         stands, at the start, because the rest of its way is closed, or at the goal.
         """
         now = self._time(now)
-        t = now + _deadline(deadline) - self._lag
+        t = now + deadline_of(deadline) - self._lag
         driven = self._plan.driven
         place = self._plan.next_arrival(t)
         at_end = place == len(driven)
@@ -188,7 +188,7 @@ class Execution(Telling):
                   people have changed, so much time by the clock is given to what must be made anew; if that is not
                   enough, the known ways that are open and clear of people are the answer, and the gap is infinite
         """
-        now, deadline = self._told(now), _deadline(deadline)
+        now, deadline = self._told(now), deadline_of(deadline)
         options, found = self._options(now, deadline, None)
         self._note("options", now, deadline=deadline, answer=found.answer)
         return options
@@ -197,7 +197,7 @@ class Execution(Telling):
         """Options as a record has them: ``answer`` is what was found then, where the deadline cut that short."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
-        return self._options(now, _deadline(deadline), answer)[0]
+        return self._options(now, deadline_of(deadline), answer)[0]
 
     def _options(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> tuple[Options, Found]:
         """Options, and what was found for them; ``answer``, what was found before is told again."""
@@ -247,6 +247,8 @@ class Execution(Telling):
         if now > commit.time + SAME and not commit.arrives:
             began = f"{commit.time:.2f} s, and it is {now:.2f} s"
             raise DriveError(f"these options began at {began}: ask for options again")
+        if not self._plan.begins_with(options.compared.before):
+            raise DriveError("the way to where these options begin has been cut since; ask for options again")
         if closed_ways([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; ask for options again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
@@ -333,24 +335,21 @@ class Execution(Telling):
     def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
         """Go on in other surroundings, in which some closings are new."""
         self._stand(now)
-        self._stretches.append(Stretch(after, self._next_state(now), self._lag))
+        self._stretches.append(Stretch(after, motion_ends(self._plan.announced, self._planned(now)), self._lag))
         cut = self._cut(now)
         self._lay_out(now)
         ways = [] if self._latest is None else self._latest.ways
-        invalid = tuple(np.flatnonzero(closed_ways(ways, new)).tolist())
+        invalid = closed_ways(ways, new)
+        invalid |= self._latest is not None and not self._plan.begins_with(self._latest.compared.before)
         whole = Plan(self._plan.announced)
         stops = None if cut.stops is None else self._lag + cut.stops
         brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
-        return Change(now, None if cut.safe is None else self._lag + cut.safe, stops, bool(brakes), invalid)
-
-    def _next_state(self, now: float) -> float:
-        """When the motion that is under way ends, s of the plan."""
-        times = self._plan.announced.times
-        return float(times[min(int(np.searchsorted(times, self._planned(now) - SAME)), times.size - 1)])
+        safe = None if cut.safe is None else self._lag + cut.safe
+        return Change(now, safe, stops, bool(brakes), tuple(np.flatnonzero(invalid).tolist()))
 
     def _shift(self, now: float) -> None:
         """Note that the robot is earlier or later than it was taken to be: what is driven from now on is."""
-        begins, last = self._next_state(now), self._stretches[-1]
+        begins, last = motion_ends(self._plan.announced, self._planned(now)), self._stretches[-1]
         if last.begins >= begins - SAME:
             self._stretches.pop()
             begins = last.begins
@@ -371,15 +370,17 @@ class Execution(Telling):
         then = max(now, self._lag)  # before it leaves people walk on
         people = surroundings.at(self._plan.announced.at(t), then).world.content.people
         margin = getattr(self.planner, "margin", 0.0)
-        among: dict[str, Any] = {"closings": surroundings.closed, "people": people, "margin": margin}
-        cut = cut_of(self._plan, t, **among)
-        if cut.stops == t and t not in self._plan.announced.times:
+        among = partial(cut_of, closings=surroundings.closed, people=people, margin=margin)
+        cut, way = among(self._plan, t), self._plan.announced
+        if cut.stops == t and t not in way.times:
             # A motion ends here; of a turn each part takes its own time.
-            way = self._plan.announced
             before = until(way, t)
             self._plan = Plan(joined(before, between(way, t, way.duration)))
-            self._lag, t = now - before.duration, before.duration
-            cut = cut_of(self._plan, t, **among)
+            self._lag = now - before.duration
+            self._stretches = stopped(self._stretches, t, before.duration, self._lag, way)
+            cut = among(self._plan, before.duration)
+        elif cut.stops is not None:
+            self._stretches = stopped(self._stretches, cut.stops, cut.stops, self._lag)
         self._plan = self._plan.closed_at(cut.stops)
         return cut
 
@@ -393,7 +394,3 @@ class Execution(Telling):
         if self._latest is None:
             raise DriveError("there are no options at hand since the plan was last changed: ask options(now) first")
         return self._latest
-
-
-def _deadline(deadline: float) -> float:
-    return float(real("deadline", deadline, 0, MOST, "a time in s", error=DriveError))

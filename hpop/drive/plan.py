@@ -53,6 +53,11 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     return Trajectory(trajectory.model, States(**columns), some.kinds, trajectory.punctual)
 
 
+def motion_ends(trajectory: Trajectory, t: float) -> float:
+    """When the motion ends that is under way at a time, s."""
+    return float(trajectory.times[min(int(np.searchsorted(trajectory.times, t - SAME)), len(trajectory))])
+
+
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """A trajectory and another that begins where it ends, but for whole turns of what comes round.
 
@@ -175,6 +180,14 @@ class Plan:
                 "is, with problem.at(state, t), and follow that"
             )
         return at
+
+    def begins_with(self, way: Trajectory) -> bool:
+        """Whether what is driven begins with all motions of a way."""
+        same = self.driven.kinds[: len(way)] == way.kinds
+        return same and all(
+            np.array_equal(column, getattr(self.driven.states, name)[: len(way) + 1])
+            for name, column in way.states.__dict__.items()
+        )
 
     def then(self, i: int, stands: float, rest: Trajectory) -> Plan:
         """The plan up to a state of `driven`, a while of standing there, and the rest from there on."""

@@ -47,3 +47,8 @@ class Telling:
     def _note(self, event: str, now: float, **what: Any) -> None:
         """Write into the record."""
         self.record.append(json.loads(json.dumps({"event": event, "now": now, **what}, allow_nan=False)))
+
+
+def deadline_of(seconds: float) -> float:
+    """A deadline, s; DriveError for what is none."""
+    return float(real("deadline", seconds, 0, MOST, "a time in s", error=DriveError))

@@ -119,17 +119,17 @@ def test_what_was_driven_costs_what_it_did_when_the_robot_was_there() -> None:
     way, late = drive.plan, 1.5
     before = drive.at(3.0).past["hall_zones"]
     assert before > 0.1
-    at = float(way.times[np.searchsorted(way.times, 3.0)])  # the motion that is under way is of the time before
+    at, end = way.times[np.searchsorted(way.times, [3.0, 6.0])].tolist()  # the motion under way is of the time before
     seen = way.at(3.0)
     moment = drive.at(3.0 + late, problem.model.space.values(seen))
     assert moment.past["hall_zones"] == pytest.approx(before, abs=1e-3)
-    later = drive.at(6.0 + late).past["hall_zones"]
+    later = drive.at(end + late).past["hall_zones"]
     first = problem.evaluate(between(way, 0.0, at))["hall_zones"]
-    rest = between(way, at, 6.0)
+    rest = between(way, at, end)
     then = problem.at(problem.model.space.values(rest.states.take([0])), at + late)
     assert later == pytest.approx(first + then.evaluate(rest)["hall_zones"], abs=1e-3)
     # Seen again where it is taken to be, nothing changes, however often.
-    for t in (6.1, 6.2, 6.3):
+    for t in (end + 0.1, end + 0.2, end + 0.3):
         drive.at(t + late, problem.model.space.values(way.at(t)))
     assert len(drive._stretches) == 2
 

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.drive.plan import between, held
@@ -331,3 +332,19 @@ def test_where_nothing_was_searched_no_more_is_claimed_than_bounds_tell() -> Non
     assert exact.status is Status.COMPLETE
     missed = np.maximum(options.front.costs[None] / np.maximum(exact.front.costs[:, None], 1e-9) - 1, 0)
     assert missed.max(axis=2).min(axis=1).max() <= options.gap + 1e-9
+
+
+def test_options_whose_beginning_is_cut_are_invalid_and_are_not_taken() -> None:
+    drive = drive_of("least length")
+    options = drive.options(0.1, 4.5)
+    x = float(options.commit.state.x[0])
+    corner = shapely.box(x - 1.05, 1.0, x - 1.0, 1.1)  # on the way there, and on none of theirs
+    change = drive.world(0.2, close=corner, name="a trolley")
+    assert change.stops_at is not None
+    assert change.stops_at < options.commit.time
+    assert change.invalid == tuple(range(len(options)))
+    for option in options:
+        with pytest.raises(DriveError, match="cut since; ask for options again"):
+            drive.take(option)
+    drive.world(0.3, open="a trolley")
+    assert drive.take(options[0]).duration > options.commit.time
