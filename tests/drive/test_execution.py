@@ -83,7 +83,7 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
         ({"open": SOUTH}, "no closing has the area"),
         ({"close": [(0.5, 1.5), (1.5, 1.5), (1.5, 2.5), (0.5, 2.5)]}, "covers the robot"),
         ({"close": [(0, 0), (1, float("nan")), (1, 1)]}, "what is closed"),
-        ({"stop": "somebody"}, "nobody is called 'somebody'"),
+        ({"stop": "somebody"}, "nobody is there to stop, asked for 'somebody'"),
         ({"close": "north", "open": "south"}, "one thing that changes"),
         ({}, "one thing that changes"),
         ({"people": 5}, "people are a list of hpop.world.Person"),
