@@ -329,7 +329,7 @@ def scheduled(processes: bool) -> Iterator[Any]:
     """Two workers and their scheduler, in processes of their own or in this one."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=processes, host="127.0.0.1", dashboard_address=None, protocol="tcp"
+        n_workers=2, threads_per_worker=1, processes=processes, host="127.0.0.1", dashboard_address=":0", protocol="tcp"
     ) as local:
         yield local
 

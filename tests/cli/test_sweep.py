@@ -89,7 +89,7 @@ def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_a
 def test_a_dask_scheduler_may_be_named(scenario: Path, alone: Any) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=None, protocol="tcp"
+        n_workers=1, threads_per_worker=1, processes=False, host="127.0.0.1", dashboard_address=":0", protocol="tcp"
     ) as cluster:
         there = plan(scenario, "dask", "--dask", cluster.scheduler_address)
     assert there.exit_code == 0, there.output
