@@ -21,7 +21,7 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.ways import Ways
 from hpop.motions import States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.claims import how_far
+from hpop.planners.graphs.claims import claimed_with_known
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
@@ -199,14 +199,7 @@ class TimedWays:
         )  # fmt: skip
         shut = int(self.ways.closed.sum())
         where = query.where + f", {shut:,} of its edges closed" * bool(shut)
-        if paths.status.is_final:
-            claim = f"exact on {where}, {query.rounded}"
-        else:
-            claim = (
-                f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, "
-                f"others are missing{how_far(paths.gap, {})}"
-            )
-        return query.candidates(name, paths, claim, {})
+        return query.candidates(name, paths, claimed_with_known(paths, where, query.rounded), {})
 
 
 def _start(state: States, time: float) -> Start:

@@ -22,7 +22,7 @@ from hpop.drive.known import Known
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.claims import how_far
+from hpop.planners.graphs.claims import claimed_with_known
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, JoinedEnds, with_ends
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.state_graph import StateGraph
@@ -326,20 +326,11 @@ class Ways:
         shut = int(self.closed.sum())
         where = f"{query.part} for ({query.names})" + f", {shut:,} of its edges closed" * bool(shut)
         reason = ""
-        if paths.status.is_final:
-            claim = f"exact on {where}, edge costs rounded to their quanta"
-            if self.closings:
-                reason = (
-                    f"no path: no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
-                )
-        else:
-            claim = (
-                f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, "
-                f"others are missing{how_far(paths.gap, {})}"
-            )
+        if paths.status.is_final and self.closings:
+            reason = f"no path: no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
         counts = {"labels_generated": paths.stats.labels_generated, "labels_expanded": paths.stats.labels_expanded}
         counts["gap"] = paths.gap if math.isfinite(paths.gap) else None  # type: ignore[assignment]
-        return query.candidates(self.name, paths, claim, reason=reason, stats=counts)
+        return query.candidates(self.name, paths, claimed_with_known(paths, where), reason=reason, stats=counts)
 
 
 def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:

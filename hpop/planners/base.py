@@ -54,6 +54,11 @@ class Candidates:
     stats: Mapping[str, Any] = field(default_factory=dict)
     filters: tuple[Criterion, ...] = ()
 
+    def unfinished(self) -> Candidates:
+        """The same as a stage after which the search goes on, unless it was interrupted."""
+        status = self.status if self.status is Status.INTERRUPTED else Status.UNFINISHED
+        return replace(self, status=status, certificate=f"{self.certificate}; the exact search is not done")
+
     def spread(self, number: int) -> Candidates:
         """So many of them: the best in each planned cost, and of the others, in the order of these, every so many."""
         order = np.lexsort(self.planned.T[::-1])

@@ -85,6 +85,26 @@ class Objectives:
         return replace(self, notes=(*self.notes, *notes)) if notes else self
 
     @property
+    def names(self) -> str:
+        """The optimised criteria, in words."""
+        return ", ".join(criterion.name for criterion in self.optimised)
+
+    def at_most(self, max_turns: int | None) -> list[int | None]:
+        """Bounds (k,) on the costs, none where turns are not bounded.
+
+        Raises OptionError where they are, but none of the costs.
+        """
+        if max_turns is None:
+            return []
+        turns = place_of("turns", self.optimised)
+        if turns is None:
+            raise OptionError(
+                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
+                "among the criteria, or leave max_turns out"
+            )
+        return [max_turns if j == turns else None for j in range(len(self.optimised))]
+
+    @property
     def certificate(self) -> str:
         """What may be claimed for criteria that were not optimised.
 

@@ -74,6 +74,11 @@ class Spending:
             max_memory=None if most is None else max(1, most - self.memory),
         )
 
+    def share(self, seconds: float) -> Budget:
+        """So many seconds for a stage before the last, but no more than a quarter of what is left."""
+        left = self.left()
+        return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
+
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Time that others take, such as to draw what a stage found, is not charged."""

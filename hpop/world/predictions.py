@@ -6,7 +6,7 @@ that there is a time after which nothing changes any more, and notes say where i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -63,7 +63,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
     Raises MapError for a person who begins within an obstacle, and for one who stands and grows uncertain for ever.
     """
-    people, ends = [], list[End]()
+    people, ends, elsewhere = [], list[End](), list[str]()
     for number, person in enumerate(world.content.people):
         who = repr(person.name) if person.name else f"number {number}"
         cut = []
@@ -72,6 +72,8 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
             changed, end = _cut(world, hypothesis, horizon, label)
             cut.append((weight, hypothesis, changed))
             ends += [] if end is None else [end]
+        if not any(_comes(world, hypothesis) for _, hypothesis in person.hypotheses):
+            elsewhere.append(who)
         if all(changed is hypothesis for _, hypothesis, changed in cut):
             people.append(person)
         elif person.futures:
@@ -79,7 +81,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
             people.append(replace(person, futures=futures, until=None))
         else:
             people.append(cut[0][2])
-    return tuple(people), tuple(_notes(ends))
+    return tuple(people), (*_notes(ends), *_note_of(elsewhere))
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
@@ -115,6 +117,13 @@ def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple
     if person.until is None or person.until > end.time + SAME or person.afterwards != end.afterwards:
         person = _ending(person, end)
     return person, end
+
+
+def _comes(world: World, person: Person) -> bool:
+    """Whether somebody is ever on the map, as predicted or recorded."""
+    way = Way.of(person, world.bounds)
+    line = shapely.Point(person.x, person.y) if way is None else shapely.LineString(way.points)
+    return bool(world.extent.intersects(line))
 
 
 def _ending(person: Person, end: End) -> Person:
@@ -157,6 +166,17 @@ def _notes(ends: Iterable[End]) -> Iterable[str]:
         several.setdefault((end.why, end.afterwards), []).append(end)
     for (why, afterwards), those in several.items():
         words = ENDS[why].format(afterwards=AFTERWARDS[afterwards])
-        named = ", ".join(f"{end.who} after {end.time:.3g} s" for end in those[:NAMED])
-        others = f" and {counted(len(those) - NAMED, 'other')}" if len(those) > NAMED else ""
-        yield f"people who {words}: {named}{others}"
+        yield f"people who {words}: {_some([f'{end.who} after {end.time:.3g} s' for end in those])}"
+
+
+def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
+    """A note on those who are never on the map."""
+    if elsewhere:
+        why = "which may have another origin, other axes or another unit"
+        yield f"people who are never on the map, {why}: {_some(elsewhere)}"
+
+
+def _some(several: Sequence[str]) -> str:
+    """The first few, and how many more there are."""
+    others = f" and {counted(len(several) - NAMED, 'other')}" if len(several) > NAMED else ""
+    return ", ".join(several[:NAMED]) + others

@@ -14,6 +14,7 @@ from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners import Lattice
 from hpop.planners.lattice import stages as lattice_stages
+from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.verify import verify
 
@@ -95,9 +96,7 @@ def test_a_planner_that_takes_one_goal_says_who_takes_a_set(planner: str) -> Non
 
 def test_stages_on_a_part_of_the_lattice_end_at_a_member_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lattice_stages, "MOST", 20)
-    monkeypatch.setattr(
-        lattice_stages, "_share", lambda spending, seconds: spending.left()
-    )  # no stage ends by the clock
+    monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
     monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
     asked = problem(OFF)
     *before, last = Lattice(step=0.25).stages(asked)

@@ -60,6 +60,18 @@ def test_who_comes_from_outside_is_there_until_he_has_crossed_the_map(x, speed, 
     assert person.until == pytest.approx(until)
 
 
+def test_who_is_never_on_the_map_is_told():
+    off = Track([0.0, 4.0], [40.0, 44.0], [5.0, 5.0], recorded=True)
+    passes = Track([0.0, 30.0], [-9.0, 20.0], [7.0, 7.0], recorded=True)
+    given = (Person(50.0, 5.0, name="Ada"), Person.along(off), Person.along(passes), Person(3.0, 3.0), Person(0.0, 0.0))
+    assert notes_of(*given)[-1] == (
+        "people who are never on the map, which may have another origin, other axes or another unit: 'Ada', number 1"
+    )
+    assert not any("never" in note for note in notes_of(*given[2:]))
+    perhaps = Person(3.0, 3.0, futures=(Future(1.0), Future(1.0, track=Track([0.0, 1.0], [3.0, 3.5], [3.0, 3.0]))))
+    assert not any("never" in note for note in notes_of(perhaps))
+
+
 def test_a_horizon_ends_predictions_but_not_what_was_recorded():
     walks, stays = Person(1, 7, velocity=(0.5, 0)), Person(1, 7, velocity=(0.5, 0), afterwards="stays")
     track = Track.through([(0, 1, 7), (9, 5, 7)])

@@ -4,9 +4,66 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Protocol
 
 from hpop.search import ParetoPaths
 from hpop.status import Status
+
+ROUNDED = "edge costs rounded to their quanta"
+SHARE = "this stage's share of the time"
+
+
+class Ended(Protocol):
+    """What a search found, how it ended, and how much it may miss."""
+
+    @property
+    def status(self) -> Status: ...
+
+    @property
+    def gap(self) -> float: ...
+
+    def __len__(self) -> int: ...
+
+
+def claimed(
+    paths: Ended,
+    where: str,
+    rounded: str = ROUNDED,
+    *,
+    eps: float = 0.0,
+    tolerance: Mapping[str, float] | None = None,
+    optimal: str = "every point is optimal",
+    gap: float | None = None,
+    stage: bool = False,
+) -> str:
+    """What is claimed of a search that looks for all optimal vectors, or covers them within ``eps`` and a tolerance.
+
+    where    it was searched, and how costs were ``rounded``, in words
+    optimal  what each point is where the search ended early, in words
+    gap      what may be missing, where more is known of it than the search tells
+    stage    before the last, so that its time is a share and not a limit that anybody has set
+    """
+    factor = within(eps, tolerance or {})
+    if not paths.status.is_final:
+        each = f"points are within {factor} of optimal" if factor else optimal
+        each = each if len(paths) else "the search itself found none"
+        ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
+        missing = how_far(paths.gap if gap is None else gap, tolerance or {})
+        return f"incomplete ({ended}): {each} on {where}, others are missing{missing}"
+    if factor:
+        covered = f"every optimal cost vector on {where} is covered within {factor}"
+        return f"{covered}, {rounded}; points need not be optimal themselves"
+    return f"exact on {where}, {rounded}"
+
+
+def claimed_with_known(paths: Ended, where: str, rounded: str = ROUNDED) -> str:
+    """What is claimed of a search among ways that were known before, in words."""
+    if paths.status.is_final:
+        return f"exact on {where}, {rounded}"
+    return (
+        f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, others "
+        f"are missing{how_far(paths.gap, {})}"
+    )
 
 
 def within(eps: float, tolerance: Mapping[str, float]) -> str:

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.criteria.base import place_of
 from hpop.errors import OptionError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, real
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
-from hpop.planners.graphs.claims import at_memory_limit, how_far, within
+from hpop.planners.graphs.claims import at_memory_limit, claimed
 from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 MAX_COSTS = 6
 COARSE = 0.01
-SHARE = "this stage's share of the time"
+TIED = "no path is better in every cost than a point"
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
@@ -89,7 +88,7 @@ class GraphQuery:
     @property
     def names(self) -> str:
         """The optimised criteria, in words."""
-        return ", ".join(criterion.name for criterion in self.objectives.optimised)
+        return self.objectives.names
 
     @property
     def quanta(self) -> FloatArray:
@@ -138,21 +137,9 @@ class GraphQuery:
         where = f"{self.part} for ({self.names})"
         if self.max_turns is not None:
             where += f" and at most {self.max_turns} turns"
-        factor, gap = within(eps, tolerance or {}), min(paths.gap, covered)
-        if not paths.status.is_final:
-            optimal = "every point is optimal"
-            each = optimal if self.tie_broken is None else "no path is better in every cost than a point"
-            each = f"points are within {factor} of optimal" if factor else each
-            each = each if len(paths) else "the search itself found none"
-            ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
-            claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(gap, tolerance or {})}"
-        elif factor:
-            claim = (
-                f"every optimal cost vector on {where} is covered within {factor}, edge costs rounded to their quanta; "
-                "points need not be optimal themselves"
-            )
-        else:
-            claim = f"exact on {where}, edge costs rounded to their quanta"
+        gap = min(paths.gap, covered)
+        told: dict[str, Any] = {} if self.tie_broken is None else {"optimal": TIED}
+        claim = claimed(paths, where, eps=eps, tolerance=tolerance, gap=gap, stage=stage, **told)
         claim += self.looked_at(paths)
         found = {
             "method": paths.stats.method,
@@ -186,19 +173,8 @@ class GraphQuery:
         )
 
     def at_most(self) -> list[int | None]:
-        """Bounds (k,) on the costs, none where none is asked for.
-
-        Raises OptionError where turns are bounded, but none of the costs.
-        """
-        if self.max_turns is None:
-            return []
-        turns = place_of("turns", self.objectives.optimised)
-        if turns is None:
-            raise OptionError(
-                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
-                "among the criteria, or leave max_turns out"
-            )
-        return [self.max_turns if j == turns else None for j in range(len(self.objectives.optimised))]
+        """Bounds (k,) on the costs, none where none is asked for; see :meth:`Objectives.at_most`."""
+        return self.objectives.at_most(self.max_turns)
 
     @cached_property
     def tie_broken(self) -> Graph | None:

@@ -63,7 +63,7 @@ def _stages(
     for space in [lattice] if part is None else [part, lattice]:
         query = planner.query(problem, objectives, progress, space)
         query.break_ties()
-        budget = _share(spending, max(QUICK, SHARE * query.build_seconds))
+        budget = spending.share(max(QUICK, SHARE * query.build_seconds))
         exact = None if large or is_compiling() else _at_once(planner, query, budget, progress)
         if exact is not None:
             yield exact
@@ -81,11 +81,11 @@ def _stages(
         begin()
     covered = math.inf
     if large and planner.eps < COARSE:
-        coarse = query.exact("lattice", _share(spending, query.build_seconds), progress, eps=COARSE, stage=True)
+        coarse = query.exact("lattice", spending.share(query.build_seconds), progress, eps=COARSE, stage=True)
         covered = math.inf if coarse.stats["gap"] is None else coarse.stats["gap"]
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
         with spending.paused():
-            yield _unfinished(replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)))
+            yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
         if coarse.status is Status.INTERRUPTED:
             return
     yield query.exact(
@@ -115,12 +115,6 @@ def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractCon
         onset,
         main_kernels,
     )
-
-
-def _share(spending: Spending, seconds: float) -> Budget:
-    """So many seconds for a stage before the last, but no more than a quarter of what is left."""
-    left = spending.left()
-    return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
 
 def part_of(planner: Lattice, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
@@ -177,10 +171,4 @@ def _stage(query: GraphQuery, paths: ParetoPaths, what: str) -> Candidates:
         provenance=[{"stage": what}] * len(paths),
         stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
     )
-    return _unfinished(found)
-
-
-def _unfinished(found: Candidates) -> Candidates:
-    """Say of a stage that the search goes on, unless it was interrupted."""
-    status = found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED
-    return replace(found, status=status, certificate=f"{found.certificate}; the exact search is not done")
+    return found.unfinished()

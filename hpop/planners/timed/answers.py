@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hpop.errors import QueryError
@@ -17,7 +16,7 @@ from hpop.planners.timed.asked import Asked
 from hpop.planners.timed.assembly import timed_graph
 from hpop.planners.timed.notice import Attention
 from hpop.planners.timed.query import TimedQuery
-from hpop.status import Budget, Progress, ProgressCallback, Status
+from hpop.status import Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -49,25 +48,25 @@ def answers(
         before = spending.memory
         query = _query(problem, objectives, sooner, asked)
         attention = query.timed.attention
-        share = _share(spending.left(), max(QUICK, query.build_seconds))
+        share = spending.share(max(QUICK, query.build_seconds))
         eps = max(COARSE, asked.eps)
         first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
         spending.release(spending.memory - before)
         if len(first.trajectories) or first.status is Status.INTERRUPTED:  # where nothing is found, all are asked next
             in_stages = False
             with spending.paused():
-                yield _unfinished(first)
+                yield first.unfinished()
         if first.status is Status.INTERRUPTED:
             return
     query = _query(problem, objectives, ends, asked, attention)
     if in_stages:
-        left = _share(spending.left(), max(QUICK, SHARE * query.build_seconds))
+        left = spending.share(max(QUICK, SHARE * query.build_seconds))
         first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
         if first.status.is_final:
             yield first
             return
         with spending.paused():
-            yield _unfinished(first)
+            yield first.unfinished()
         if first.status is Status.INTERRUPTED:
             return
     yield query.exact(
@@ -91,14 +90,3 @@ def _query(
     timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta, attention=attention)
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)
-
-
-def _share(left: Budget, seconds: float) -> Budget:
-    """So many seconds for a stage before the last, but no more than a quarter of what is left."""
-    return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
-
-
-def _unfinished(found: Candidates) -> Candidates:
-    """Say of a stage that the search goes on, unless it was interrupted."""
-    status = found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED
-    return replace(found, status=status, certificate=f"{found.certificate}; the exact search is not done")

@@ -88,7 +88,8 @@ class TimeOptions:
         if self.clock is not None:
             real("clock", self.clock, SHORTEST, LONGEST, "the tick of a clock in s", hint="leave it out for 1/20 s")
         if self.hold is not None:
-            real("hold", self.hold, self.tick, MOST, "how long the robot stands at least, in s, a tick or more,")
+            what = "how long the robot stands at least, in s, a tick or more,"
+            real("hold", self.hold, self.tick, MOST, what, hint="None (null in a scenario) lets it never wait")
         if self.arrive_by is not None:
             real("arrive_by", self.arrive_by, self.tick, MOST, "a time in s", hint="leave it out for no limit")
         real("margin", self.margin, 0.0, MOST, "a distance in m")

@@ -11,16 +11,15 @@ import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.contacts import contact
-from hpop.criteria.base import place_of
-from hpop.errors import OptionError
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
-from hpop.planners.graphs.claims import how_far, within
-from hpop.planners.graphs.query import SHARE, tolerance_counts
+from hpop.planners.graphs.claims import ROUNDED, claimed
+from hpop.planners.graphs.query import tolerance_counts
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.clock import SLACK, TimeOptions
 from hpop.planners.timed.graph import Timed
 from hpop.planners.timed.plans import Plans
+from hpop.planners.timed.safety import Start
 from hpop.search import pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointSpec
 from hpop.search.timed.paths import TimedPaths
@@ -66,11 +65,6 @@ class TimedQuery:
         """Node at which plans begin: that of the start, or one beside it."""
         return self.timed.start if self.timed.arcs.copied.size else self.start
 
-    @property
-    def names(self) -> str:
-        """The optimised criteria, in words."""
-        return ", ".join(criterion.name for criterion in self.objectives.optimised)
-
     def exact(
         self,
         name: str,
@@ -99,29 +93,16 @@ class TimedQuery:
             progress=progress,
             eps=eps,
             tolerance=counts.tolist(),
-            at_most=self._at_most(),
+            at_most=self.objectives.at_most(self.max_turns),
             checkpoint=checkpoint,
         )
-        where = self.where
-        factor = within(eps, tolerance or {})
-        if not paths.status.is_final:
-            each = f"points are within {factor} of optimal" if factor else "every point is optimal"
-            each = each if len(paths) else "the search itself found none"
-            ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
-            claim = f"incomplete ({ended}): {each} on {where}, others are missing{how_far(paths.gap, tolerance or {})}"
-        elif factor:
-            claim = (
-                f"every optimal cost vector on {where} is covered within {factor}, {self.rounded}; "
-                "points need not be optimal themselves"
-            )
-        else:
-            claim = f"exact on {where}, {self.rounded}"
+        claim = claimed(paths, self.where, self.rounded, eps=eps, tolerance=tolerance, stage=stage)
         return self.candidates(name, paths, claim, {"stage": "first points"} if stage else {})
 
     @property
     def where(self) -> str:
         """On what something is claimed, in words."""
-        where = f"{self.timed.arcs.space.words}, {self._in_time}, for ({self.names})"
+        where = f"{self.timed.arcs.space.words}, {self._in_time}, for ({self.objectives.names})"
         return where if self.max_turns is None else f"{where} and at most {self.max_turns} turns"
 
     @property
@@ -129,7 +110,7 @@ class TimedQuery:
         """How costs are rounded, in words."""
         own = zip(self.objectives.optimised, self.timed.quanta.tolist(), strict=True)
         steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
-        return "edge costs rounded to their quanta" + f", on the clock those of {', '.join(steps)}" * bool(steps)
+        return ROUNDED + f", on the clock those of {', '.join(steps)}" * bool(steps)
 
     @property
     def _in_time(self) -> str:
@@ -153,18 +134,6 @@ class TimedQuery:
         if ramps is None:
             return "and each was looked at as it is executed"
         return f"and robots, as they are executed, off their plans by at most {ramps.stray:.2g} m"
-
-    def _at_most(self) -> list[int | None]:
-        """Bounds (k,) on the costs; OptionError where turns are bounded, but none of the costs."""
-        if self.max_turns is None:
-            return []
-        turns = place_of("turns", self.objectives.optimised)
-        if turns is None:
-            raise OptionError(
-                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
-                "among the criteria, or leave max_turns out"
-            )
-        return [self.max_turns if j == turns else None for j in range(len(self.objectives.optimised))]
 
     def candidates(self, name: str, paths: TimedPaths, claim: str, origin: Mapping[str, Any]) -> Candidates:
         """Paths as the candidates of the planner ``name``, with more of their origin."""
@@ -239,9 +208,11 @@ class TimedQuery:
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)
         why, ways_out = ["people who move are in them, now or later"], list[str]()
-        if near := self.timed.safety.about_start:
-            who = " and ".join(dict.fromkeys(person.name or "somebody" for person in near))
-            why.append(f"{who} may be too near to the start for the robot to be away in time")
+        at = self.timed.arcs.states.take(self.timed.arcs.place[[self._begin]])
+        if near := [*self.timed.safety.coming(Start(float(at.x[0]), float(at.y[0]), self.begins))]:
+            who = " and ".join(dict.fromkeys(person.name or "somebody" for person, _ in near))
+            when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
+            why.append(f"{who} may be too near to the start, {when}, for the robot to be away in time")
         if self.options.margin > 0:
             ways_out.append("a smaller margin")
         if self.options.hold is None:
@@ -252,5 +223,5 @@ class TimedQuery:
         if self.max_turns is not None:
             why.append(f"none has at most {self.max_turns} turns")
             ways_out.append("more max_turns")
-        advice = f"give {', or '.join(ways_out)}" if ways_out else "ask for another start or goal, or later"
-        return (f"no path: there are ways, but {', or '.join(why)}; {advice}",)
+        advice = [f"give {way}" for way in ways_out] + ["ask for another start or goal, or later"]
+        return (f"no path: there are ways, but {', or '.join(why)}; {', or '.join(advice)}",)

@@ -134,12 +134,16 @@ class Safety:
 
     def near(self, start: Start) -> list[Person]:
         """Those in whose margin a place is at a time, or who come so near within a second."""
-        seconds = start.time + self.clock.seconds(np.arange(self.clock.within(SOON) + 1))
-        return [
-            person
-            for person in self.people
-            if (_apart(start, person, seconds) < self._axis(person, self.needed(person, seconds)) + self.stray).any()
-        ]
+        return [person for person, _ in self.coming(start, SOON)]
+
+    def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
+        """Those in whose margin a place is within so many seconds from a time on, and how many first."""
+        since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
+        for person in self.people:
+            need = self._axis(person, self.needed(person, start.time + since)) + self.stray
+            inside = _apart(start, person, start.time + since) < need
+            if inside.any():
+                yield person, float(since[np.argmax(inside)])
 
     def refuse_contact(self) -> None:
         """Raise QueryError where the robot would start in contact with somebody."""
@@ -150,7 +154,7 @@ class Safety:
                     raise QueryError(
                         f"the start ({start.x:.3f}, {start.y:.3f}) is not usable: {person.name or 'a person who moves'}"
                         f" is there at time {start.time:g}, {apart:.2f} m from the robot's axis, which needs "
-                        f"{self.reach + person.radius:.2f} m"
+                        f"{self.reach + person.radius:.2f} m. Move one of them, or plan for when they are apart."
                     )
 
     @cached_property

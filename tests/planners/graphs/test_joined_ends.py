@@ -22,6 +22,7 @@ from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.spending import Spending
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
 from hpop.search import pareto_paths
@@ -354,9 +355,7 @@ def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(exact, tmp_path)
 
 def test_stages_on_a_part_of_the_lattice_end_at_the_goal_too(exact, monkeypatch):
     monkeypatch.setattr(lattice_stages, "MOST", 40)
-    monkeypatch.setattr(
-        lattice_stages, "_share", lambda spending, seconds: spending.left()
-    )  # no stage ends by the clock
+    monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
     monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
     fresh = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))  # nothing kept
     *stages, last = Lattice(step=FINE).stages(replace(OFF, world=fresh))

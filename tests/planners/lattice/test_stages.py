@@ -24,6 +24,7 @@ from hpop.planners.lattice import Lattice
 from hpop.planners.lattice import stages as lattice_stages
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.nearby import DIAGONAL, STRAIGHT, nearby
+from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget, Progress, Status
 
@@ -59,7 +60,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every lattice of more than 60 positions counts as large, and no stage is cut short."""
     monkeypatch.setattr(lattice_stages, "MOST", 60)
-    monkeypatch.setattr(lattice_stages, "_share", lambda spending, seconds: spending.left())
+    monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())
 
 
 def same(a: Candidates, b: Candidates) -> bool:
@@ -190,7 +191,7 @@ def test_the_coarse_stage_keeps_its_promise() -> None:
 @pytest.mark.usefixtures("large")
 def test_a_stage_that_has_spent_its_share_speaks_of_no_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A user who set none would look for it."""
-    monkeypatch.setattr(lattice_stages, "_share", lambda spending, seconds: Budget(1e-9))
+    monkeypatch.setattr(Spending, "share", lambda spending, seconds: Budget(1e-9))
     coarse = found(problem())[-2]
     assert coarse.certificate.startswith("lattice: incomplete (this stage's share of the time): ")
     assert "time limit" not in coarse.certificate

@@ -166,7 +166,19 @@ def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_i
         assert 0.0 < gaps(problem, trajectory).min() < 0.5, "it comes nearer, and the robot leaves"
     none = Lattice(step=0.25).solve(through_the_doors(fast))
     assert none.status is Status.NO_PATH
-    assert "Ada may be too near to the start" in none.notes[-1]
+    assert "Ada may be too near to the start, from the beginning, for" in none.notes[-1]
+
+
+def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_named_with_when():
+    """A robot in a dead end, whose only way out somebody comes up at 0.3 m/s: her margin is 0.9 m away."""
+    comes = Person(2.6, 2.0, velocity=(-0.3, 0.0), until=8.0, name="Ada")
+    room = World.from_polygons([], extent=shapely.box(0.6, 1.6, 8.0, 2.4)).with_content(people=[comes])
+    problem = Problem(room, DifferentialDrive(radius=0.25), (1.0, 2.0, 0.0), (7.0, 2.0, 0.0), ["duration"])
+    none = Lattice(step=0.25, margin=0.2).solve(problem)
+    assert none.status is Status.NO_PATH
+    # 1.6 m between their middles, 0.7 m in which they may not be and 0.125 m of ramps: 0.775 m at 0.3 m/s.
+    assert "Ada may be too near to the start, after 2.6 s, for the robot to be away" in none.notes[-1]
+    assert "give a smaller margin, or ask for another start or goal, or later" in none.notes[-1]
 
 
 def test_a_start_in_contact_with_somebody_is_refused():
