@@ -25,6 +25,7 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import Roadmap
+from hpop.planners.spending import CORES, Spending
 from hpop.planners.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.timed.reading import reading_time
 from hpop.trajectory import Trajectory
@@ -121,7 +122,7 @@ class Network:
         if among is None:
             known = [] if kept is None else [kept]
             known += self._clear(now, problem, commit, 0.5 * deadline)
-            among = self.among(now, commit, deadline - (time.perf_counter() - began))
+            among = self.among(now, commit, deadline - LOOK - (time.perf_counter() - began))
             if among is None:
                 return self._rechecked(problem, known)
             deadline = max(0.0, deadline - (time.perf_counter() - began))
@@ -224,7 +225,10 @@ class Network:
         world = now.problem.world
         if self._without is not None and self._without.world is world:
             return self._without
-        space = self._inner(now) if self._without is None else self._without.inner
+        if self._without is None:  # what is made beside the drive leaves a core to it
+            space = replace(self._inner(now), spending=Spending(cores=max(1, CORES - 1)))
+        else:
+            space = self._without.inner
         timed = reading_time(self.objectives.optimised, space.costed_in(world))
         criteria = tuple(c for j, c in enumerate(self.objectives.optimised) if j not in timed)
         objectives = replace(self.objectives, optimised=criteria or (make_criterion("duration"),))

@@ -51,11 +51,14 @@ class Spending:
     """A budget, and what of it is spent since planning started. Compiling kernels is not charged.
 
     memory  bytes held by what was built so far
+    cores   on which it is built at once
     """
 
-    def __init__(self, budget: Budget | None = None, *, spent: float = 0.0, memory: int = 0) -> None:
+    def __init__(
+        self, budget: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
+    ) -> None:
         """Start to spend; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
-        self.budget = budget or Budget()
+        self.budget, self.cores = budget or Budget(), cores or CORES
         self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
@@ -126,12 +129,12 @@ class Spending:
             with interrupts_held():
                 return waiting.popleft().result()
 
-        with ThreadPoolExecutor(CORES) as threads:
+        with ThreadPoolExecutor(self.cores) as threads:
             try:
                 for block in rest:
                     with interrupts_held():
                         waiting.append(threads.submit(limited, block))
-                    if len(waiting) > CORES:
+                    if len(waiting) > self.cores:
                         yield first()
                         self.check(doing)
                 while waiting:

@@ -1,5 +1,8 @@
 """A planner's limits hold while its graph is built, and building is the same whatever the number of cores."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -89,6 +92,24 @@ def test_the_graph_is_the_same_whatever_the_number_of_cores(monkeypatch):
         graphs.append(Lattice(step=0.5).lattice(problem).graph(problem.criteria))
     for name in ("indptr", "heads", "costs"):
         assert (getattr(graphs[0], name) == getattr(graphs[1], name)).all()
+
+
+def test_on_one_core_no_two_blocks_are_worked_on_at_once():
+    """So work beside something else leaves it a core; on two, the second block begins while the third is waited for."""
+    began, together = [], []
+    lock = threading.Lock()
+
+    def work(block):
+        with lock:
+            began.append(block)
+            together.append(len(began))
+        time.sleep(0.002)
+        with lock:
+            began.remove(block)
+        return block
+
+    assert list(Spending(cores=1).each(work, range(6), "blocks were counted")) == list(range(6))
+    assert max(together) == 1
 
 
 def test_what_is_spent_is_taken_from_what_the_search_may_spend():
