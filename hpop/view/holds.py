@@ -19,6 +19,8 @@ from hpop.view.style import HALO, QUIET, SMALL, mapped_points
 SPOT = 6  # digits, m, to which the places of holds agree that are on one spot
 BESIDE = 11.0  # points to the right and above the spot: on it are dots of turns, and the letters of start and goal
 ROW = 13.0  # points between the clocks of two trajectories
+ASIDE = 44.0  # points between two clocks of one trajectory whose spots are near each other: a clock and its time
+NEAR = (0.12, 0.04)  # of the width of what is shown: spots nearer than that, along x and along y
 Colour = tuple[float, float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 DARK = 1.5  # sum of red, green and blue
@@ -64,25 +66,35 @@ def draw_holds(
     axes: Axes,
     trajectory: Trajectory,
     colour: str,
+    width: float,
     *,
     row: int = 0,
     gid: str = "hold",
     face: Callable[[Held], Colour] = lambda held: WHITE,
 ) -> None:
-    """Draw the clocks of a trajectory in its colour, in a row of their own above their spots; ``face`` fills them."""
+    """Draw the clocks of a trajectory in its colour, in a row of their own above their spots; ``face`` fills them.
+
+    ``width`` is that of what is shown, m: clocks whose spots are near each other stand side by side.
+    """
     figure = axes.get_figure(root=True)
     up = BESIDE + ROW * row
-    beside = offset_copy(axes.transData, figure, BESIDE, up, units="points")
-    for held in holds_of(trajectory):
+    drawn = holds_of(trajectory)
+    for number, held in enumerate(drawn):
+        right = BESIDE + ASIDE * sum(_are_near(held, other, width) for other in drawn[:number])
+        beside = offset_copy(axes.transData, figure, right, up, units="points")
         lead: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
-        axes.annotate(
-            "", (held.x, held.y), xytext=(BESIDE, up), textcoords="offset points", arrowprops=lead, zorder=8.5
-        )
+        axes.annotate("", (held.x, held.y), xytext=(right, up), textcoords="offset points", arrowprops=lead, zorder=8.5)
         axes.add_line(hold_clock(colour, held.x, held.y, face(held), transform=beside, zorder=9, gid=gid))
         axes.annotate(
-            written_time(held.seconds), (held.x, held.y), xytext=(BESIDE + 8, up), textcoords="offset points",
+            written_time(held.seconds), (held.x, held.y), xytext=(right + 8, up), textcoords="offset points",
             fontsize=SMALL, color=colour, va="center", zorder=9, path_effects=HALO, gid=gid,
         )  # fmt: skip
+
+
+def _are_near(one: Held, other: Held, width: float) -> bool:
+    """Whether two spots are so near that their clocks would lie on each other, in a picture so many metres wide."""
+    along, across = NEAR
+    return abs(one.x - other.x) < along * width and abs(one.y - other.y) < across * width
 
 
 def hold_clock(

@@ -127,7 +127,7 @@ def draw_map(
     if any(len(places) for places in turns):
         symbols.append(turn_dot(QUIET, label="turn in place" + _hidden(np.concatenate(turns), ends, view)))
     for row, (mark, trajectory) in enumerate((m, t) for m, t in zip(named, picked, strict=True) if is_held(t).any()):
-        draw_holds(axes, trajectory, mark.colour, row=row, gid=f"holds of {mark.label}")
+        draw_holds(axes, trajectory, mark.colour, view.width, row=row, gid=f"holds of {mark.label}")
         symbols += [hold_entry()] * (row == 0)
     symbols += draw_headed_ends(axes, problem, ends, view)
     draw_frame(axes, view)

@@ -25,7 +25,7 @@ from hpop.view.canvas import figure_for, whole
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import outline, view_of
-from hpop.view.holds import draw_holds, hold_entry, is_held
+from hpop.view.holds import Colour, Held, draw_holds, hold_entry, is_held
 from hpop.view.map import turn_dot
 from hpop.view.page import Handle, height_of
 from hpop.view.paths import camera_heights, path_points
@@ -97,7 +97,7 @@ def draw_where(
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_patch(floor)
-        _draw_shown(figure, axes, trace, place, shown_along(trace, place))
+        _draw_shown(figure, axes, trace, place, view.width, shown_along(trace, place))
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),
             *_turn_entry(trajectory),
@@ -154,7 +154,7 @@ def shown_along(trace: Trace, column: int) -> FloatArray:
     return number[owner]
 
 
-def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, shown: FloatArray) -> None:
+def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width: float, shown: FloatArray) -> None:
     criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
     points = mapped_points(trajectory.model, trace.states)
     norm = Normalize(0.0, float(f"{shown.max(initial=0.0):.{DIGITS}g}") or 1.0)
@@ -180,9 +180,12 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, shown
     x, y = turns.T
     axes.scatter(x, y, c=each, cmap=RATE_COLOURS, norm=norm, s=sizes, edgecolors="white", zorder=5, gid="turns")
     of_motion = shown[np.cumsum(trace.pieces.counts) - 1] if len(trajectory) else shown
-    draw_holds(
-        axes, trajectory, QUIET, face=lambda held: RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
-    )
+
+    def face(held: Held) -> Colour:
+        """How much standing there costs."""
+        return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
+
+    draw_holds(axes, trajectory, QUIET, width, face=face)
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)

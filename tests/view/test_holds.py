@@ -51,6 +51,24 @@ def test_maps_say_where_and_for_how_long(problem, trajectory, held):
     assert CLOCKS not in [text for legend in nobody.legends for text in texts(legend.get_texts())]
 
 
+@pytest.mark.parametrize("draw", ["map", "where"])
+def test_clocks_of_spots_near_each_other_stand_side_by_side(problem, draw):
+    """Two waits a step apart, as plans among people have them."""
+    way = Trajectory.from_poses(problem.model, [(1, 1, 0), (1.25, 1, 0), (3, 1, 0)])
+    waits = way.with_hold(at=1, seconds=10.5).with_hold(at=0, seconds=5.5)
+    if draw == "where":
+        figure = draw_where(problem, waits)
+    else:
+        declared = {"names": ["duration", "exposure"], "units": ["s", "s"], "quanta": [1e-6, 1e-6]}
+        front = Front.of(np.ones((1, 2)), [waits], **declared, status="complete", certificate="made by hand")
+        figure = draw_map(problem, front)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        boxes = [text.get_window_extent() for text in axes.texts if text.get_text() in ("10.5 s", "5.5 s")]
+        assert len(boxes) in (0, 2)
+        assert not boxes or not boxes[0].overlaps(boxes[1])
+
+
 def test_traces_shade_the_time_of_holds(problem, trajectory, held):
     for drawn, count in ((held, 3), (trajectory, 0)):
         figure = draw_trace(problem, drawn)
