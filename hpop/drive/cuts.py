@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -35,8 +36,9 @@ def cut_of(
 ) -> Cut:
     """What is left of a plan from a time on, at which the robot touches none of some closings.
 
-    Nor may it come nearer than ``margin``, m, to ``people`` who move, as they are predicted from then on. Who stands is
-    not safe from people who walk: then another way is to be taken in time.
+    Nor may it come nearer than ``margin``, m, to ``people`` who move, as they are predicted from then on: by the plan,
+    and as it is executed where that keeps the plan's clock. Who stands is not safe from people who walk: then another
+    way is to be taken in time.
 
     The robot stands at the last place before where it may leave its plan, so that it goes on driving while others are
     looked for. Where it cannot stop there any more it brakes, and where it would touch what is closed while it brakes
@@ -45,19 +47,25 @@ def cut_of(
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
     if any(person.moves for person in people):
         # By the plan's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
-        parts = cast(PlanarModel, plan.announced.model).parts
-        for least in {0.0, margin}:  # a margin may be left within a second, but nobody may be touched
-            met = first_contact(parts, people, plan.announced, least, begin=t)
-            touches += [] if met is None else [t + max(0.0, met[0] - STEP)]
+        way, parts = plan.announced, cast(PlanarModel, plan.announced.model).parts
+        ways = {way, way.execution()} if way.punctual else {way}
+        for one, least in product(ways, {0.0, margin}):  # a margin may be left within a second, but nobody be touched
+            met, begin = first_contact(parts, people, one, least, begin=t), t
+            if met is not None and t < plan.chosen <= t + met[0]:
+                begin, then = plan.chosen, [person.later(plan.chosen - t) for person in people]
+                met = first_contact(parts, then, one, least, begin=begin)
+            touches += [] if met is None else [begin + max(0.0, met[0] - STEP)]
     if not touches:
         return Cut(None, None)
-    safe = min(touches)
+    safe, end = min(touches), plan.announced.duration
     brakes = plan.braked(t)
     whole = Plan(plan.announced)
     times = whole.driven.times[whole.arrivals]
-    able = times[(times >= brakes) & (times <= safe)]
+    able = times[(times >= brakes) & (times <= safe) & ((times < end) | (safe < end))]
     if able.size:
         return Cut(safe, float(able[-1]))
+    if safe >= end:  # as it stops at the goal, from which it can no more keep away
+        return Cut(None, None)
     return Cut(safe, brakes if brakes <= safe else _at_once(plan.announced, t, safe))
 
 

@@ -170,13 +170,15 @@ class Execution(Telling):
         place = self._plan.next_arrival(t)
         at_end = place == len(driven)
         arrives = at_end and self._plan.stops is None
-        stands = max(0.0, t - float(driven.times[place])) if at_end and not arrives else 0.0
+        stands = t - float(driven.times[place]) if at_end and not arrives else 0.0
+        stands = max(stands, self._plan.stops_for) if stands > 0.0 else 0.0
         time = self._lag + float(driven.times[place]) + stands
         states = States(**{name: getattr(driven.states, name) for name in self.problem.model.space.names})
         times = self._lag + driven.times[self._plan.arrivals]
         soon = (times > time + SAME) & (times <= time + LEAVING)
         later = Later(times[soon], states.take(self._plan.arrivals[soon]))
-        return Commit(time, states.take(np.array([place])), place, stands, arrives, later)
+        before = held(part(driven, 0, place), stands)
+        return Commit(time, states.take(np.array([place])), place, stands, arrives, before, later)
 
     # What may be chosen
 
@@ -208,7 +210,7 @@ class Execution(Telling):
         kept = rest if self._plan.stops is None else None
         found = self._network.found(surroundings, commit, kept, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
-        before = Plan(held(part(self._plan.driven, 0, commit.place), commit.stands))
+        before = Plan(commit.before)
         gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
         front, point, place = front_of_rest(problem, found.candidates, kept, gone)
         closings = () if kept is None else surroundings.closed
@@ -360,7 +362,7 @@ class Execution(Telling):
         plan = self._plan
         stood = now - self._lag - plan.end
         if plan.stops is not None and stood > SAME:
-            before = held(until(plan.announced, plan.stops), stood)
+            before = held(until(plan.announced, plan.stops), max(stood, plan.stops_for))
             rest = between(plan.announced, plan.stops, plan.announced.duration)
             self._plan = Plan(joined(before, rest), before.duration)
 

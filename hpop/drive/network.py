@@ -152,7 +152,7 @@ class Network:
         known = (*self._driven, *self._given)
         spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are much alike
         ways = rests_from((known[i] for i in spread), commit.state)
-        return [*clear_ways(ways, problem, now.closed, options.margin, latest, enough)]
+        return [*clear_ways(ways, problem, commit.before, now.closed, options.margin, latest, enough)]
 
     def _rechecked(self, problem: Problem, ways: Sequence[Trajectory]) -> Found:
         """Known ways that are open and clear, while the graph on the clock is being made."""

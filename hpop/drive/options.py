@@ -37,6 +37,7 @@ class Commit:
     place    the state of the plan that is driven, by number
     stands   s that the robot stands there before
     arrives  whether that is the goal
+    before   what is driven until then
     later    places soon after it at which the robot may do so as well
     """
 
@@ -45,6 +46,7 @@ class Commit:
     place: int
     stands: float
     arrives: bool
+    before: Trajectory
     later: Later
 
 

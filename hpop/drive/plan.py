@@ -104,10 +104,12 @@ class Plan:
 
     announced  from where the drive began to the goal
     stops      s, where the robot stands if nothing is chosen before, since the rest is closed; None: it arrives
+    chosen     s, where the way begins that was chosen last: who is near then may be left, as where a plan begins
     """
 
     announced: Trajectory
     stops: float | None = None
+    chosen: float = 0.0
 
     def __post_init__(self) -> None:
         laws = laws_of(self.announced.model)
@@ -138,6 +140,16 @@ class Plan:
         after += [i + 1 for i, kind in enumerate(kinds) if kind == HOLD.kind]
         return np.unique([*after, len(kinds)])
 
+    @property
+    def ramp(self) -> float:
+        """How much longer a run takes that ends, s: v/2a, half of what stopping and starting lose."""
+        return 0.5 * float(getattr(laws_of(self.announced.model).get("turn"), "loss", 0.0))
+
+    @property
+    def stops_for(self) -> float:
+        """How long a robot stands at least, s, that has stopped: where the clock is kept, until it has really done."""
+        return self.ramp if self.announced.punctual else 0.0
+
     def next_arrival(self, t: float) -> int:
         """The first of the arrivals later than ``t``; the last where none is."""
         times = self.driven.times[self.arrivals]
@@ -154,8 +166,7 @@ class Plan:
         last = i
         while last + 1 < len(motions) and "x" in laws[motions.kinds[last + 1]].varies:
             last += 1
-        # Half of what stopping and starting lose: v/2a at cruise speed is v²/2a of way.
-        return float(min(t + 0.5 * getattr(laws.get("turn"), "loss", 0.0), motions.times[last + 1]))
+        return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed is v²/2a of way
 
     def seen(self, state: States, t: float) -> float:
         """When the plan passes nearest to a state (1,) in which the robot is seen, about ``t``.
@@ -191,7 +202,8 @@ class Plan:
 
     def then(self, i: int, stands: float, rest: Trajectory) -> Plan:
         """The plan up to a state of `driven`, a while of standing there, and the rest from there on."""
-        return Plan(joined(held(part(self.driven, 0, i), stands), rest))
+        before = held(part(self.driven, 0, i), stands)
+        return Plan(joined(before, rest), chosen=before.duration)
 
     def closed_at(self, stops: float | None) -> Plan:
         """The same, driven only until then."""

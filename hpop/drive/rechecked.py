@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from hpop.contacts import contact
+from hpop.contacts import first_contact
 from hpop.criteria.base import trajectory_costs
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import closed_ways
-from hpop.drive.plan import part
+from hpop.drive.plan import SAME, joined, part
 from hpop.models.base import PlanarModel
 from hpop.motions import States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
 from hpop.planners.objectives import Objectives
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -34,8 +34,8 @@ def rests_from(ways: Iterable[Trajectory], state: States) -> Iterator[Trajectory
     for way in ways:
         there = np.ones(len(way) + 1, dtype=np.bool_)
         space = way.model.space
-        for name, off in space.differences(state.take(np.zeros(len(way) + 1, np.int64)), way.states).items():
-            there &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
+        for off in space.differences(state.take(np.zeros(len(way) + 1, np.int64)), way.states).values():
+            there &= np.abs(off) <= SAME
         last = np.flatnonzero(there)
         if last.size and last[-1] < len(way):
             yield part(way, int(last[-1]), len(way))
@@ -44,6 +44,7 @@ def rests_from(ways: Iterable[Trajectory], state: States) -> Iterator[Trajectory
 def clear_ways(
     ways: Iterable[Trajectory],
     problem: Problem,
+    before: Trajectory,
     closings: Sequence[Closing],
     margin: float,
     latest: float | None,
@@ -52,6 +53,7 @@ def clear_ways(
     """Those of some ways that nothing and nobody is in the way of, as plans and as they are executed.
 
     problem  asked from where and when they begin
+    before   what is driven until then: a robot that comes along is not at rest there
     margin   m, to people who move
     latest   s, from then on, by which they arrive; None for whenever
     enough   whether no more of them are looked at
@@ -62,7 +64,9 @@ def clear_ways(
             return
         if (latest is not None and way.duration > latest) or closed_ways([way], closings).any():
             continue
-        if not any(contact(parts, people, one, margin) for one in (way, way.execution())):
+        whole = joined(before, way)
+        each = product((whole, whole.execution()), {0.0, margin})
+        if not any(first_contact(parts, people, one, least, begin=before.duration) for one, least in each):
             yield way
 
 

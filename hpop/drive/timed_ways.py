@@ -106,7 +106,7 @@ class TimedWays:
             later = zip(nodes, times, there, strict=True)
             near = ((node, at), *((other, time) for other, time, who in later if other >= 0 and who))
         laid = LaidOut(ways.graph, ways.closed, begin, near, arcs)
-        timed = timed_graph(space, objectives.optimised, node, options, now.problem.quanta, laid)
+        timed = timed_graph(space, objectives.optimised, node, ways.query.goals, options, now.problem.quanta, laid)
         return cls(ways, timed, objectives, options, now.people, now.since, node, begin, near)
 
     def serves(self, now: Surroundings, commit: Commit, ways: Ways) -> bool:

@@ -59,8 +59,9 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
     plain = space.graph([c for j, c in enumerate(known.objectives.optimised) if j not in timed])
     node = int(known.ways.nodes(commit.state)[0])
     laid = LaidOut(plain, known.ways.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
-    graph = timed_graph(space, known.objectives.optimised, node, known.options, then.quanta, laid).graph
-    paths = timed_paths(graph, node, known.ways.query.goals)
+    goals = known.ways.query.goals
+    graph = timed_graph(space, known.objectives.optimised, node, goals, known.options, then.quanta, laid).graph
+    paths = timed_paths(graph, node, goals)
     assert paths.status is Status.COMPLETE
     return paths.costs
 
@@ -153,3 +154,20 @@ def test_a_robot_at_rest_takes_nothing_in_which_its_start_would_make_it_meet_som
     assert options.commit.time == 2.0
     assert len(options)
     assert not any(contact(robot.parts, [crosses], option.item.execution()) for option in options)
+
+
+def test_a_robot_that_has_just_stopped_goes_on_when_it_stands() -> None:
+    """To stop takes it v/2a more than its plan says: before that no way is open again for it."""
+    problem, front, planner = among(Person(9.0, 4.0, velocity=(-0.3, 0.0), until=8.0))
+    drive = hpop.follow(problem, front, "knee", planner=planner)
+    x, y = (
+        float(column[np.searchsorted(drive.plan.times, 4.0)]) for column in (drive.plan.states.x, drive.plan.states.y)
+    )
+    change = drive.world(0.2, close=shapely.Point(x, y).buffer(0.1), name="spill")
+    assert change.stops_at is not None
+    options = drive.options(change.stops_at + 0.1, 0.0)
+    assert options.commit.stands == pytest.approx(0.5)
+    drive.world(change.stops_at + 0.1, open="spill")
+    stood = [float(last) for last, kind in zip(drive.plan.durations, drive.plan.kinds, strict=True) if kind == "hold"]
+    assert stood[-1] == pytest.approx(0.5)
+    assert drive.plan.execution().duration <= drive.plan.duration + 1.0 + 1e-6

@@ -7,9 +7,12 @@ import pytest
 import shapely
 
 import hpop
+from hpop.contacts import contact
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import cut_of
-from hpop.drive.plan import Plan
+from hpop.drive.plan import Plan, between, held, joined
+from hpop.drive.rechecked import clear_ways
+from hpop.trajectory import Trajectory
 from hpop.world import Person
 
 ROBOT = hpop.DifferentialDrive(radius=0.25)
@@ -80,3 +83,51 @@ def test_before_the_robot_leaves_people_walk_on() -> None:
     crosses = Person(4.0, 3.5, velocity=(0.0, -0.5), until=10.0)
     change = drive.world(-3.0, people=[crosses])
     assert change.safe_until == pytest.approx(4.0 - 0.5, abs=0.6)
+
+
+def punctual() -> Trajectory:
+    """East for 5 m, metre by metre, on the clock of its plan, half a second after it was told to."""
+    run = Trajectory.from_poses(ROBOT, [(float(x), 0.0, 0.0) for x in range(6)])
+    stands = held(Trajectory.from_poses(ROBOT, [(0.0, 0.0, 0.0)]), 0.5)
+    way = joined(stands, run)
+    return Trajectory(way.model, way.states, way.kinds, punctual=True)
+
+
+def at_the_goal(when: float) -> Person:
+    """Touches a robot at the goal at some time, s, and has gone at once."""
+    return Person(5.0, 0.5 + when, velocity=(0.0, -1.0), until=when + 0.03)
+
+
+@pytest.mark.parametrize("when", [5.6, 5.9])
+def test_who_comes_to_the_goal_while_the_robot_stops_there_cuts_a_plan_that_keeps_its_clock(when: float) -> None:
+    """As executed it comes to rest v/2a, half a second, after its plan."""
+    way, comes = punctual(), at_the_goal(when)
+    assert way.duration == 5.5
+    assert way.execution().duration == pytest.approx(6.0)
+    cut = cut_of(Plan(way), 0.0, (), (comes,), 0.0)
+    assert cut.safe == pytest.approx(when, abs=0.025)
+    assert cut.stops == 4.5
+    assert cut_of(Plan(way), 0.0, (), (at_the_goal(6.1),), 0.0) == (None, None)
+    # Where it can no more keep away it comes to the goal.
+    late = comes.later(5.2)
+    assert cut_of(Plan(way), 5.2, (), (late,), 0.0) == (None, None)
+
+
+def test_known_ways_are_looked_at_as_a_robot_that_comes_along_executes_them() -> None:
+    """One that began its way from rest would come to the goal when somebody has gone."""
+    way, comes = punctual(), at_the_goal(5.8)
+    world = hpop.World.from_polygons([], extent=shapely.box(-2, -8, 12, 8)).with_content(people=(comes,))
+    problem = hpop.Problem(world, ROBOT, (0.0, 0.0, 0.0), (5.0, 0.0, 0.0), ["length", "turns"])
+    before, rest = between(way, 0.0, 3.5), between(way, 3.5, way.duration)
+    then = problem.at(ROBOT.space.values(rest.states.take([0])), 3.5)
+    assert not contact(ROBOT.parts, then.world.content.people, rest)
+    assert not contact(ROBOT.parts, then.world.content.people, rest.execution())
+    assert not [*clear_ways([rest], then, before, (), 0.0, None, bool)]
+
+
+def test_a_margin_into_which_somebody_comes_as_a_way_is_taken_may_be_left() -> None:
+    """Chosen at 3.5 s, half a second before somebody is near: so it was planned, and so it is driven."""
+    way = punctual()
+    comes = Person(3.6, 4.85, velocity=(0.0, -1.0), until=4.12)  # 0.73 m from the axis at the nearest, and gone
+    assert cut_of(Plan(way), 1.0, (), (comes.later(1.0),), 0.3).stops is not None
+    assert cut_of(Plan(way, chosen=3.5), 1.0, (), (comes.later(1.0),), 0.3) == (None, None)

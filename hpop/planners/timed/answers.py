@@ -87,6 +87,6 @@ def _query(
     space, start, goals = ends
     if not isinstance(space, StateGraph | JoinedEnds):
         raise QueryError(f"{space.words} has no clock")
-    timed = timed_graph(space, objectives.optimised, start, asked.options, problem.quanta, attention=attention)
+    timed = timed_graph(space, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention)
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)

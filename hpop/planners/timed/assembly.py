@@ -23,7 +23,7 @@ from hpop.planners.objectives import WHOLE
 from hpop.planners.timed.clock import SLACK, Clock, TimeOptions
 from hpop.planners.timed.company import Company
 from hpop.planners.timed.graph import LaidOut, Timed
-from hpop.planners.timed.legs import TimedArcs
+from hpop.planners.timed.legs import TimedArcs, arrivals
 from hpop.planners.timed.notice import Asked, Attention
 from hpop.planners.timed.presence import Presence
 from hpop.planners.timed.reading import reading_time
@@ -40,6 +40,7 @@ def timed_graph(
     space: StateGraph | JoinedEnds,
     criteria: Sequence[Criterion],
     start: int,
+    goals: Sequence[int],
     options: TimeOptions,
     quanta: Collection[str] = (),
     laid: LaidOut | None = None,
@@ -56,7 +57,8 @@ def timed_graph(
     attention : as another graph of the same question has it, whose criteria need not be asked again
     """
     began = time.perf_counter()
-    return _Assembly(space, tuple(criteria), start, options, frozenset(quanta), laid, attention).made(began)
+    asked = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
+    return _Assembly(*asked, laid, attention).made(began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,7 @@ class _Assembly:
     space: StateGraph | JoinedEnds
     criteria: tuple[Criterion, ...]
     start: int
+    goals: tuple[int, ...]
     options: TimeOptions
     quanta: frozenset[str]
     laid: LaidOut | None
@@ -240,7 +243,9 @@ class _Assembly:
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
         rows = np.flatnonzero(~self.stays)
         legs, tails = arcs.legs(rows), arcs.tails[rows]
-        blocked = self.safety.blocked(legs, int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size)))
+        first = int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size))
+        ends = np.isin(self.plain.heads[rows], self.goals)
+        blocked = self.safety.blocked([*legs, *arrivals(legs, ends, arcs.durations[rows], self.ramps.half)], first)
         wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
@@ -249,9 +254,9 @@ class _Assembly:
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
         closed[self.closed[rows[made.rows]]] = True
-        first = np.full(states.size, NEVER)
-        np.minimum.at(first, place, self.earliest)
-        stood = tables.standing(states, first)
+        soonest = np.full(states.size, NEVER)
+        np.minimum.at(soonest, place, self.earliest)
+        stood = tables.standing(states, soonest)
 
         costs = np.zeros((self.plain.arcs, len(self.criteria)), np.int64)
         rate = np.zeros((states.size, len(self.criteria)))

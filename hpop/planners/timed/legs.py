@@ -13,6 +13,7 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import HOLD, Motions, States, laws_of
 from hpop.motions.hold import CLOCK
+from hpop.options import LEAST
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
@@ -228,6 +229,27 @@ def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> Leg:
     of[own] = np.arange(own.size)
     lasts = np.array(np.broadcast_to(motions.duration, own.size))
     return Leg(motions.kind, of, motions.start, motions.end, after, lasts)
+
+
+def arrivals(legs: Sequence[Leg], ends: BoolArray, durations: FloatArray, half: float) -> list[Leg]:
+    """What robots still need after plans that end with a move: half of what a run takes longer than planned.
+
+    ends, durations  (r,)  which rows lead to where plans end, and how long they last, s
+    half             s
+    """
+    found = []
+    for leg in legs if half > 0.0 else ():
+        own = leg.of[ends]
+        rows = np.flatnonzero(ends)[own >= 0]
+        own = own[own >= 0]
+        last = leg.after[own] + leg.lasts[own] > durations[rows] - LEAST
+        rows, own = rows[last], own[last]
+        if leg.kind == "move" and own.size:
+            of = np.full(ends.size, -1, np.int64)
+            of[rows] = np.arange(own.size)
+            there = leg.end.take(own)
+            found.append(Leg(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
+    return found
 
 
 def costs_of(

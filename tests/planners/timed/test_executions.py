@@ -124,6 +124,21 @@ def test_nobody_is_touched_by_what_is_executed(seed):
         assert gaps(problem, trajectory.execution()).min() >= 0.0
 
 
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+@pytest.mark.parametrize("later", [0.25, 0.45])
+def test_nobody_comes_to_the_goal_before_the_robot_has_stopped_there(later, margin):
+    """A run to the goal ends v/2a, 0.5 s, after its plan: that is 8 s from the start at the soonest."""
+    touches = 7.5 + later
+    comes = Person(8.0, 3.0 + 0.5 + touches, velocity=(0.0, -1.0), until=12.0)
+    world = World.from_polygons([], extent=shapely.box(0, 0, 10, 14)).with_content(people=(comes,))
+    problem = Problem(world, ROBOT, (1.0, 3.0, 0.0), (8.0, 3.0, None), ["duration", "length"])
+    front = problem.solve(Lattice(step=0.5, headings=4, margin=margin))
+    assert len(front)
+    for plan in front.trajectories:
+        assert plan.kinds[-1] == "move"
+        assert gaps(problem, plan.execution()).min() >= margin
+
+
 def test_a_head_keeps_the_clock_too():
     problem = through_the_doors(in_the_door(until=9.0), robot=PanTilt(base=ROBOT))
     found = Lattice(step=0.5, eps=0.1).solve(problem)

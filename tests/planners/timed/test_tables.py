@@ -34,7 +34,7 @@ def on_a_clock(people, criterion, robot=ROBOT, **options):
     problem = through_the_doors(*people, criteria=(criterion,), robot=robot)
     lattice = Lattice(step=0.5, **options)
     ends = lattice.ends(lattice.lattice(problem), problem)
-    return problem, timed_graph(ends.space, problem.criteria, ends.start, lattice.time_options)
+    return problem, timed_graph(ends.space, problem.criteria, ends.start, ends.goals, lattice.time_options)
 
 
 def earliest_ticks(timed):
@@ -130,7 +130,7 @@ def test_turns_have_tables_of_their_own_where_the_heading_matters():
     problem = through_the_doors(STAYS, criteria=(SeenFromTheCamera(),), robot=robot)
     lattice = Lattice(step=1.0)
     ends = lattice.ends(lattice.lattice(problem), problem)
-    timed = timed_graph(ends.space, problem.criteria, ends.start, lattice.time_options)
+    timed = timed_graph(ends.space, problem.criteria, ends.start, ends.goals, lattice.time_options)
     assert not timed.graph.stays.any()
     rng = np.random.default_rng(0)
     arcs, ticks = some(rng, timed, 80)
