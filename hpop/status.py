@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -34,6 +34,11 @@ class Status(StrEnum):
     def is_final(self) -> bool:
         """True when the search ran to its end, so that the result is all there is."""
         return self in (Status.COMPLETE, Status.NO_PATH)
+
+
+def why_none(notes: Iterable[str]) -> str | None:
+    """The note that says why there is no path, which begins with these words; None where none does."""
+    return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
 
 
 @dataclass(frozen=True)

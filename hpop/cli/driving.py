@@ -13,7 +13,7 @@ from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
-from hpop.status import Status
+from hpop.status import Status, why_none
 from hpop.text import counted
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 DEADLINE = 0.2
 DPI = 150
-NO_PATH = f"{Status.NO_PATH}: "  # begins a note that says why
 PICTURE, RECORD = "drive.png", "drive.json"
 
 
@@ -125,9 +124,8 @@ def _print_options(options: Options, happening: Happening) -> None:
     from hpop.cli.report import header, plain_table, print_wide
 
     if not len(options):
-        reasons = [note.removeprefix(NO_PATH) for note in options.front.notes if note.startswith(NO_PATH)]
-        reason = reasons[0] if reasons else f"{options.certificate}; give a later --deadline"
-        echo(f"  no options: {reason}")
+        reason = why_none(options.front.notes) or f"{options.certificate}; give a later --deadline"
+        echo(f"  no options: {reason.removeprefix(f'{Status.NO_PATH}: ')}")
         return
     echo(
         f"  {counted(len(options), 'option')} from {options.commit.time:.1f} s on, {options.status}{_how_far(options)}:"

@@ -39,7 +39,7 @@ def polygon_of(given: Any, what: str) -> BaseGeometry:
     if not isinstance(given, BaseGeometry):
         try:
             corners = np.array([(float(x), float(y)) for x, y in given])
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             corners = np.zeros((0, 2))
         if len(corners) < 3 or not np.isfinite(corners).all():
             raise DriveError(f"{what} must be a polygon, or three or more corners (x, y) in m, got {shown(given)}")

@@ -326,7 +326,8 @@ class Execution(Telling):
             raise DriveError(f"tell one thing that changes: close, open, people or stop; got {got}")
         now = self._in_order(self._now() if now is None else now)
         before, what = self.surroundings, told[0]
-        people = given["people"] = tuple(people) if isinstance(people, Iterable) else people
+        if isinstance(people, Iterable) and not isinstance(people, str):
+            people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
         new = [closing for closing in after.closed if closing not in before.closed]
         refuse_covered(new, self.problem.model, self._plan.driven.at(self._planned(now)))

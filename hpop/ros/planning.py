@@ -22,7 +22,7 @@ from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
 from hpop.ros.protocol import GoalStatus
 from hpop.ros.result import Answer, ErrorCode, Failure, failed, values_of
-from hpop.status import ProgressCallback, Status
+from hpop.status import ProgressCallback, Status, why_none
 from hpop.text import shown
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
@@ -144,7 +144,7 @@ class Planning:
         if not len(front):
             ended = [CODES.get(cast(Status, one), ErrorCode.UNKNOWN) for one in front.status.split(JOINT)]
             code = next((one for one in ended if one is not ErrorCode.NO_VALID_PATH), ErrorCode.NO_VALID_PATH)
-            raise Failure(code, f"no path was found: {front.status}; {front.certificate}")
+            raise Failure(code, why_none(front.notes) or f"no path was found: {front.status}; {front.certificate}")
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:

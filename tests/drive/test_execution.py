@@ -86,7 +86,9 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
         ({"stop": "somebody"}, "nobody is there to stop, asked for 'somebody'"),
         ({"close": "north", "open": "south"}, "one thing that changes"),
         ({}, "one thing that changes"),
+        ({"close": [(0, 0), (10**400, 0), (1, 1)]}, "what is closed must be a polygon"),
         ({"people": 5}, "people are a list of hpop.world.Person"),
+        ({"people": "Ada"}, "all who are there now, got 'Ada'"),
         ({"people": [Person(4.0, 4.0)], "groups": 5}, "groups must be a list"),
     ],
 )
