@@ -8,9 +8,10 @@ distribution.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -26,6 +27,7 @@ TOUCH = 1e-3  # m: surfaces may touch, and what happens between moments is not s
 RISK = 0.05  # of what is predicted at a moment may be contact
 UNSURE = 0.01  # by which the share that is found may be off: one point of POINTS is far less
 POINTS = 1000
+PLACED = 64  # moments of which all these points are looked at together
 FARTHEST = 4.0  # standard deviations, beyond which there is no point
 SOON = 1.0  # s: who comes within a margin by then may be left, as one who was within it at first
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
@@ -37,8 +39,9 @@ def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajecto
     Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. A robot that
     begins within a margin, or into whose margin somebody comes within a second, may leave.
     """
+    moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
-        found = first_contact(parts, people, trajectory, least)
+        found = _first_of_all(parts, people, moments, least)
         if found is not None:
             moment, who = found
             return f"{what} {who} at {moment:.2f} s"
@@ -52,20 +55,42 @@ def first_contact(
 
     begin  s, of the trajectory, from when on people are as they are predicted; when is told from then on
     """
+    return _first_of_all(parts, people, _moments(trajectory, begin), margin)
+
+
+class _Moments(NamedTuple):
+    """When it is looked, s, (N,) and where the robot is then."""
+
+    times: FloatArray
+    states: States
+
+
+def _moments(trajectory: Trajectory, begin: float = 0.0) -> list[_Moments]:
+    """All moments from a time on, s, from which they count."""
+    duration = trajectory.duration - begin
+    count = math.ceil(duration / STEP) + 1
+    parts = (np.arange(first, min(first + TOGETHER, count)) for first in range(0, count, TOGETHER))
+    several = (np.minimum(part * STEP, duration) for part in parts)
+    return [_Moments(times, trajectory.at(begin + times)) for times in several]
+
+
+def _first_of_all(
+    parts: Sequence[Any], people: Sequence[Person], moments: Sequence[_Moments], margin: float
+) -> tuple[float, str] | None:
+    """When, s, the robot is first too near to somebody who moves, and to whom."""
     found = [
         (moment, person.name or f"person {number}")
         for number, person in enumerate(people)
-        if person.moves and (moment := _first(parts, person, trajectory, margin, begin)) is not None
+        if person.moves and (moment := _first(parts, person, moments, margin)) is not None
     ]
     return min(found, default=None)
 
 
-def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin: float, begin: float) -> float | None:
+def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float) -> float | None:
     """The first moment, s, at which one person is too near; with a margin, but for one from which the robot leaves."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
     leaves = margin > 0.0  # it may still be leaving
-    for times in _moments(trajectory.duration - begin):
-        states = trajectory.at(begin + times)
+    for times, states in moments:
         touched = np.zeros(times.size)
         for weight, likely in person.hypotheses:
             touched += weight * _share(parts, likely, states, times, margin)
@@ -80,12 +105,6 @@ def _first(parts: Sequence[Any], person: Person, trajectory: Trajectory, margin:
     return None
 
 
-def _moments(duration: float) -> Iterator[FloatArray]:
-    count = math.ceil(duration / STEP) + 1
-    for begin in range(0, count, TOGETHER):
-        yield np.minimum(np.arange(begin, min(begin + TOGETHER, count)) * STEP, duration)
-
-
 def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float) -> FloatArray:
     """How much (N,) of what is predicted at times (N,), s, is too near: 0 or 1 of somebody whose place is sure."""
     x, y = (np.broadcast_to(column, times.shape) for column in person.at(times))
@@ -97,21 +116,42 @@ def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArr
     sure = near[deviation[near] == 0.0]
     least = person.radius + margin - TOUCH
     share[sure] = _distance(parts, states.take(sure), np.stack([x[sure], y[sure]], axis=1)) < least
-    for i in np.setdiff1d(near, sure).tolist():
-        places = np.array([x[i], y[i]]) + deviation[i] * _normal()
-        here = states.take(np.full(POINTS, i))
-        share[i] = float((_distance(parts, here, places) < least).mean())
+    unsure = near[deviation[near] > 0.0]
+    for begin in range(0, unsure.size, PLACED):
+        some = unsure[begin : begin + PLACED]
+        middle = np.stack([x[some], y[some]], axis=1)[:, None]
+        places = middle + deviation[some, None, None] * _normal()  # (n, POINTS, 2)
+        here = states.take(np.repeat(some, POINTS))
+        share[some] = (_distance(parts, here, places.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
     return share
 
 
 def _distance(parts: Sequence[Any], states: States, places: FloatArray) -> FloatArray:
     """Distance (N,), m, of places (N, 2) from the robot in states (N,); 0 within it."""
-    points = shapely.points(places)
+    x, y = places[:, 0] - states.x, places[:, 1] - states.y
+    cos, sin = np.cos(states.yaw), np.sin(states.yaw)
+    ahead, left = cos * x + sin * y, cos * y - sin * x
     nearest = np.full(len(places), np.inf)
     for part in parts:
-        outlines = shapely.convex_hull(shapely.multipoints(part.placed(states)))
-        nearest = np.minimum(nearest, shapely.distance(outlines, points) - part.radius)
+        nearest = np.minimum(nearest, _to_hull(part.corners, ahead, left) - part.radius)
     return np.asarray(np.maximum(nearest, 0.0))
+
+
+def _to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArray) -> FloatArray:
+    """Distance (N,), m, of points from the convex hull of some corners; 0 within it."""
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(corners)))
+    if len(ring) == 1:
+        return np.asarray(np.hypot(x - ring[0, 0], y - ring[0, 1]))
+    nearest, sides = np.full(x.size, np.inf), []
+    for (ax, ay), (bx, by) in pairwise(ring.tolist()):
+        along, across = bx - ax, by - ay
+        share = np.clip(((x - ax) * along + (y - ay) * across) / (along**2 + across**2), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(x - ax - share * along, y - ay - share * across))
+        sides.append(along * (y - ay) - across * (x - ax))
+    if len(ring) < 4:  # a segment has no inside
+        return nearest
+    inside = (np.min(sides, axis=0) > 0) | (np.max(sides, axis=0) < 0)
+    return np.asarray(np.where(inside, 0.0, nearest))
 
 
 @cache

@@ -7,8 +7,10 @@ import pytest
 import shapely
 from scipy.stats import norm
 
-from hpop.contacts import contact
+from hpop.contacts import _distance, contact
 from hpop.models import DifferentialDrive
+from hpop.models.collision.parts import Part
+from hpop.motions import States
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.verify import verify
@@ -69,6 +71,20 @@ def test_a_robot_that_turns_sweeps_with_its_corners():
     assert np.hypot(0.6, 0.6) < 0.95
     assert touched(walks, turns, robot=long)
     assert not touched(walks, Trajectory.from_poses(long, [(5, 0, 0), (5, 0, -math.pi / 2)]), robot=long)
+
+
+@pytest.mark.parametrize("corners", range(1, 7))
+def test_the_distance_from_the_robot_is_that_of_its_placed_outline(corners):
+    """Of hulls of one corner, of two, of more; each grown by a radius."""
+    rng = np.random.default_rng(corners)
+    parts = [Part(tuple(map(tuple, rng.uniform(-1, 1, (corners, 2)))), float(rng.uniform(0, 0.3)), 0, 1)] * 2
+    x, y = rng.uniform(-2, 2, (2, 200))
+    states = States(x=x, y=y, yaw=rng.uniform(-math.pi, math.pi, 200))
+    places = rng.uniform(-2, 2, (200, 2))
+    outlines = shapely.convex_hull(shapely.multipoints(parts[0].placed(states)))
+    expected = np.maximum(shapely.distance(outlines, shapely.points(places)) - parts[0].radius, 0.0)
+    np.testing.assert_allclose(_distance(parts, states, places), expected, atol=1e-12)
+    assert corners < 3 or (expected == 0).any()
 
 
 def test_who_begins_within_a_margin_may_leave_once():
