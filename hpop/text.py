@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from itertools import islice
 from math import log10
 from reprlib import Repr
@@ -56,6 +57,16 @@ def counted(number: int, noun: str) -> str:
     ('1 path', '1,200 paths')
     """
     return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
+def some(several: Sequence[str], most: int = 4) -> str:
+    """The first few in a row, and how many others there are.
+
+    >>> some(["Ada", "Ben"]), some(["Ada", "Ben", "Cleo", "Dan", "Eve"], 3)
+    ('Ada, Ben', 'Ada, Ben, Cleo and 2 others')
+    """
+    others = f" and {counted(len(several) - most, 'other')}" if len(several) > most else ""
+    return ", ".join(several[:most]) + others
 
 
 class _Short(Repr):

@@ -14,7 +14,7 @@ import shapely
 
 from hpop.errors import MapError
 from hpop.options import MOST
-from hpop.text import counted
+from hpop.text import some
 from hpop.world.people import STANDS, Afterwards, Future, Person
 from hpop.world.ways import Way
 
@@ -31,9 +31,6 @@ SAME = 1e-6
 """s; ends nearer than that to each other are the same."""
 DIGITS = 9
 """Digits of an end, s: what is beyond is rounding."""
-NAMED = 4
-"""People whom a note names; more are counted."""
-
 ENDS = {
     "wall": "would walk into an obstacle, and are predicted to stop before it and to stay",
     "map": "leave the map, and are gone from then on",
@@ -166,17 +163,11 @@ def _notes(ends: Iterable[End]) -> Iterable[str]:
         several.setdefault((end.why, end.afterwards), []).append(end)
     for (why, afterwards), those in several.items():
         words = ENDS[why].format(afterwards=AFTERWARDS[afterwards])
-        yield f"people who {words}: {_some([f'{end.who} after {end.time:.3g} s' for end in those])}"
+        yield f"people who {words}: {some([f'{end.who} after {end.time:.3g} s' for end in those])}"
 
 
 def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
     """A note on those who are never on the map."""
     if elsewhere:
         why = "which may have another origin, other axes or another unit"
-        yield f"people who are never on the map, {why}: {_some(elsewhere)}"
-
-
-def _some(several: Sequence[str]) -> str:
-    """The first few, and how many more there are."""
-    others = f" and {counted(len(several) - NAMED, 'other')}" if len(several) > NAMED else ""
-    return ", ".join(several[:NAMED]) + others
+        yield f"people who are never on the map, {why}: {some(elsewhere)}"

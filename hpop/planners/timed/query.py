@@ -25,6 +25,7 @@ from hpop.search.machinery.checkpoint import CheckpointSpec
 from hpop.search.timed.paths import TimedPaths
 from hpop.search.timed.timed_paths import timed_paths
 from hpop.status import Budget, ProgressCallback, Status
+from hpop.text import some
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -210,7 +211,7 @@ class TimedQuery:
         why, ways_out = ["people who move are in them, now or later"], list[str]()
         at = self.timed.arcs.states.take(self.timed.arcs.place[[self._begin]])
         if near := [*self.timed.safety.coming(Start(float(at.x[0]), float(at.y[0]), self.begins))]:
-            who = " and ".join(dict.fromkeys(person.name or "somebody" for person, _ in near))
+            who = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
             why.append(f"{who} may be too near to the start, {when}, for the robot to be away in time")
         if self.options.margin > 0:
