@@ -138,11 +138,11 @@ class Execution(Telling):
         if state is None:
             now = self._time(now)
         else:
-            now = self._told(now)
+            now = self._in_order(now)
             space = self.problem.model.space
             given = space.state(state, what="state that is seen")
             planned = self._plan.seen(given, self._planned(now))
-            self._lag = now - planned
+            self._lag = self._told(now) - planned
             if abs(self._lag - self._stretches[-1].lag) > SHIFT:
                 self._shift(now)
             self._note("seen", now, state=list(space.values(given)))
@@ -190,7 +190,7 @@ class Execution(Telling):
                   people have changed, so much time by the clock is given to what must be made anew; if that is not
                   enough, the known ways that are open and clear of people are the answer, and the gap is infinite
         """
-        now, deadline = self._told(now), deadline_of(deadline)
+        deadline, now = deadline_of(deadline), self._told(now)
         options, found = self._options(now, deadline, None)
         self._note("options", now, deadline=deadline, answer=found.answer)
         return options
@@ -243,7 +243,7 @@ class Execution(Telling):
         where the option has been closed meanwhile.
         """
         options = self._options_at_hand()
-        now = self._told(self._now() if now is None else now)
+        now = self._in_order(self._now() if now is None else now)
         place = options.place_of(option)
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not commit.arrives:
@@ -254,7 +254,7 @@ class Execution(Telling):
         if closed_ways([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; ask for options again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
-        self._note("take", now, place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
+        self._note("take", self._told(now), place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
                    rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
         return self.plan
 

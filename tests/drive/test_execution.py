@@ -117,3 +117,19 @@ def test_events_are_told_in_order_of_time() -> None:
         drive.options(float("nan"))
     with pytest.raises(DriveError, match="deadline must be"):
         drive.options(4.0, -1.0)
+
+
+def test_what_is_refused_has_not_been_told() -> None:
+    drive = driving()
+    drive.options(1.0, 0.0)
+    for refused in (
+        lambda: drive.take(0, 900.0),  # where the options begin is long past
+        lambda: drive.take(99, 800.0),
+        lambda: drive.at(700.0, (1e3, 1e3, 0.0)),  # it has left its plan
+        lambda: drive.options(600.0, -1.0),
+        lambda: drive.world(500.0, close="east"),
+    ):
+        with pytest.raises(DriveError):
+            refused()
+    assert drive.options(1.1, 0.0).now == 1.1
+    assert [event["now"] for event in drive.record] == [1.0, 1.1]
