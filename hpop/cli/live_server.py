@@ -31,7 +31,7 @@ from hpop.cli.pictures import NICENESS
 from hpop.text import printable
 
 ALIVE = 15.0  # s between two signs of life to a page that waits
-READING = 30.0  # s that a request may take to arrive
+READING = 30.0  # s that nothing of a request may come
 FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended
 WAITING = """<!doctype html>
 <html lang="en">

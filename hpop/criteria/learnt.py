@@ -21,7 +21,7 @@ from hpop.models import files
 from hpop.motions import Motions
 from hpop.options import MOST, BesideScenario, real, whole
 from hpop.regular_file import read_regular
-from hpop.text import shown
+from hpop.text import printable, shown
 
 SCHEMA, VERSION = "hpop-learnt", 1
 SIZE_LIMIT = 1024**2
@@ -63,7 +63,7 @@ class Source(NamedTuple):
         people = "1 person" if self.people == 1 else f"{self.people} people"
         asked = f"{self.ratings} ratings ({self.question}) of {self.trajectories} trajectories by {people}"
         off = f"{self.error:.3g}, of each person's mean {self.error_of_mean:.3g}"
-        return f"learnt from {asked}; error on trajectories left out {off}; source: {self.source}"
+        return printable(f"learnt from {asked}; error on trajectories left out {off}; source: {self.source}")
 
 
 class LearntFile(dict[str, Any]):
@@ -136,13 +136,13 @@ def checked_parts(given: Any) -> tuple[tuple[float, Criterion], ...]:
     """Weights and criteria of (weight, criterion), refused where they are no sums or twice the same."""
     found: list[tuple[float, Criterion]] = []
     for weight, spec in given:
+        if isinstance(spec, Learnt) or spec == "learnt" or (isinstance(spec, Mapping) and "learnt" in spec):
+            raise CriterionError("learnt: a learnt criterion is made of others, not of one that is learnt itself")
         made = make_criterion(spec)
         if made.aggregate != "sum":
             integral = getattr(made, "integral", None)
             hint = f"take {integral.name!r}, which does" if integral is not None else "leave it out"
             raise CriterionError(f"learnt: {made.name!r} ({made.aggregate}) does not add up along a trajectory; {hint}")
-        if isinstance(made, Learnt):
-            raise CriterionError("learnt: a learnt criterion is made of others, not of one that is learnt itself")
         if made.name in [one.name for _, one in found]:
             raise CriterionError(f"learnt: each criterion may be part of it once, got {made.name!r} twice")
         found.append((float(real(f"the weight of {made.name}", weight, 0, MOST, error=CriterionError)), made))

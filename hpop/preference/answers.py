@@ -13,7 +13,7 @@ from hpop.errors import StudyError
 from hpop.options import MOST, real, whole
 from hpop.preference.model import Evidence
 from hpop.preference.scale import Scale
-from hpop.text import shown
+from hpop.text import HARMFUL, shown
 
 MOST_ANSWERS = 10_000
 """Of one person, pairs made of ratings among them."""
@@ -45,6 +45,13 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
         raise StudyError(f"chosen of rows {a} and {b} is one of them, or None for no difference, got {shown(chosen)}")
     pair = tuple(costs[a].tolist()), tuple(costs[b].tolist())
     return Answer(a, b, None if chosen is None else int(chosen), pair, weight)
+
+
+def checked_question(question: Any) -> str:
+    """What was asked, in words; StudyError for anything else."""
+    if not isinstance(question, str) or not question.strip() or len(question) > 100 or HARMFUL.search(question):
+        raise StudyError(f"a question is a word such as 'prefer' or 'comfort', got {shown(question)}")
+    return question
 
 
 def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[Answer]:
@@ -82,8 +89,13 @@ def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
 
 
 def evidence(answers: Sequence[Answer], scale: Scale, *, ties: bool) -> Evidence:
-    """What answers say, for the model; ``ties``: whether "no difference" could be answered."""
+    """What answers say, for the model; ``ties``: whether "no difference" could be answered.
+
+    Raises StudyError for more answers than a file holds.
+    """
     n = len(answers)
+    if n > MOST_ANSWERS:
+        raise StudyError(f"expected at most {MOST_ANSWERS:,} answers of a person, got {n:,}; leave some out")
     pairs = np.array([answer.costs for answer in answers]).reshape(n, 2, len(scale.names))
     gains = scale.scaled(pairs[:, 1]) - scale.scaled(pairs[:, 0])
     turned = np.array([answer.chosen == answer.second for answer in answers], dtype=np.bool_)

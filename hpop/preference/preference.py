@@ -15,13 +15,13 @@ from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.options import MOST_SEED, real, whole
 from hpop.preference import storage
-from hpop.preference.answers import Answer, answer_of, evidence, of_choices, of_ratings
+from hpop.preference.answers import Answer, answer_of, checked_question, evidence, of_choices, of_ratings
 from hpop.preference.best import NEAR, Best, judged, judged_alone, row_of
 from hpop.preference.draws import COUNT, Draws
 from hpop.preference.prior import Prior
 from hpop.preference.questions import most_telling
 from hpop.preference.scale import Feature, Scale, fingerprint
-from hpop.text import counted, shown
+from hpop.text import counted
 
 QUESTIONS = 12
 """After which nobody is asked any more, where it is not said otherwise."""
@@ -109,8 +109,7 @@ class Preference:
         prior = (Prior() if prior is None else prior).on(scale.measures)
         count = whole("count", count, 1_000, 10**6, error=StudyError)
         drawn = Draws.of(prior, len(scale.columns), count, np.random.default_rng([seed, 0]))
-        _check_question(question)
-        empty = cls(scale, question, (), drawn, prior, may_tie, seed, fingerprint(front), front)
+        empty = cls(scale, checked_question(question), (), drawn, prior, may_tie, seed, fingerprint(front), front)
         return empty._told(answers)
 
     def told(self, first: int, second: int, chosen: int | None) -> Self:
@@ -278,8 +277,3 @@ class Preference:
         return max(rows) < len(costs) and all(
             tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)
         )
-
-
-def _check_question(question: Any) -> None:
-    if not isinstance(question, str) or not question.strip() or len(question) > 100:
-        raise StudyError(f"a question is a word such as 'prefer' or 'comfort', got {shown(question)}")

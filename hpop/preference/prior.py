@@ -19,6 +19,8 @@ SHARPNESS = 15.0
 
 MOST_APART = 1.1
 """Ratio of ranges up to which shares of a logarithmic cost are about the same: it has no unit to be rescaled by."""
+MOST_SPREAD = 10.0
+"""Of a logarithm: beyond, what is drawn would overflow."""
 MOST_STRETCH = 1e6
 """Ratio of ranges that a prior is rescaled by, at most."""
 LEAST_LOG = -600.0
@@ -53,8 +55,8 @@ class Prior:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "concentration", tuple(map(float, self.concentration)))
-        for name in ("sharpness", "spread", "ties", "ties_spread"):
-            real(f"{name} of the prior", getattr(self, name), 1e-3, 1e3, "a positive number", error=StudyError)
+        for name, most in (("sharpness", 1e3), ("spread", MOST_SPREAD), ("ties", 1e3), ("ties_spread", MOST_SPREAD)):
+            real(f"{name} of the prior", getattr(self, name), 1e-3, most, "a positive number", error=StudyError)
         real("random of the prior", self.random, 0, 0.9, "a share", error=StudyError)
         for value in self.concentration:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)

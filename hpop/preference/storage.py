@@ -20,7 +20,7 @@ from hpop.frontier.atomic import replacing
 from hpop.frontier.columns import Kinds, numbers, parts
 from hpop.frontier.strict_json import parse, pieces
 from hpop.options import MOST_SEED
-from hpop.preference.answers import MOST_ANSWERS, Answer
+from hpop.preference.answers import MOST_ANSWERS, Answer, checked_question
 from hpop.preference.prior import Prior
 from hpop.preference.scale import Measure, Scale
 from hpop.regular_file import read_regular
@@ -33,6 +33,9 @@ SIZE_LIMIT = 16 * 1024**2
 DRAWS = 2_000
 """Draws that a file holds."""
 MOST_CRITERIA = 100
+MOST_COST, MOST_DRAWN = 1e100, 1e50
+"""Greatest cost, and greatest sharpness and nu that are drawn; the least range and nu are one by these. No product of
+such numbers overflows."""
 _TOP: Kinds = {
     "schema": str, "version": int, "question": str, "n": int, "front": str, "criteria": list, "features": dict,
     "prior": dict, "ties": bool, "seed": int, "answers": list, "draws": dict,
@@ -147,9 +150,9 @@ def _stored(given: Any) -> Stored:
         raise ValueError(f"{len(answers)} answers, and n {n}")
     return Stored(
         scale,
-        question,
+        checked_question(question),
         tuple(_answer(one, k) for one in answers),
-        _prior(prior).on(scale.measures),
+        _prior(prior, scale),
         ties,
         seed,
         front,
@@ -162,31 +165,32 @@ def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
     names, units, ideal, span = zip(*rows, strict=True)
     if len(set(names)) < len(names):
         raise ValueError(f"a criterion twice among {', '.join(names)}")
-    low, size = (numbers(list(column), what, len(names)) for column, what in ((ideal, "ideal"), (span, "range")))
-    if (size < 0).any():
-        raise ValueError("a negative range")
+    low = _limited(list(ideal), "ideal", len(names), -MOST_COST, MOST_COST)
+    size = _limited(list(span), "range", len(names), 0, MOST_COST)
+    if ((size > 0) & (size < 1 / MOST_COST)).any():
+        raise ValueError(f"a range below {1 / MOST_COST:g}")
     return Scale(names, units, low, size, features)
 
 
-def _prior(given: dict[str, Any]) -> Prior:
+def _prior(given: dict[str, Any], scale: Scale) -> Prior:
     concentration, about, *rest = parts({"about": [], **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
     if measures and len(measures) != len(values):
         raise ValueError(f"a prior of {len(values)} concentrations about {len(measures)} costs")
-    sizes = numbers([size for *_, size in measures], "the ranges of the prior", len(measures)).tolist()
-    if any(size < 0 for size in sizes):
-        raise ValueError("a negative range of the prior")
+    sizes = _limited([size for *_, size in measures], "the ranges of the prior", len(measures), 0, MOST_COST).tolist()
     names = tuple(Measure(name, unit, size) for (name, unit, _), size in zip(measures, sizes, strict=True))
     sharpness, spread, random, ties, ties_spread = map(float, rest)
-    return Prior(values, sharpness, spread, random, ties, ties_spread, names)
+    prior = Prior(values, sharpness, spread, random, ties, ties_spread, names).on(scale.measures)
+    prior.concentrations(len(scale.columns))
+    return prior
 
 
 def _answer(given: Any, k: int) -> Answer:
     first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
     if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
         raise ValueError("costs of an answer that are not those of two rows")
-    pair = tuple(tuple(numbers(one, "the costs of an answer", k).tolist()) for one in costs)
+    pair = tuple(tuple(_limited(one, "the costs of an answer", k, -MOST_COST, MOST_COST).tolist()) for one in costs)
     if min(first, second) < 0 or first == second or chosen not in (first, second, None) or not 0 < weight <= 1:
         raise ValueError(f"an answer that makes no sense: {shown(given)}")
     return Answer(first, second, chosen, (pair[0], pair[1]), float(weight))
@@ -198,9 +202,18 @@ def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray,
     size = len(ties)
     if not 0 < size <= 1_000_000:
         raise ValueError(f"{size} draws")
-    table = np.column_stack([numbers(c, n, size) for c, n in zip(columns, scale.columns, strict=True)])
-    sharp, nu = numbers(sharpness, "sharpness", size), numbers(ties, "ties", size)
-    if (table < 0).any() or (table.sum(axis=1) <= 0).any() or (sharp < 0).any() or (nu <= 0).any():
-        raise ValueError("draws of negative shares, sharpness or ties")
+    table = np.column_stack([_limited(c, n, size, 0, 1) for c, n in zip(columns, scale.columns, strict=True)])
+    if (table.sum(axis=1) <= 0).any():
+        raise ValueError("draws without any share")
+    sharp = _limited(sharpness, "sharpness", size, 0, MOST_DRAWN)
+    nu = _limited(ties, "ties", size, 1 / MOST_DRAWN, MOST_DRAWN)
     table = np.maximum(table, 1e-250)
     return table / table.sum(axis=1, keepdims=True), sharp, nu
+
+
+def _limited(values: list[Any], name: str, size: int, least: float, most: float) -> FloatArray:
+    """A column of so many numbers between two."""
+    column = numbers(values, name, size)
+    if size and not least <= column.min() <= column.max() <= most:
+        raise ValueError(f"numbers from {column.min():g} to {column.max():g} in {name}, not from {least:g} to {most:g}")
+    return column

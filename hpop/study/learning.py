@@ -14,7 +14,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, trajectory_costs
-from hpop.criteria.learnt import Learnt, Source, checked_parts, document
+from hpop.criteria.learnt import LEAST_WEIGHT, Learnt, Source, checked_parts, document
 from hpop.errors import HpopWarning, StudyError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
@@ -131,6 +131,11 @@ def fit_criterion(
             f"better={better!r} right?"
         )
     error, of_mean = _errors(costs, values, persons, of)
+    if not LEAST_WEIGHT <= weights.max() <= MOST or max(error, of_mean) > MOST:
+        raise StudyError(
+            f"a weight of {weights.max():.3g} and an error of {error:.3g} were learnt, and a file holds weights from "
+            f"{LEAST_WEIGHT:g} to {MOST:g}, and errors up to that: rate in another unit"
+        )
     if error >= of_mean:
         warnings.warn(
             f"the criterion learnt is no better than each person's mean on trajectories left out ({error:.3g} against "

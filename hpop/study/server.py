@@ -37,7 +37,7 @@ from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 LOCAL = "127.0.0.1"
 READING = 30.0
-"""s that a request may take to arrive."""
+"""s that nothing of a request may come."""
 MOST_BODY = 16_384
 """Bytes of what a page sends: one event, and what it is seen on."""
 MOST_VIDEO = 2**33

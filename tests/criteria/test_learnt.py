@@ -170,5 +170,18 @@ def test_what_is_no_learnt_criterion_is_refused(tmp_path: Path, text: str, said:
             Learnt(wrong)
 
 
+def test_a_file_that_is_made_of_itself_is_refused_for_that(tmp_path: Path) -> None:
+    for file, part in (("c.json", "c.json"), ("a.json", "b.json"), ("b.json", "a.json")):
+        of = {"criterion": {"learnt": {"file": str(tmp_path / part)}}, "weight": 1.0}
+        (tmp_path / file).write_text(changed(parts=[of]))
+    for file in ("a.json", "c.json"):
+        with pytest.raises(CriterionError, match="a learnt criterion is made of others, not of one that is learnt"):
+            Learnt(str(tmp_path / file))
+
+
+def test_what_is_said_of_its_source_steers_no_terminal() -> None:
+    assert "\x1b" not in str(Source("com\x1b[2Jfort", "made \x1b[2J up", 5, 1, 5, 0.5, 0.5))
+
+
 def test_one_person_is_no_people() -> None:
     assert "by 1 person;" in str(Source("comfort", "made up", 5, 1, 5, 0.5, 0.5))

@@ -144,6 +144,14 @@ def test_what_is_no_choice_is_refused(choices: list[object], said: str) -> None:
         Preference.fit(people.front(), choices)
 
 
+@pytest.mark.parametrize("name", ["spread", "ties_spread"])
+def test_a_prior_under_which_numbers_overflow_is_refused(name: str) -> None:
+    with pytest.raises(StudyError, match=f"{name} of the prior"):
+        Prior(**{name: 1000.0})
+    person = Preference.fit(TRIANGLE, [(0, 1)], ties=True, prior=Prior(**{name: 10.0}))
+    assert np.isfinite(list(person.told(1, 2, None).weights.values())).all()
+
+
 def test_no_difference_must_have_been_an_answer() -> None:
     with pytest.raises(StudyError, match="ties=True from the first question on"):
         Preference.fit(people.front()).told(1, 2, None)

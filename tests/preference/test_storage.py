@@ -122,7 +122,7 @@ DROPPED = object()
         (changed(seed=-1), "the seed -1"),
         (changed(criteria=[]), "0 criteria"),
         (changed(criteria__0__name="turns"), "a criterion twice"),
-        (changed(criteria__0__range=-1.0), "a negative range"),
+        (changed(criteria__0__range=-1.0), "in range, not from 0 to 1e+100"),
         (changed(criteria__0__unit=None), "'unit' to be of type str"),
         (changed(features={"turns": "cubic"}), "'log' or a number"),
         (changed(prior__spread=-1), "spread of the prior"),
@@ -131,8 +131,18 @@ DROPPED = object()
         (changed(answers__0__costs=[[1.0], [2.0]]), "expected 3 numbers"),
         (changed(answers__0__weight=1e9), "makes no sense"),
         (changed(draws__sharpness=[1.0]), "expected 2000 numbers"),
-        (changed(draws__shares__turns__0=-0.5), "negative shares"),
+        (changed(draws__shares__turns__0=-0.5), "in turns, not from 0 to 1"),
         (changed(draws__ties=[]), "0 draws"),
+        (changed(draws__shares__turns__0=1e308), "in turns, not from 0 to 1"),
+        (changed(draws__sharpness__0=1e308), "1e+308 in sharpness, not from 0 to 1e+50"),
+        (changed(draws__ties__0=1e308), "1e+308 in ties, not from 1e-50 to 1e+50"),
+        (changed(draws__ties__0=1e-308), "numbers from 1e-308 to"),
+        (changed(criteria__0__range=1e-320), "a range below 1e-100"),
+        (changed(criteria__0__ideal=-1e308), "numbers from -1e+308 to"),
+        (changed(answers__0__costs=[[1e308, 0.0, 0.0], [2.0, 0.0, 0.0]]), "1e+308 in the costs of an answer"),
+        (changed(prior__concentration=[1.0, 1.0]), "concentrations of 2 costs, and there are 3"),
+        (changed(question="\x1b[2J"), "a question is"),
+        (changed(question=""), "a question is"),
     ],
 )  # fmt: skip
 def test_what_is_no_preference_is_refused(tmp_path: Path, written: Any, change: Any, said: str) -> None:
@@ -149,6 +159,15 @@ def test_what_is_no_json_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "p.json").write_text(text)
     with pytest.raises(StudyError, match=r"p\.json: expected a preference"):
         Preference.load(tmp_path / "p.json")
+
+
+def test_no_more_answers_are_taken_than_a_file_may_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hpop.preference.answers.MOST_ANSWERS", 5)
+    person = saved(tmp_path / "p.json")
+    with pytest.raises(StudyError, match="at most 5 answers of a person"):
+        person.told(1, 2, 1)
+    with pytest.raises(StudyError, match="at most 5 answers of a person"):
+        Preference.fit(people.front(), [*CHOICES, (1, 2)])
 
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:

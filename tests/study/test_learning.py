@@ -121,6 +121,15 @@ def test_what_does_not_belong_together_is_refused(change: dict[str, object], kin
         fit_criterion(**(given | change))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("weight", [1.2e6, 1e-10])
+def test_weights_that_no_file_may_hold_are_told_when_they_are_learnt(weight: float) -> None:
+    exposure = costs()[:, NAMES.index("exposure")]
+    rows = np.flatnonzero(np.abs(exposure - np.median(exposure)) < 0.8)  # ratings stay below a million
+    ratings = weight * (np.median(exposure) - exposure[rows])
+    with pytest.raises(StudyError, match=f"a weight of {weight:.3g} .* rate in another unit".replace("+", "[+]")):
+        fit_criterion(ratings, rows, PROBLEM, ["exposure"], front=FRONT, source="s")
+
+
 def test_a_trajectory_is_one_however_often_it_was_read() -> None:
     """Copies of what is learnt from are no trajectories left out: the error would be too small."""
     from copy import deepcopy

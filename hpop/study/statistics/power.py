@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -93,7 +93,7 @@ def power(
     correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
                  differences, "dz"
     test         "friedman" for three stimuli or more, "wilcoxon" for two, or "kruskal", as the paper did
-    like         scores of a pilot, of any shape: the simulated ones are cut into as many steps, as frequent as these
+    like         scores of a pilot, of any shape: without an effect the simulated ones are these, as often as there
     pilot        scores (people, stimuli), in the place of an effect: people are drawn from it, with replacement
     simulations  studies that are simulated for each n
 
@@ -136,27 +136,33 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
     if len(shifts) < 2:
         raise StudyError(f"effect gives the shifts of two stimuli or more, got {shown(effect)}")
     own = np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError))
-    cuts = _cuts(like)
+    pieces = _pieces(like)
 
     def draw(rng: np.random.Generator, studies: int, people: int) -> FloatArray:
         person = own * rng.standard_normal((studies, people, 1))
         answer = np.sqrt(1 - own**2) * rng.standard_normal((studies, people, len(shifts)))
         values: FloatArray = person + answer + shifts
-        return values if cuts is None else np.searchsorted(cuts, values).astype(float)
+        return values if pieces is None else pieces.scores[np.searchsorted(pieces.cuts, values)]
 
     return draw, len(shifts)
 
 
-def _cuts(like: Any) -> FloatArray | None:
-    """Where a normal variable is cut so that its pieces are as frequent as the steps of these scores."""
+class _Pieces(NamedTuple):
+    """Scores (m,), rising, and where (m - 1,) a normal variable is cut so that its pieces are as frequent as they."""
+
+    scores: FloatArray
+    cuts: FloatArray
+
+
+def _pieces(like: Any) -> _Pieces | None:
+    """The scores of a pilot as pieces of a normal variable."""
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()
     steps, counts = np.unique(scores[~np.isnan(scores)], return_counts=True)
     if len(steps) < 2:
         raise StudyError("like takes scores of a pilot that differ, NaN where one is missing")
-    cuts: FloatArray = stats.norm.ppf(np.cumsum(counts)[:-1] / counts.sum())
-    return cuts
+    return _Pieces(steps, stats.norm.ppf(np.cumsum(counts)[:-1] / counts.sum()))
 
 
 def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from hpop.errors import StudyError
 from hpop.study.statistics import friedman, kruskal, power, wilcoxon
-from hpop.study.statistics.power import _p_values
+from hpop.study.statistics.power import _from_effect, _p_values
 
 # Friedman and Kruskal on the same people, by the correlation of two answers of a person: n = 36, shifts 0, .25, .5, of
 # 1,500 simulated studies, whose error is .013.
@@ -90,6 +90,14 @@ def test_coarse_answers_cost_power():
     fine = power(0.5, n=40, k=2, simulations=2000, seed=1).power
     half = power(0.5, n=40, k=2, simulations=2000, seed=1, like=[0, 1]).power
     assert half < fine - 0.1
+
+
+def test_coarse_answers_are_the_scores_of_the_pilot_as_often_as_there():
+    """Ranks of differences depend on how far scores lie apart, not on their order alone."""
+    draw, _ = _from_effect(0.0, 2, 0.5, [0, 0, 0, 0, 0, 3.74, 3.74, 3.74, 120, 120, np.nan])
+    scores, counts = np.unique(draw(np.random.default_rng(0), 500, 20), return_counts=True)
+    assert scores.tolist() == [0, 3.74, 120]
+    assert counts / 20_000 == pytest.approx([0.5, 0.3, 0.2], abs=0.02)
 
 
 def test_people_of_a_pilot_are_drawn():
