@@ -140,7 +140,8 @@ def _whole(target: Path) -> Iterator[Path]:
         held = hold(made, wait=False)
         yield made
         made.rename(target)
-    except HpopError:
+    except HpopError as error:  # it may name the folder that is removed now
+        error.args = tuple(str(said).replace(str(made), str(target)) for said in error.args)
         raise
     except OSError as error:
         raise StudyError(f"cannot write {target}: {error.strerror or error}; choose another folder") from None

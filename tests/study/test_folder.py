@@ -16,6 +16,7 @@ from hpop import study
 from hpop.errors import StudyError
 from hpop.study import Answers, Design, folder
 from hpop.study.checks import check
+from hpop.study.documents import write_bytes
 from tests.study.sessions import answered, events_of, put, session
 
 WORD = re.compile(rb"(?<![A-Za-z0-9+/])p02(?![A-Za-z0-9+/])")  # not by chance, in what is written as base64
@@ -86,6 +87,22 @@ def test_nothing_is_left_of_a_study_that_could_not_be_made(
     with pytest.raises(StudyError, match="No space left on device"):
         folder.prepare(design, front, tmp_path / "deep" / "study")
     assert os.listdir(tmp_path / "deep") == []
+
+
+def test_what_cannot_be_written_is_called_by_the_name_of_the_study(
+    front: hpop.Front, design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not by that of the folder it is made in, which is gone when this is read."""
+
+    def fill(design: Design, made: Path, people: list[str]) -> None:
+        (made / "pages").mkdir()
+        write_bytes(made / "pages", b"a folder lies here")
+
+    monkeypatch.setattr(folder, "write_pages", fill)
+    with pytest.raises(StudyError) as told:
+        folder.prepare(design, front, tmp_path / "study")
+    assert str(told.value).startswith(f"cannot write {tmp_path / 'study' / 'pages'}: ")
+    assert os.listdir(tmp_path) == []
 
 
 def test_only_the_front_of_the_design_and_whole_texts_are_taken(
