@@ -85,8 +85,8 @@ def _planner_of(origin: Mapping[str, Any]) -> Planner:
     options = getattr(planners[name], "graph_options", None) if isinstance(name, str) and name in planners else None
     if options is None:
         raise DriveError(
-            f"{shown(name)} has no graph on which other ways can be looked for; give planner='lattice', or another one "
-            "that has"
+            f"{shown(name)} has no graph on which other ways can be looked for; plan with lattice or roadmap, or in "
+            "Python give one of them, planner='lattice'"
         )
     given = {option: origin[option] for option in (*cast(tuple[str, ...], options), *OF_TIME) if option in origin}
     return make_planner({cast(str, name): given})

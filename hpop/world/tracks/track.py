@@ -64,7 +64,9 @@ class Track:
                 "are counted from 0). Sort the points by time, and leave repeated ones out."
             )
         ways = np.hypot(np.diff(self.x), np.diff(self.y))
-        speed = ways.sum() / (self.end - self.begin) if self.recorded else (ways / steps).max()
+        with np.errstate(over="ignore"):  # of times 1e-320 s apart, which is refused
+            legs, whole = ways / steps, ways.sum() / np.float64(self.end - self.begin)
+        speed = whole if self.recorded and np.isfinite(legs).all() else legs.max()
         if speed > FASTEST:
             raise MapError(
                 f"a track of {speed:.3g} m/s is faster than anybody runs ({FASTEST:g} m/s). Places are in m and times "

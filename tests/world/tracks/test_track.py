@@ -99,6 +99,7 @@ def test_a_part_of_a_track_ends_where_one_is_then():
         ([1, 2], r"waypoints are a list of \(t, x, y\)"),
         (7, r"waypoints are a list of \(t, x, y\)"),
         ([(0, 0, 0), (1, 150, 0)], r"150 m/s is faster than anybody runs .* check the unit"),
+        ([(0, 0, 0), (1e-320, 1, 0)], r"inf m/s is faster than anybody runs"),
     ],
 )
 def test_what_is_no_track_is_refused(waypoints, message):
@@ -131,3 +132,9 @@ def test_tracks_are_values():
     with pytest.raises(ValueError, match="read-only"):
         L.x[0] = 3.0
     assert repr(L) == "<Track: predicted, 4 points, 0 to 5 s>"
+
+
+def test_recorded_points_at_all_but_the_same_time_in_two_places_are_refused():
+    with pytest.raises(MapError, match="inf m/s is faster than anybody"):
+        Track([0.0, 1e-320, 9.0], [0.0, 1.0, 2.0], [0.0, 0.0, 0.0], recorded=True)
+    assert Track([0.0, 1e-320, 9.0], [0.0, 0.0, 2.0], [0.0, 0.0, 0.0], recorded=True).speed < 1.0
