@@ -34,6 +34,7 @@ from hpop.view.where import draw_where
 from hpop.world import limits
 
 DPI = 200
+MOST_FIELD = 500_000_000  # bytes, of the map's field where nobody says: of a fine raster it takes a gigabyte, and 20 s
 OTHERS = {
     "front.png",
     "trace.png",
@@ -61,7 +62,7 @@ def save_pictures(
     Where the camera rises or sinks there is ``side.png``, a view from the side; where states change that maps do not
     show, such as joints, ``states.png``.
     With the ``preference`` of a person what is best for them is drawn among the marked trajectories.
-    The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes.
+    The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes, 500 MB if not said.
     A knee that stays where it is, since the start is the goal, has no trace and no places.
     The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
     one has no use for are removed. All are drawn before the first is written.
@@ -78,7 +79,7 @@ def save_pictures(
         def add(name: str, figure: Figure) -> None:
             pictures[name] = beside.submit(_png(figure, dpi))
 
-        with limits.within(Spending(Budget(max_memory=max_memory))):
+        with limits.within(Spending(Budget(max_memory=max_memory or MOST_FIELD))):
             add("map.png", draw_map(problem, front, chosen=chosen))
         if len(front) and not map_alone:
             add("front.png", draw_front(front, chosen=chosen))

@@ -119,3 +119,12 @@ def test_names_in_letters_that_the_font_lacks_are_drawn_without_a_warning(proble
     named = replace(problem, world=problem.world.with_content(landmarks=[Landmark(x, y, name="\u6f22\u5b57")]))
     (path,) = save_pictures(named, empty, tmp_path, dpi=20)
     assert path.name == "map.png"
+
+
+@pytest.mark.parametrize("most", [10_000, 10**9])
+def test_where_no_limit_is_given_there_is_one(problem, empty, tmp_path, monkeypatch, most):
+    """The field of a fine image took two gigabytes, of a front that took half of one."""
+    monkeypatch.setattr("hpop.view.save.MOST_FIELD", most)
+    ground = replace(problem.world.ground)  # of which nothing is made yet
+    save_pictures(replace(problem, world=replace(problem.world, ground=ground)), empty, tmp_path, dpi=30)
+    assert any(key[0] == "obstruction" for key in ground.cache._values) == (most == 10**9)
