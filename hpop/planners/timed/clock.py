@@ -15,7 +15,9 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.motions import States
+from hpop.motions.hold import LONGEST as LONGEST_HOLD
 from hpop.options import MOST, real
+from hpop.search.timed.graph import MAX_TICKS
 
 TICK = 1 / 20  # s, where people move and nobody says otherwise
 SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: a finer one only takes memory, in a coarser one people walk too far
@@ -89,9 +91,10 @@ class TimeOptions:
             real("clock", self.clock, SHORTEST, LONGEST, "the tick of a clock in s", hint="leave it out for 1/20 s")
         if self.hold is not None:
             what = "how long the robot stands at least, in s, a tick or more,"
-            real("hold", self.hold, self.tick, MOST, what, hint="None (null in a scenario) lets it never wait")
+            real("hold", self.hold, self.tick, LONGEST_HOLD, what, hint="None (null in a scenario) lets it never wait")
         if self.arrive_by is not None:
-            real("arrive_by", self.arrive_by, self.tick, MOST, "a time in s", hint="leave it out for no limit")
+            most = MAX_TICKS * self.tick
+            real("arrive_by", self.arrive_by, self.tick, most, "a time in s", hint="leave it out for no limit")
         real("margin", self.margin, 0.0, MOST, "a distance in m")
 
     @property

@@ -200,6 +200,8 @@ def test_time_is_kept():
         ({"hold": 0.0}, "hold must be how long the robot stands"),
         ({"hold": True}, "hold must be how long the robot stands"),
         ({"arrive_by": -1.0}, "arrive_by must be a time in s"),
+        ({"hold": 4000.0}, "hold must be .* to 3,600, got 4000.0; None"),
+        ({"arrive_by": 1e6}, "arrive_by must be a time in s .* to 52428.8, got 1000000.0; leave it out"),
         ({"margin": -0.1}, "margin must be a distance in m"),
     ],
 )
