@@ -49,6 +49,7 @@ KEYS = {"design", "tab", "device"}
 LONGEST_LENGTH = 9
 """Digits."""
 LONGEST_TAB = 64
+PART = re.compile(r"bytes=([0-9]{1,18})-([0-9]{1,18})?")
 HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -384,10 +385,10 @@ def token_of(folder: str | os.PathLike[str]) -> str:
 
 def _range(asked: str | None, size: int) -> tuple[int, int]:
     """First byte, and the one after the last, of what a player asks for: "bytes=0-", "bytes=5-9"; else of all."""
-    first, dash, last = (asked or "").removeprefix("bytes=").partition("-")
-    if not (asked and asked.startswith("bytes=") and dash and first.isdigit() and (last == "" or last.isdigit())):
+    part = PART.fullmatch(asked or "")
+    if part is None:
         return 0, size
-    begin, end = int(first), min(int(last) + 1, size) if last else size
+    begin, end = int(part[1]), min(int(part[2]) + 1, size) if part[2] else size
     return (begin, end) if begin < end else (0, size)
 
 
