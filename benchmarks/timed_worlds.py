@@ -79,7 +79,7 @@ class Museum:
         space, start, goals = Lattice(step=STEP).ends(self.lattice, self.problem)
         criteria = (Turns(), Length(), HallZones()) if fine else (Turns(), Millimetres(), Hundredths())
         options = TimeOptions(clock=tick, hold=HOLD, arrive_by=self.arrive_by, margin=MARGIN)
-        timed = timed_graph(space, criteria, start, options)
+        timed = timed_graph(space, criteria, start, goals, options)
         return Query(timed.graph, timed.start, goals)
 
     def way(self, steps: Steps, tick: float) -> tuple[FloatArray, FloatArray]:
