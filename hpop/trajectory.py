@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray, frozen
+from hpop.batches import motions_of
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
 from hpop.motions import HOLD, Curve, Model, Motions, States, is_curve, laws_of, slopes
@@ -204,7 +205,7 @@ class Trajectory:
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
         """The motions grouped by law, each group with the places of its motions in time order."""
         for kind, index in self._by_kind():
-            yield index, _motions(world, self.model, kind, self.states, self.times, self.turns, index, index)
+            yield index, motions_of(world, self.model, kind, self.states, self.times, self.turns, index, index)
 
     @cached_property
     def turns(self) -> tuple[FloatArray, FloatArray]:
@@ -368,39 +369,3 @@ class Trajectory:
                 else:
                     out[0][name][at] = getattr(start, name)[chosen]
             elapsed = np.where(within, np.nan, elapsed - phase.duration)
-
-
-def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
-    """The motions of many trajectories of one model, grouped by law, each with the number of its trajectory."""
-    if not trajectories:
-        return
-    model = trajectories[0].model
-    names = dict.fromkeys(name for t in trajectories for name in t.states.names)
-    nothing = {len(t): np.full(len(t) + 1, np.nan) for t in trajectories}  # what its laws do not need
-    states = States(**{n: np.concatenate([getattr(t.states, n, nothing[len(t)]) for t in trajectories]) for n in names})
-    times = np.concatenate([t.times for t in trajectories])
-    sizes = np.array([len(t) for t in trajectories])
-    owner = np.repeat(np.arange(len(trajectories)), sizes)
-    begins = np.arange(owner.size) + owner  # every trajectory has one state more than motions
-    first, second = (np.concatenate([t.turns[side] for t in trajectories]) for side in (0, 1))
-    kinds = np.array([kind for t in trajectories for kind in t.kinds], dtype=str)
-    for kind in dict.fromkeys(kinds.tolist()):
-        index = np.flatnonzero(kinds == kind)
-        yield owner[index], _motions(world, model, kind, states, times, (first, second), index, begins[index])
-
-
-def _motions(
-    world: World,
-    model: Model,
-    kind: str,
-    states: States,
-    times: FloatArray,
-    turns: tuple[FloatArray, FloatArray],
-    index: IntArray,
-    begins: IntArray,
-) -> Motions:
-    """Motions under one law: their places among all motions, and the states at which they begin."""
-    law, names = laws_of(model)[kind], (*model.space.names, *extras(model, (kind,)))
-    start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
-    ended = (turns[0][index], turns[1][index]) if is_curve(law) else None
-    return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

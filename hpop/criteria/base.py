@@ -25,13 +25,14 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_arg
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
+from hpop.batches import batches
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
 from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import Model, Motions, lacking
 from hpop.registry import criteria, made
 from hpop.text import shown
-from hpop.trajectory import Trajectory, batches
+from hpop.trajectory import Trajectory
 from hpop.world.limits import LimitPassed
 
 if TYPE_CHECKING:

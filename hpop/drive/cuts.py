@@ -9,12 +9,13 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from hpop.arrays import BoolArray
+from hpop.batches import batches
 from hpop.contacts import STEP, first_contact
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, Plan, between
 from hpop.models.base import PlanarModel
 from hpop.motions import Collision, laws_of
-from hpop.trajectory import Trajectory, batches
+from hpop.trajectory import Trajectory
 from hpop.world import Person, World
 
 HALVINGS = 20  # of a motion in which a robot would touch what is closed

@@ -15,17 +15,14 @@ from hpop.motions.bodies import Body, standing
 from hpop.motions.hold import stands
 from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
+from hpop.motions.panels import elapsed_before, kinks_between, panel_counts, quadrature_nodes
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
     from hpop.world import World
 
-PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
-HELD = 1.0  # s: no panel of a hold lasts longer
-FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
 AT_ONCE = 2**18  # panels, where time matters, that are integrated together: what lasts takes time, not memory
-CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
 DIGITS = 9  # of the numbers by which such ends are found
@@ -253,7 +250,7 @@ class Motions:
         if self._adaptive:
             pieces = pieces_of(self._turned * (phase.end - phase.begin), jumps=jumps)
             if timed:
-                pieces = np.maximum(pieces, self._panels(phase, timed))
+                pieces = np.maximum(pieces, panel_counts(self, phase, timed))
             some = np.flatnonzero(phase.duration)
             return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
         owner, u, weight, columns = self._quadrature(phase, timed)
@@ -282,7 +279,7 @@ class Motions:
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
     def _quadrature(self, phase: Phase, timed: bool) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
-        """What `_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.
+        """What `quadrature_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.
 
         Arrays alone are kept: moments refer to their motions, and would only be freed by a collection of garbage.
         """
@@ -290,7 +287,7 @@ class Motions:
         kept = self.__dict__.setdefault("_quadratures", {})
         number = next(i for i, other in enumerate(self.phases) if other is phase)
         if (number, timed) not in kept:
-            kept[number, timed] = (*self._nodes(phase, GAUSS_NODES, timed), {})
+            kept[number, timed] = (*quadrature_nodes(self, phase, GAUSS_NODES, timed), {})
         return kept[number, timed]
 
     def _phase_worst(self, rate: Rate, phase: Phase, probe: _Probe, timed: bool) -> Column:
@@ -299,70 +296,19 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = sorted({(i + e) / count for i in range(count) for e in ends_and_middles})
             return reduce(np.maximum, self._at_nodes(rate, phase, probe, nodes))
-        owner, u, _ = self._nodes(phase, ends_and_middles[:-1], timed)  # a panel ends where the next one begins
+        owner, u, _ = quadrature_nodes(
+            self, phase, ends_and_middles[:-1], timed
+        )  # a panel ends where the next one begins
         inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
         within = np.maximum.reduceat(inside, np.flatnonzero(np.diff(owner, prepend=-1)))
         return np.maximum(within, rate(self._instants(phase, np.ones(len(self)), np.arange(len(self)))))
-
-    def _nodes(self, phase: Phase, within: FloatArray, timed: bool) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
-        panels = self._panels(phase, timed)
-        owner = np.repeat(np.arange(len(self)), panels)
-        panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
-        count = panels[owner]
-        whose, at = self._kinks_in(phase) if timed else (np.empty(0, np.int64), np.empty(0))
-        if not at.size:
-            u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
-            weight = np.repeat(1.0 / (count * within.size), within.size)
-            return np.repeat(owner, within.size), u, weight
-        owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
-        order = np.lexsort((begin, owner))
-        owner, begin = owner[order], begin[order]
-        end = np.where(np.diff(owner, append=len(self)) > 0, 1.0, np.append(begin[1:], 1.0))
-        u = (begin[:, None] + (end - begin)[:, None] * within).ravel()
-        return np.repeat(owner, within.size), u, np.repeat((end - begin) / within.size, within.size)
-
-    def _kinks_in(self, phase: Phase) -> tuple[IntArray, FloatArray]:
-        """Motion and fraction of the phase's time of every moment within it at which a prediction has a kink."""
-        first, last = self._kinks_between(phase)
-        each = last - first
-        owner = np.repeat(np.arange(len(self)), each)
-        number = np.arange(owner.size) - np.repeat(np.cumsum(each) - each, each)
-        since = self.world.content.kinks[first[owner] + number] - (self.t0 + self._elapsed_before(phase))[owner]
-        return owner, np.minimum(since / phase.duration[owner], 1.0)
-
-    def _kinks_between(self, phase: Phase) -> tuple[IntArray, IntArray]:
-        """Places (M,) among the kinks of the first within a phase and of the first beyond it."""
-        kinks = self.world.content.kinks if self.panels is None and self.t0 is not None else np.empty(0)
-        if not kinks.size:
-            return np.zeros(len(self), dtype=np.int64), np.zeros(len(self), dtype=np.int64)
-        begin = self.t0 + self._elapsed_before(phase)
-        first = np.searchsorted(kinks, begin, side="right")
-        return first, np.maximum(first, np.searchsorted(kinks, begin + phase.duration, side="left"))
-
-    def _panels(self, phase: Phase, timed: bool) -> IntArray:
-        """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
-        if self.panels is not None:
-            return np.full(len(self), self.panels)
-        walked = min(self.world.content.fastest, FASTEST) / self.world.cell * phase.duration if timed else 0.0
-        if self.stands:
-            lasting = np.maximum(phase.duration / HELD, walked)
-            return np.asarray(np.maximum(1, np.ceil(lasting - 1e-9)), dtype=np.int64)
-        share = phase.end - phase.begin
-        farthest, most_turned = self.model.extent(self)
-        lengths = farthest * share / self.world.cell
-        angles = most_turned * share / PANEL_ANGLE
-        # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
-        stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
-        panels = np.ceil(np.maximum(stretch * np.maximum(lengths, angles), walked) - 1e-9)
-        return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
 
     def _parts(self, timed: bool) -> tuple[Motions, ...]:
         """Two halves of whole motions of which time matters and that take too many panels at once; none of others."""
         if not (timed and self.whole and len(self) > 1 and self.panels is None) or self._symbolic:
             return ()
-        kinks = (np.subtract(*self._kinks_between(phase)[::-1]).sum() for phase in self.phases)
-        if sum(self._panels(phase, timed).sum() for phase in self.phases) + sum(kinks) <= AT_ONCE:
+        kinks = (np.subtract(*kinks_between(self, phase)[::-1]).sum() for phase in self.phases)
+        if sum(panel_counts(self, phase, timed).sum() for phase in self.phases) + sum(kinks) <= AT_ONCE:
             return ()
         halves = slice(None, len(self) // 2), slice(len(self) // 2, None)
         return tuple(
@@ -409,18 +355,9 @@ class Motions:
 
         t = None
         if self.t0 is not None:
-            t = pick(self.t0 + self._elapsed_before(phase)) + u * picked.duration
+            t = pick(self.t0 + elapsed_before(self, phase)) + u * picked.duration
         size = len(self) if owner is None else owner.size
         return Instants(self.model, self.start.names, size, t, column, derivatives)
-
-    def _elapsed_before(self, phase: Phase) -> Column:
-        """Time (M,) from the start of each motion to the start of a phase, s."""
-        elapsed: Column = 0.0
-        for other in self.phases:
-            if other is phase:
-                break
-            elapsed = elapsed + other.duration
-        return elapsed
 
     def __repr__(self) -> str:
         return f"<Motions: {len(self):,} of {self.kind}, {type(self.model).__name__} in {self.world!r}>"

@@ -12,12 +12,11 @@ from hpop.compiled import kernel, lean
 PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
 TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
 WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
-BOX = 3  # planes of a box, at most, before which a place outside it is
 NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
 @lean
-def _inside(
+def inside(
     planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
 ) -> tuple[float, float]:
     """From where to where the line o + t d, |d| = 1, is inside a body; the end is before the beginning if nowhere.
@@ -62,7 +61,7 @@ def _inside(
 
 
 @lean
-def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
+def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
     """Write to found the bodies that are no farther than reach from a place, and give their number."""
     count = 0
     for b in range(len(rounds)):
@@ -74,7 +73,7 @@ def _near(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArra
 
 
 @lean
-def _bundle(directions: FloatArray) -> tuple[float, float, float, float]:
+def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
     """The axis of a cone round a bundle of rays (K, 3), and half its angle, rad: 4 where they go nearly all round."""
     x = y = z = 0.0
     for k in range(len(directions)):
@@ -90,7 +89,7 @@ def _bundle(directions: FloatArray) -> tuple[float, float, float, float]:
 
 
 @lean
-def _in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
+def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
     """Keep of some bodies those of which the balls meet a cone from a place."""
     if cone[3] > math.pi:
         return count
@@ -121,7 +120,7 @@ def _first(
     """How far a ray gets until it enters one of some bodies; at most reach."""
     best = reach
     for b in some:
-        low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+        low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
         if low <= high and TOUCH < low < best:
             best = low
     return best
@@ -144,173 +143,11 @@ def first_hits(
     near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
         o = (origins[n, 0], origins[n, 1], origins[n, 2])
-        count = _near(rounds, o, reach, near)
-        some = near[: _in_bundle(rounds, o, _bundle(directions[n]), near, count)]
+        count = within_reach(rounds, o, reach, near)
+        some = near[: in_bundle(rounds, o, bundle(directions[n]), near, count)]
         for k in range(directions.shape[1]):
             d = (directions[n, k, 0], directions[n, k, 1], directions[n, k, 2])
             out[n, k] = _first(planes, begin, rounds, some, o, d, reach)
-
-
-@lean
-def _turned_back(pose: FloatArray, d: tuple[float, ...]) -> tuple[float, float, float]:
-    """A direction of the world in the frame of which a pose says where it is."""
-    return (
-        pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
-        pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
-        pose[0, 2] * d[0] + pose[1, 2] * d[1] + pose[2, 2] * d[2],
-    )
-
-
-@lean
-def _faced(
-    planes: FloatArray,
-    first: int,
-    last: int,
-    o: tuple[float, ...],
-    axis: tuple[float, ...],
-    sine: float,
-    sorted_: FloatArray,
-    room: int,
-) -> tuple[int, int]:
-    """Write planes to sorted_ from ``room`` on: those before which a place is, then the others; where both lists end.
-
-    Their last column is by how much the place is behind each. None are written of a body that no ray enters: one that
-    contains the place, or lies all behind a plane from which a cone from the place leads away.
-    """
-    front, back = room, room + last - first
-    for k in range(first, last):
-        x, y, z = planes[k, 0], planes[k, 1], planes[k, 2]
-        gap = planes[k, 3] - x * o[0] - y * o[1] - z * o[2]
-        if gap < 0.0:
-            if x * axis[0] + y * axis[1] + z * axis[2] > sine:
-                return room, room
-            at = front
-            front += 1
-        else:
-            back -= 1
-            at = back
-        sorted_[at, 0], sorted_[at, 1], sorted_[at, 2], sorted_[at, 3] = x, y, z, gap
-    return front, room + last - first if front > room else room
-
-
-@lean
-def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
-    """Whether a ray enters a body of planes alone before reach, its planes as `_faced` sorts them.
-
-    It has to pass all planes in front of it before any of the others: few divisions. Of both the planes of the box
-    round a hull are asked first, which most lines that miss it miss.
-    """
-    low, middle = 0.0, min(front, first + BOX)
-    for k in range(first, middle):
-        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
-        if slant >= -PARALLEL:
-            return False
-        low = max(low, planes[k, 3] / slant)
-    if low >= reach:
-        return False
-    between = max(front, last - 2 * BOX)
-    for k in range(between, last):
-        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
-        if slant > PARALLEL and planes[k, 3] < low * slant:
-            return False
-    for k in range(middle, front):
-        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
-        if slant >= -PARALLEL:
-            return False
-        if planes[k, 3] < low * slant:
-            low = planes[k, 3] / slant
-            if low >= reach:
-                return False
-    if low <= TOUCH:
-        return False
-    for k in range(front, last):
-        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
-        if slant > PARALLEL and planes[k, 3] < low * slant:
-            return False
-    return True
-
-
-@kernel
-def blocked(
-    planes: FloatArray,
-    begin: IntArray,
-    rounds: FloatArray,
-    own_planes: FloatArray,
-    own_begin: IntArray,
-    own_rounds: FloatArray,
-    poses: FloatArray,
-    origins: FloatArray,
-    directions: FloatArray,
-    reach: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Write to out (N,) the share of the rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
-
-    Bodies are those of a world, and others, each in its own frame, of which poses (B, N, 4, 4) say where it is.
-    """
-    count, own_count = len(rounds), len(own_rounds)
-    near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)
-    balls, seen_from = np.empty((own_count, 8)), np.empty((own_count, 3))
-    faces = np.empty((len(planes) + len(own_planes), 4))
-    lists = np.empty((count + own_count, 3), np.int64)
-    for n in range(len(origins)):
-        o = (origins[n, 0], origins[n, 1], origins[n, 2])
-        farthest = reach[n].max()
-        cone = _bundle(directions[n])
-        sine = math.sin(cone[3]) if cone[3] < 0.5 * math.pi else 2.0
-        axis = (cone[0], cone[1], cone[2])
-        room = kept = 0
-        for i in range(_in_bundle(rounds, o, cone, near, _near(rounds, o, farthest, near))):
-            b = near[i]
-            lists[b, 0] = room
-            lists[b, 1], lists[b, 2] = _faced(planes, begin[b], begin[b + 1], o, axis, sine, faces, room)
-            if lists[b, 2] > room or rounds[b, 6] > 0.0:
-                room, some[kept] = lists[b, 2], b
-                kept += 1
-        for b in range(own_count):
-            pose, c = poses[b, n], own_rounds[b]
-            seen_from[b, 0], seen_from[b, 1], seen_from[b, 2] = _turned_back(
-                pose, (o[0] - pose[0, 3], o[1] - pose[1, 3], o[2] - pose[2, 3])
-            )
-            for i in range(3):
-                balls[b, i] = pose[i, 0] * c[0] + pose[i, 1] * c[1] + pose[i, 2] * c[2] + pose[i, 3]
-            balls[b, 7] = c[7]
-        for i in range(_in_bundle(balls, o, cone, near, _near(balls, o, farthest, near))):
-            b, place = near[i], count + near[i]
-            at, along = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2]), _turned_back(poses[b, n], axis)
-            lists[place, 0] = room
-            lists[place, 1], lists[place, 2] = _faced(
-                own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
-            )
-            if lists[place, 2] > room or own_rounds[b, 6] > 0.0:
-                room, some[kept] = lists[place, 2], place
-                kept += 1
-        hits = 0
-        for k in range(directions.shape[1]):
-            towards = directions[n, k, 0], directions[n, k, 1], directions[n, k, 2]
-            for i in range(kept):
-                place = some[i]
-                b = place - count
-                if b < 0:
-                    d = towards
-                    if rounds[place, 6] > 0.0:
-                        low, high = _inside(planes, begin[place], begin[place + 1], rounds[place], o, d)
-                        hidden = low <= high and TOUCH < low < reach[n, k]
-                    else:
-                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
-                else:
-                    d = _turned_back(poses[b, n], towards)
-                    if own_rounds[b, 6] > 0.0:
-                        at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
-                        low, high = _inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
-                        hidden = low <= high and TOUCH < low < reach[n, k]
-                    else:
-                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
-                if hidden:
-                    hits += 1
-                    some[0], some[i] = some[i], some[0]  # it is likely to hide the next one too
-                    break
-        out[n] = hits / directions.shape[1]
 
 
 @kernel
@@ -376,7 +213,7 @@ def flow(
     near = np.empty(len(rounds), np.int64)
     for n in range(len(places)):
         o = (places[n, 0], places[n, 1], places[n, 2])
-        some = near[: _near(rounds, o, reach, near)]
+        some = near[: within_reach(rounds, o, reach, near)]
         vx, vy, vz = velocity[n]
         wx, wy, wz = rotation[n]
         total = worst = 0.0
@@ -414,7 +251,7 @@ def filled(
     lows, highs = np.empty(len(rounds)), np.empty(len(rounds))
     for n in range(len(centres)):
         o = (centres[n, 0], centres[n, 1], centres[n, 2])
-        some = near[: _near(rounds, o, radius, near)]
+        some = near[: within_reach(rounds, o, radius, near)]
         out[n] = 0.0
         if not some.size:
             continue
@@ -423,7 +260,7 @@ def filled(
             d = (directions[k, 0], directions[k, 1], directions[k, 2])
             hits = 0
             for b in some:
-                low, high = _inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+                low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
                 low, high = max(low, 0.0), min(high, radius)
                 if low < high:  # keep them in the order in which they begin
                     place = hits

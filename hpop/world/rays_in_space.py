@@ -90,7 +90,7 @@ class Surfaces:
 
         Bodies are these and ``own``, each in a frame of its own, of which ``poses`` (B, N, 4, 4) say where it is.
         """
-        from hpop.world._rays_in_space import blocked
+        from hpop.world._sight_in_space import blocked
 
         limits.check(RAYS)
         out = np.empty(len(origins))

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.view.ride import surfaces, tiles
-from hpop.view.ride.columns import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, draw
+from hpop.view.ride.columns import draw
 from hpop.view.ride.drawn import Look, Met, Room, Things, View
 from hpop.view.ride.rays import crossings, longest
+from hpop.view.ride.rows import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE
 from hpop.view.ride.scene import Scene
 from hpop.view.ride.turning import turned
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from hpop.compiled import lean
-from hpop.view.ride.columns import PI, arctangent
+from hpop.view.ride.rows import PI, arctangent
 
 
 @lean

@@ -13,8 +13,8 @@ from PIL import Image
 import hpop
 from hpop.errors import OptionError, OutputError, QueryError
 from hpop.view import render_360, save_360
-from hpop.view.ride.columns import arctangent
 from hpop.view.ride.panorama import Panorama
+from hpop.view.ride.rows import arctangent
 from hpop.view.ride.scene import Scene
 from hpop.world import Track
 from hpop.world.content import Landmark, Person
