@@ -196,19 +196,19 @@ class Execution(Telling):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Options as a record has them: ``answer`` is what was found then, where the deadline cut that short."""
+        """Options as a record has them: ``answer`` is what was found where the deadline cut that short; else all is."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
-        return self._options(now, deadline_of(deadline), answer)[0]
+        return self._options(now, deadline_of(deadline), answer, again=True)[0]
 
-    def _options(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> tuple[Options, Found]:
-        """Options, and what was found for them; ``answer``, what was found before is told again."""
+    def _options(self, now: float, deadline: float, answer: Any, *, again: bool = False) -> tuple[Options, Found]:
+        """Options, and what was found for them; ``again`` as before, however long that takes."""
         commit, surroundings = self.commit(now, deadline), self.surroundings
         announced = self._plan.announced
         begins = float(self._plan.driven.times[commit.place])
         rest = between(announced, begins, announced.duration)
         kept = rest if self._plan.stops is None else None
-        found = self._network.found(surroundings, commit, kept, deadline, answer)
+        found = self._network.found(surroundings, commit, kept, None if again else deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(commit.before)
         gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
@@ -338,11 +338,12 @@ class Execution(Telling):
     def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
         """Go on in other surroundings, in which some closings are new."""
         self._stand(now)
+        if after.people != self.surroundings.people:
+            self._plan = self._plan.among_others()
         self._stretches.append(Stretch(after, motion_ends(self._plan.announced, self._planned(now)), self._lag))
         cut = self._cut(now)
         self._lay_out(now)
-        ways = [] if self._latest is None else self._latest.ways
-        invalid = closed_ways(ways, new)
+        invalid = closed_ways([] if self._latest is None else self._latest.ways, new)
         invalid |= self._latest is not None and not self._plan.begins_with(self._latest.compared.before)
         whole = Plan(self._plan.announced)
         stops = None if cut.stops is None else self._lag + cut.stops

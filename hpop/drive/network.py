@@ -90,13 +90,13 @@ class Network:
         now: Surroundings,
         commit: Commit,
         kept: Trajectory | None,
-        deadline: float,
+        deadline: float | None,
         answer: Mapping[str, Any] | None = None,
     ) -> Found:
         """Ways from a commit on, as the world is now.
 
         kept      the present plan from there, if it is open
-        deadline  s of this thread's processor time
+        deadline  s of this thread's processor time, None for none
         answer    what was found when this was asked before, if a deadline cut that short
         """
         problem = now.at(commit.state, commit.time)
@@ -110,7 +110,7 @@ class Network:
         problem: Problem,
         commit: Commit,
         kept: Trajectory | None,
-        deadline: float,
+        deadline: float | None,
         answer: Mapping[str, Any] | None,
     ) -> Found:
         """What a search on a clock finds among people who move, beside what is known."""
@@ -118,8 +118,9 @@ class Network:
             ways = [Trajectory.from_description(problem.model, way) for way in answer["ways"]]
             return self._rechecked(problem, ways)
         began = time.perf_counter()
-        among = self.among(now, commit, 0.0 if answer is None else None)
+        among = self.among(now, commit, None if deadline is None else 0.0)
         if among is None:
+            assert deadline is not None
             known = [] if kept is None else [kept]
             known += self._clear(now, problem, commit, 0.5 * deadline)
             among = self.among(now, commit, deadline - LOOK - (time.perf_counter() - began))
@@ -246,7 +247,7 @@ class Network:
         problem: Problem,
         commit: Commit,
         kept: Trajectory | None,
-        deadline: float,
+        deadline: float | None,
         answer: Mapping[str, Any] | None,
     ) -> Found:
         """What a search on the graph finds, beside what is known."""

@@ -208,3 +208,7 @@ class Plan:
     def closed_at(self, stops: float | None) -> Plan:
         """The same, driven only until then."""
         return replace(self, stops=stops)
+
+    def among_others(self) -> Plan:
+        """The same, among people who are told anew: of them none was near when its way was chosen."""
+        return replace(self, chosen=0.0)

@@ -112,3 +112,25 @@ def test_of_several_changes_the_last_one_counts() -> None:
         assert options.status is Status.COMPLETE
         fronts.append(np.sort(options.front.costs, axis=0))
     assert fronts[0] == pytest.approx(fronts[1], abs=0.02)
+
+
+def test_what_no_deadline_cut_short_is_found_again_however_long_that_takes(tmp_path: Path) -> None:
+    drive = drive_among()
+    drive.world(0.7, people=[IN_SOUTH])
+    drive.ready()  # which a record does not tell
+    found = drive.options(0.7, 0.06)
+    drive.save(tmp_path / "drive.json")
+    again = load(tmp_path / "drive.json")
+    assert again.take(len(found) - 1).describe() == drive.take(len(found) - 1).describe()
+
+
+def test_whom_a_way_was_chosen_to_leave_is_nobody_who_is_told_anew() -> None:
+    """Who comes within the margin a second after a way begins may be left, if that was known when it was chosen."""
+    drive = drive_among()
+    drive.take(drive.options(0.3, 0.5)[-1])
+    begins = drive._plan.chosen
+    assert begins > 0.7
+    drive.world(0.5, close=SOUTH, name="south")
+    assert drive._plan.chosen == begins
+    drive.world(0.7, people=[IN_SOUTH])
+    assert drive._plan.chosen == 0.0
