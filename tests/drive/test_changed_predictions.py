@@ -115,10 +115,11 @@ def test_of_several_changes_the_last_one_counts() -> None:
 
 
 def test_what_no_deadline_cut_short_is_found_again_however_long_that_takes(tmp_path: Path) -> None:
-    drive = drive_among()
-    drive.world(0.7, people=[IN_SOUTH])
+    problem, front, planner = asked()
+    drive = hpop.follow(problem, front, 0, planner=planner)
+    drive.world(0.7, people=[Person(8.5, 2.5, velocity=(-0.4, 0.05), until=12.0)])
     drive.ready()  # which a record does not tell
-    found = drive.options(0.7, 0.06)
+    found = drive.options(0.7, 0.08)
     drive.save(tmp_path / "drive.json")
     again = load(tmp_path / "drive.json")
     assert again.take(len(found) - 1).describe() == drive.take(len(found) - 1).describe()
