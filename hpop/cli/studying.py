@@ -93,7 +93,7 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     help="Questionnaires: ssq, vrsq, fms, comfort, naturalness, mssq, or files of your own. [ssq,comfort]",
 )
 @click.option("--comparisons/--no-comparisons", default=True, help="Whether pairs are compared after all. [yes]")
-@click.option("--rest", type=float, default=180.0, metavar="S", help="Rest after each stimulus, at least. [180]")
+@click.option("--rest", type=float, default=180.0, metavar="S", help="Rest between stimuli, at least. [180]")
 @click.option("--video", is_flag=True, help="Show videos all round in a player of your own, not rides in the page.")
 @click.option("--language", default="en", metavar="CODE", help="Language of the pages. [en]")
 @click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")

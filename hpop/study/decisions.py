@@ -78,6 +78,8 @@ def decided(
         "Durations": _durations(design),
         "Carry-over": CARRY_OVER,
         **answers.noted,
+        "Dashes in tables": "there is no such number: the still view has no costs, and a test of several rows of a "
+        "table stands beside these alone",
     }
     if questions_of(design):
         made["Choices of pairs"] = CHOICES

@@ -6,7 +6,7 @@ import base64
 import os
 from collections.abc import Mapping, Sequence
 from html import escape
-from math import isinf, isnan
+from math import isinf, isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ import scipy
 import hpop
 from hpop.errors import StudyError
 from hpop.html import table_html
-from hpop.study import report_file
+from hpop.study import design_file, report_file
 from hpop.study.conditions import unlike
 from hpop.study.documents import write_bytes
 from hpop.study.figures import draw, figures
@@ -51,6 +51,8 @@ CAPTIONS = {
 P_COLUMNS = ("p", "adjusted p")
 HEADINGS = {"lower": "lower quartile", "upper": "upper quartile", "low": "95 % from", "high": "95 % to"}
 """Of columns, where people read them."""
+ROUNDED = 1e-12
+"""What is below it in size is the rounding of a zero."""
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
@@ -67,6 +69,8 @@ img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; 
 def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
     """Write the report into a folder, which is made; StudyError where it cannot be written. Gives the page's path."""
     target = Path(folder)
+    if (target / design_file.FILE).exists():  # it has tables of the same names
+        raise StudyError(f"{target} is a study's folder: a report needs one of its own, such as {target / 'report'}")
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -170,13 +174,13 @@ def _figure(name: str, png: bytes) -> str:
 def _table(rows: Sequence[Row]) -> str:
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
-    return table_html(headings, [[written(key, row.get(key, "")) for key in columns] for row in rows])
+    return table_html(headings, [[written(key, row.get(key, nan)) for key in columns] for row in rows])
 
 
 def _aligned(rows: Sequence[Row]) -> list[str]:
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
-    cells = [headings, *([written(key, row.get(key, "")) for key in columns] for row in rows)]
+    cells = [headings, *([written(key, row.get(key, nan)) for key in columns] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(headings))]
     words = [isinstance(rows[0].get(key), str) for key in columns]
     return [
@@ -194,10 +198,12 @@ def _columns(rows: Sequence[Row]) -> list[str]:
 
 
 def written(column: str, value: Cell) -> str:
-    """A cell for people: p to four decimals, other numbers to four figures.
+    """A cell for people: p to four decimals, other numbers to four figures, a dash where there is none.
 
     >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
+    >>> written("strength", 2.4e-15), written("length", nan)
+    ('0', '-')
     """
     if not isinstance(value, float):
         return str(value)
@@ -207,7 +213,7 @@ def written(column: str, value: Cell) -> str:
         return "unbounded"
     if column in P_COLUMNS or column.startswith(("p of", "p (")):
         return "< .0001" if value < 0.0001 else f"{value:.4f}"
-    return f"{value:.4g}"
+    return "0" if abs(value) < ROUNDED else f"{value:.4g}"
 
 
 def _contents(rows: Sequence[Row], mark: str) -> Contents:

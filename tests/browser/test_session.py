@@ -338,8 +338,11 @@ def answer_by_keys(someone: Participant) -> None:
     someone.page.locator("#continue").press("Enter")
     expect(first).to_contain_text("(not answered yet)")
     assert first.evaluate("group => group.contains(document.activeElement)")
+    expect(someone.page.locator("#without")).to_be_visible()
     keys.press("Space")
     expect(first).not_to_contain_text("(not answered yet)")
+    expect(someone.page.locator(".said")).to_be_empty()  # how many lacked is no longer true
+    expect(someone.page.locator("#without")).to_be_hidden()
     someone.page.locator("h1").first.focus()
     for _ in range(someone.page.locator("fieldset").count()):
         keys.press("Tab")

@@ -138,6 +138,27 @@ def test_the_page_says_what_stands_behind_each_letter_and_how_long_it_lasts(desi
     assert "60.0 s (" in report.page(result, {}).partition("<h2>")[0]
 
 
+def test_what_has_no_value_is_a_dash_that_the_page_explains_and_a_gap_in_csv(front, tmp_path):
+    design = study.Design.of(front, ["knee", "view"], participants=6, consent="Yes", forms=["fms"])
+    result = study.analyse(design, study.simulate(design, {"A": 0.0, "B": 0.5}, seed=2), score=("fms", "sickness"))
+    still = next(f"{one.id}: {one}" for one in design.conditions if one.row is None)
+    result.save(tmp_path)
+    page, table = (tmp_path / "report.html").read_text(), (tmp_path / "stimuli.csv").read_text()
+    (row,) = [line for line in page.split("<tr>") if line.startswith(f"<td>{still}</td>")][:1]
+    assert row.count("<td>-</td>") == max(len(one.costs) for one in design.conditions)
+    assert "<td></td>" not in page
+    assert "<th>Dashes in tables</th>" in page
+    assert ",," in next(line for line in table.splitlines() if line.startswith(still))
+
+
+def test_a_report_into_the_folder_of_a_study_is_refused_for_it_has_tables_of_the_same_names(result, design, tmp_path):
+    design.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(StudyError, match=r"a report needs one of its own, such as .*report"):
+        result.save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_of_two_stimuli_the_place_is_tested_as_a_pair_is(front):
     design = study.Design.of(front, ["knee", "least turns"], participants=6, consent="Yes", forms=["fms"])
     result = study.analyse(design, study.simulate(design, {"A": 0.0, "B": 0.5}, seed=2), score=("fms", "sickness"))

@@ -53,7 +53,7 @@ export function consent({ voice, design }: Context, agreed: () => void, declined
   return screen;
 }
 
-/** Questions, of which some may stay without an answer: that is said once, and then they may. */
+/** Questions, of which some may stay without an answer: that is said, and then they may. */
 function asked(
   { voice }: Context,
   groups: readonly HTMLElement[],
@@ -84,6 +84,12 @@ function asked(
   without.id = "without";
   without.hidden = true;
   row.append(go, without);
+  for (const group of groups) {
+    group.addEventListener("change", () => { // fewer lack than was said
+      said.textContent = "";
+      without.hidden = true;
+    });
+  }
   return [...groups, said, row];
 }
 
