@@ -141,7 +141,7 @@ class Moment:
 
     @cached_property
     def rest(self) -> Trajectory:
-        """What is still to be driven of it."""
+        """What is still to be driven of it, as a plan from here: what is left of a turn begins and ends at rest."""
         return between(self._plan.driven, self.planned, self._plan.driven.duration)
 
     @cached_property
