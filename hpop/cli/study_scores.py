@@ -11,7 +11,7 @@ from hpop.cli.command import user_errors
 from hpop.cli.terminal import echo
 
 if TYPE_CHECKING:
-    from hpop.study import Answers, Design
+    from hpop.study import Answers
     from hpop.study.results import Method
     from hpop.study.statistics.corrections import Correction
 
@@ -28,6 +28,7 @@ def score(folder: Path) -> None:
     Exit code 17 where the front of the study has changed since.
     """
     from hpop.study import Answers, Design
+    from hpop.study.design_file import FILE
     from hpop.study.folder import front_of
     from hpop.study.locks import changing
 
@@ -38,8 +39,8 @@ def score(folder: Path) -> None:
     for said in (*answers.faults, *answers.notes):
         echo(f"note: {said}")
     _print_scores(answers)
-    _print_letters(answers.design)
     echo(f"written to {folder}: {', '.join(path.name for path in written)}")
+    echo(f"{folder / FILE} says which letter is which row: look when the last session is over, so as to stay blind")
     front_of(folder, design)
 
 
@@ -179,7 +180,3 @@ def _print_scores(answers: Answers) -> None:
             table.add_row(form.id, name, *cells)
     echo("Medians")
     print_wide(Console(), table)
-
-
-def _print_letters(design: Design) -> None:
-    echo("; ".join(f"{condition.id} is {condition}" for condition in design.conditions))

@@ -47,7 +47,8 @@ CARRY_OVER = (
 CHOICES = (
     "shares with Wilson's intervals of 95 % and exact binomial p, who said neither left out; a favourite was chosen "
     "over each other stimulus, by those who compared all pairs; "
-    "strengths by Bradley and Terry, ties as Davidson has them, intervals by people"
+    "strengths by Bradley and Terry, ties as Davidson has them, intervals by people: none where all people answered "
+    "alike, which tells nothing of how others would differ"
 )
 
 

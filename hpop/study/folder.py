@@ -29,6 +29,8 @@ from hpop.study.words import checked_file
 from hpop.trajectory import Trajectory
 
 PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
+KEPT = (ANSWERS, PAGES, STIMULI, WORDS)
+"""Folders in which nothing but a study's own files lie."""
 PRIVATE = 0o700
 """A study's folder is its owner's alone: it holds what people answer about how they feel."""
 

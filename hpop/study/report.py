@@ -20,6 +20,7 @@ from hpop.study import design_file, report_file
 from hpop.study.conditions import unlike
 from hpop.study.documents import write_bytes
 from hpop.study.figures import draw, figures
+from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
 from hpop.study.tables import Column, Contents, csv_bytes
 from hpop.text import printable
@@ -69,8 +70,7 @@ img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; 
 def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
     """Write the report into a folder, which is made; StudyError where it cannot be written. Gives the page's path."""
     target = Path(folder)
-    if (target / design_file.FILE).exists():  # it has tables of the same names
-        raise StudyError(f"{target} is a study's folder: a report needs one of its own, such as {target / 'report'}")
+    _check_own(target)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -87,6 +87,15 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
     for name, data in files.items():
         write_bytes(target / name, data)
     return target / PAGE
+
+
+def _check_own(folder: Path) -> None:
+    """StudyError where a report would lie among a study's tables, some of the same names, or its pages or answers."""
+    there = folder.resolve()
+    for study in (there, *there.parents):
+        inside = there.relative_to(study).parts[:1]
+        if (study / design_file.FILE).exists() and (not inside or inside[0] in KEPT):
+            raise StudyError(f"{folder} is a study's folder: a report needs one of its own, such as {study / REPORT}")
 
 
 def as_text(analysis: Analysis) -> str:

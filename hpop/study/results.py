@@ -12,6 +12,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
+from hpop.registry import criteria
 from hpop.study import statistics
 from hpop.study.answers import Answers, Matrix
 from hpop.study.design import Design
@@ -65,7 +66,20 @@ def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
 
 def stimuli_table(design: Design) -> Sequence[Row]:
     """What stands behind each letter: how long it lasts, s, and what it costs by each criterion."""
-    return [{"stimulus": label(design, one.id), "seconds": one.duration, **one.costs} for one in design.conditions]
+    return [
+        {
+            "stimulus": label(design, one.id),
+            "seconds": one.duration,
+            **{_with_unit(name): cost for name, cost in one.costs.items()},
+        }
+        for one in design.conditions
+    ]
+
+
+def _with_unit(name: str) -> str:
+    """A criterion with its unit, as far as the name alone tells it."""
+    unit = str(getattr(criteria[name], "unit", "1")) if name in criteria else "1"
+    return name if unit == "1" else f"{name} ({unit})"
 
 
 def placed(matrix: Matrix) -> FloatArray:

@@ -132,7 +132,7 @@ def test_the_page_says_what_stands_behind_each_letter_and_how_long_it_lasts(desi
     design = replace(design, conditions=(replace(first, duration=60.0), *others))
     result = study.analyse(design, study.Answers(design, answers.sessions))
     assert [row["seconds"] for row in result.tables["stimuli"]] == [60.0, *(one.duration for one in others)]
-    assert [row["length"] for row in result.tables["stimuli"]] == [one.costs["length"] for one in design.conditions]
+    assert [row["length (m)"] for row in result.tables["stimuli"]] == [one.costs["length"] for one in design.conditions]
     assert "may come from how long they last" in result.choices["Durations"]
     assert "--share" not in result.text()
     assert "60.0 s (" in report.page(result, {}).partition("<h2>")[0]
@@ -157,6 +157,14 @@ def test_a_report_into_the_folder_of_a_study_is_refused_for_it_has_tables_of_the
     with pytest.raises(StudyError, match=r"a report needs one of its own, such as .*report"):
         result.save(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("inside", ["pages", "answers/p01", "stimuli", "words"])
+def test_a_report_among_a_studys_pages_or_answers_is_refused(result, design, tmp_path, inside):
+    design.save(tmp_path)
+    with pytest.raises(StudyError, match=r"a report needs one of its own, such as .*report"):
+        result.save(tmp_path / inside)
+    assert not (tmp_path / inside).exists()
 
 
 def test_of_two_stimuli_the_place_is_tested_as_a_pair_is(front):

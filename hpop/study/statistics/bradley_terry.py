@@ -18,6 +18,8 @@ from scipy.sparse import coo_array, csgraph
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import StudyError
 
+ALIKE = 1e-9
+"""Part of a variance by single choices below which that by people is none: all of them answered alike."""
 MOST_STEPS = 100
 """Of Newton's method, which takes ten or so."""
 
@@ -27,10 +29,10 @@ class Strengths:
     """How strongly each stimulus is preferred.
 
     strengths   (k,)  logarithms, of which differences count: their mean is 0, or the reference's is
-    errors      (k,)  standard errors
+    errors      (k,)  standard errors; NaN where people answered alike, which tells nothing of how people differ
     ties        nu, 0 where nobody said "neither"
     side        what being named first adds to a strength; NaN where it was not asked
-    side_error  its standard error
+    side_error  its standard error; NaN as in errors
     choices     comparisons that were made, ties among them
     """
 
@@ -86,7 +88,8 @@ def bradley_terry(
     features = _features(pairs, stimuli, tied, side)  # (m, outcomes, parameters)
     _check_bounded(features, outcome, tied, side)
     estimate, chances, information = _fitted(features, outcome)
-    covariance = np.linalg.inv(information)
+    by_choices: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    covariance = by_choices
     if people is not None:
         gradients = features[np.arange(len(outcome)), outcome] - np.einsum("mo,mop->mp", chances, features)
         covariance = covariance @ _spread(gradients, people) @ covariance
@@ -94,13 +97,13 @@ def bradley_terry(
     centre -= 1 / stimuli if reference is None else np.eye(stimuli)[reference]
     to_strengths = centre[:, 1:]  # the first stimulus is 0 in the fit
     own = slice(0, stimuli - 1)
-    variances = np.einsum("kp,pq,kq->k", to_strengths, covariance[own, own], to_strengths)
+    errors = _errors(to_strengths, covariance[own, own], by_choices[own, own])
     return Strengths(
         strengths=frozen(to_strengths @ estimate[own]),
-        errors=frozen(np.sqrt(np.maximum(variances, 0.0))),
+        errors=frozen(errors),
         ties=float(np.exp(estimate[stimuli - 1])) if tied else 0.0,
         side=float(estimate[-1]) if side else np.nan,
-        side_error=float(np.sqrt(covariance[-1, -1])) if side else np.nan,
+        side_error=float(_errors(np.eye(1), covariance[-1:, -1:], by_choices[-1:, -1:])[0]) if side else np.nan,
         choices=len(outcome),
     )
 
@@ -201,3 +204,11 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
     np.add.at(sums, member, gradients)
     spread: FloatArray = sums.T @ sums * count / (count - 1)
     return spread
+
+
+def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) -> FloatArray:
+    """Standard errors (k,) of sums (k, p) of parameters; NaN where people do not differ in one though choices do."""
+    variances, apart = (np.einsum("kp,pq,kq->k", sums, one, sums) for one in (covariance, by_choices))
+    told = (variances > ALIKE * apart) | (apart == 0.0)
+    errors: FloatArray = np.sqrt(np.where(told, variances, np.nan))
+    return errors

@@ -162,3 +162,23 @@ def test_ties_alone_give_no_finite_strengths_to_who_never_lost():
 def test_errors_of_people_need_two():
     with pytest.raises(StudyError, match="two people or more, got 1"):
         bradley_terry([0, 0], [1, 1], [0, 1], stimuli=2, people=["p01", "p01"])
+
+
+CIRCLE = [(0, 1, 0), (1, 2, 1), (2, 0, 2)]
+
+
+def test_people_who_all_answer_alike_tell_nothing_of_how_people_differ():
+    """Ten who choose in the same circle: no error is told, for none is 0; two who differ suffice."""
+    circles = CIRCLE * 10
+    people = np.repeat(np.arange(10), 3)
+    alike = bradley_terry(*zip(*circles, strict=True), stimuli=3, people=people)
+    assert alike.strengths == pytest.approx([0, 0, 0])
+    assert np.isnan(alike.errors).all()
+    assert np.isnan(alike.interval()).all()
+    assert (bradley_terry(*zip(*circles, strict=True), stimuli=3).errors > 0).all()
+    others = [(0, 1, 0), (1, 2, 1), (2, 0, 0), (0, 1, 1), (1, 2, 1), (2, 0, 2)]
+    other = bradley_terry(*zip(*circles[:-6], *others, strict=True), stimuli=3, people=people)
+    assert (other.errors > 0).all()
+    fixed = bradley_terry(*zip(*circles, strict=True), stimuli=3, people=people, reference=0)
+    assert fixed.errors[0] == 0  # by definition
+    assert np.isnan(fixed.errors[1:]).all()
