@@ -99,14 +99,14 @@ class Front(frontier.Front[Trajectory]):
     def named(self, preference: Preferring | None = None) -> dict[str, Point]:
         """The points worth a name: the knee and the least in each criterion, of those found if only evaluated.
 
-        With the ``preference`` of a person also what is best "for you", last: colours of the others stay as they are.
+        With the ``preference`` of a person first of all what is best "for you".
         """
         if not len(self):
             return {}
         found = self.evaluated
         least = {f"least {name}" + " of those found" * (name in found): self.best(name) for name in self.names}
         yours = {} if preference is None else {FOR_YOU: self.select(preference=preference)}
-        return {"knee": self.knee(), **least, **yours}
+        return {**yours, "knee": self.knee(), **least}
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the points worth a name, what is claimed, a picture where hpop.view is imported."""
