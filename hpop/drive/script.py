@@ -150,7 +150,8 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
         return None, f"there is nothing to take: {options.certificate}"
     try:
         (row,) = named_rows(options.front, [event.value])
-    except OptionError as error:  # only now is it known how many there are
-        return None, str(error)
+    except OptionError:  # only now is it known how many there are
+        last = len(options) - 1
+        return None, f"no option {shown(event.value)}: " + (f"they are numbered 0 to {last:,}" if last else "0 is all")
     option: Option = options[row.number]
     return option, str(row)

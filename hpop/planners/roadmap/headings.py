@@ -8,6 +8,7 @@ all. Everything is built in array operations.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,10 +22,13 @@ from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.spending import Spending
 
 ALIGNED = 1e-9  # rad: directions that differ by less are one heading
 MAX_EDGES = 60_000_000
-TURN = 64  # bytes that laying out a turn takes
+LINK = 40  # bytes that a link to a neighbour takes while it is looked for
+ARROW = 80  # bytes that laying out an arrow takes
+TURN = 48  # those of a turn
 PIECES = 4  # in which a turn is checked, at least
 
 
@@ -69,22 +73,29 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def arrows(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Tails and heads (positions) of all free moves, and their headings, rad."""
+        """Tails and heads (positions) of all free moves, and their headings, rad; by tail, then by heading."""
+        self.spending.check(self._doing, 2 * len(self.links) * ARROW)
         tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
+
+        def found(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+            return self._free_arrows(tails[ids], heads[ids])
+
+        return _joined(self.spending.each(found, _by_position(tails), self._doing))
+
+    def _free_arrows(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Those of some arrows that are free, of several in one direction only the shortest."""
         span = self.positions[heads] - self.positions[tails]
         yaw = _within_turn(np.arctan2(span[:, 1], span[:, 0]))
         direction = _numbered(tails, yaw)
         order = np.lexsort((np.hypot(*span.T), direction))
         nearest = order[np.unique(direction[order], return_index=True)[1]]
         tails, heads, yaw = tails[nearest], heads[nearest], yaw[nearest]
-        free = np.ones(tails.size, dtype=bool)
-
-        def found(part: slice) -> tuple[slice, BoolArray]:
-            return part, self._moves_free(tails[part], heads[part], yaw[part])
-
-        for part, moves in self.spending.each(found, blocks(tails.size), f"{self.words} was laid out"):
-            free[part] = moves
+        free = self._moves_free(tails, heads, yaw)
         return tails[free], heads[free], yaw[free]
+
+    @property
+    def _doing(self) -> str:
+        return f"{self.words} was laid out"
 
     def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
         start, end = (States(x=x, y=y, yaw=yaw) for x, y in (self.positions[ids].T for ids in (tails, heads)))
@@ -103,14 +114,22 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _numbers(self) -> IntArray:
-        """State of each of those that are wanted."""
-        return _numbered(*self._wanted)
+        """State of each of those that are wanted; the states of a position follow one another."""
+        at, yaw = self._wanted
+        self.spending.check(self._doing, at.size * ARROW)
+        numbers, count = np.empty(at.size, np.int64), 0
+        for ids in _by_position(at):
+            numbers[ids] = count + _numbered(at[ids], yaw[ids])
+            count = int(numbers[ids].max()) + 1
+            self.spending.check(self._doing)
+        return numbers
 
     @cached_property
     def _state(self) -> tuple[IntArray, FloatArray]:
-        """Position and yaw (S,) of every state; the states of a position follow one another."""
-        first = np.unique(self._numbers, return_index=True)[1]
+        """Position and yaw (S,) of every state: those of the first that wants it."""
         at, yaw = self._wanted
+        first = np.full(self._numbers.max() + 1, at.size)
+        np.minimum.at(first, self._numbers, np.arange(at.size))
         return at[first], yaw[first]
 
     @property
@@ -163,7 +182,7 @@ class StateRoadmap(StateGraph):
         Smaller ones in a row would turn by any angle and count nothing.
         The heading at the start may differ by less from what is left in, and that at the goal from what is arrived in.
         """
-        at, yaw = self._state
+        at = self._state[0]
         first = np.searchsorted(at, at)
         others = np.searchsorted(at, at, side="right") - first - 1
         if others.sum() > MAX_EDGES:
@@ -171,26 +190,30 @@ class StateRoadmap(StateGraph):
                 f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
                 f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
             )
-        self.spending.check(f"{self.words} was laid out", int(others.sum()) * TURN)
-        tails = np.repeat(np.arange(at.size), others)
-        place = np.arange(tails.size) - np.repeat(np.cumsum(others) - others, others)
-        heads = first[tails] + place
-        heads += heads >= tails
+        self.spending.check(self._doing, int(others.sum()) * TURN)
+        before = np.concatenate([[0], np.cumsum(others)])
+
+        def found(part: slice) -> tuple[IntArray, IntArray]:
+            tails = np.repeat(np.arange(part.start, part.stop), others[part])
+            heads = first[tails] + np.arange(before[part.start], before[part.stop]) - before[tails]
+            heads += heads >= tails
+            return self._free_turns(tails, heads)
+
+        each = max(1, int(others.max()) * PIECES)
+        return _joined(self.spending.each(found, blocks(at.size, each), self._doing))
+
+    def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
+        """Those of some turns that are large enough, and free."""
+        at, yaw = self._state
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:
             large |= heads == goal
         tails, heads = tails[large], heads[large]
         if not self.collision.yaw_matters:
             return tails, heads
-        free = self.collision.clear(*self.positions.T)[at[tails]]
-        open_ = np.flatnonzero(~free)
-
-        def found(part: slice) -> tuple[IntArray, BoolArray]:
-            ids = open_[part]
-            return ids, self.collision.motions_free(self.motions("turn", tails[ids], heads[ids]))
-
-        for ids, turns in self.spending.each(found, blocks(open_.size, PIECES), f"{self.words} was laid out"):
-            free[ids] = turns
+        free = self.collision.clear(*self.positions[at[tails]].T)
+        near = np.flatnonzero(~free)
+        free[near] = self.collision.motions_free(self.motions("turn", tails[near], heads[near]))
         return tails[free], heads[free]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
@@ -229,3 +252,34 @@ def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
     number = np.empty(at.size, np.int64)
     number[order] = np.cumsum(new) - 1
     return number
+
+
+def _by_position(at: IntArray) -> Iterator[IntArray]:
+    """The places of positions in an array, position by position, in blocks between which none is torn."""
+    order = np.argsort(at, kind="stable")
+    cuts = np.array([part.stop for part in blocks(at.size)][:-1], dtype=np.int64)
+    ends = np.unique(np.searchsorted(at[order], at[order][cuts]))
+    yield from np.split(order, ends[ends > 0])
+
+
+def _joined(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """The columns of all blocks."""
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntArray:
+    """Links (L, 2) from each position to its nearest ones."""
+    from scipy.spatial import KDTree
+
+    count = min(count, len(positions) - 1)
+    if not count:
+        return np.zeros((0, 2), np.int64)
+    doing = "the nearest of each position were looked for"
+    spending.check(doing, len(positions) * count * LINK)
+    tree = KDTree(positions)
+
+    def found(part: slice) -> IntArray:
+        _, nearest = tree.query(positions[part], [*range(2, count + 2)])  # the first is itself
+        return np.stack([np.repeat(np.arange(len(positions))[part], count), nearest.ravel()], axis=1)
+
+    return np.concatenate([*spending.each(found, blocks(len(positions), count), doing)])

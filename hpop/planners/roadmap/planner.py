@@ -17,13 +17,14 @@ from hpop.motions import States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import End, goals_of, start_of
+from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
-from hpop.planners.roadmap.headings import StateRoadmap
+from hpop.planners.roadmap.headings import StateRoadmap, nearest_links
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.timed.asked import Asked, needless, people_move
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 SAME = 1e-9  # m: two positions no further apart are one
 DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
 MOST_SAMPLES = 1_000_000
+SAMPLE = 64  # bytes that drawing a position takes
 MOST_TREES = 100
 HEADED = frozenset({"plane", "turn-move", "rigid"})
 AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
@@ -241,7 +243,7 @@ class Roadmap:
             in_plane(problem.model),
             problem.world,
             positions,
-            np.concatenate([_nearest(positions, count), pairs(len(ends.positions))]),
+            np.concatenate([nearest_links(positions, count, spending), pairs(len(ends.positions))]),
             start_of(problem)[2],
             ends.goals,
             name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
@@ -260,10 +262,14 @@ class Roadmap:
         x_min, y_min, x_max, y_max = problem.world.bounds
         drawn = np.zeros((0, 2))
         for _ in range(DRAWS):
-            spending.check("positions were drawn")
-            x, y, yaw = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3)).T
-            free = collision.states_free(States(x=x, y=y, yaw=yaw))
-            drawn = np.concatenate([drawn, np.stack([x, y], axis=1)[free]])
+            spending.check("positions were drawn", self.samples * SAMPLE)
+            at = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3))
+
+            def found(part: slice, at: FloatArray = at) -> FloatArray:
+                x, y, yaw = at[part].T
+                return at[part][collision.states_free(States(x=x, y=y, yaw=yaw)), :2]
+
+            drawn = np.concatenate([drawn, *spending.each(found, blocks(self.samples), "positions were drawn")])
             if len(drawn) >= self.samples:
                 break
         return drawn[: self.samples]
@@ -323,17 +329,6 @@ def checked_ends(problem: Problem) -> PositionedEnds:
 def pairs(count: int) -> IntArray:
     """All pairs (L, 2) of the first positions."""
     return np.stack(np.triu_indices(count, 1), axis=1)
-
-
-def _nearest(positions: FloatArray, count: int) -> IntArray:
-    """Links (L, 2) from each position to its nearest ones."""
-    from scipy.spatial import KDTree
-
-    count = min(count, len(positions) - 1)
-    if not count:
-        return pairs(1)
-    _, nearest = KDTree(positions).query(positions, [*range(2, count + 2)])  # the first is itself
-    return np.stack([np.repeat(np.arange(len(positions)), count), nearest.ravel()], axis=1)
 
 
 def on_roadmap(

@@ -1,6 +1,7 @@
 """The roadmap planner against an oracle that walks every simple path of the roadmap, in plain loops."""
 
 import math
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +12,12 @@ from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.math import wrap
 from hpop.models import DifferentialDrive
+from hpop.planners.graphs import arcs
 from hpop.planners.judgement import Judgement, judge
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.search import pareto_paths
 from hpop.status import Status
@@ -370,3 +373,35 @@ def test_it_joins_the_front_of_the_lattice():
     for row in lattice.costs:
         assert (front.costs <= row + 1e-9).all(axis=1).any()
     assert "roadmap" in {origin["planner"] for origin in front.provenance}
+
+
+class Counted(Spending):
+    """Counts how often limits are looked at."""
+
+    looks = 0
+
+    def check(self, doing, memory=0):
+        type(self).looks += 1
+        super().check(doing, memory)
+
+
+def test_limits_are_looked_at_all_along_while_headings_are_laid_out(monkeypatch):
+    """At least once for so many arrows, and for so many turns, as are worked on together."""
+    monkeypatch.setattr(arcs, "BLOCK", 256)
+    roadmap = Roadmap(samples=60).roadmap(problem(), Counted())
+    for layer, items in (("arrows", 2 * len(roadmap.links)), ("turns", 4 * len(roadmap.links))):
+        before = Counted.looks
+        getattr(roadmap, layer)
+        assert Counted.looks - before >= items // 1024 > 0
+
+
+@pytest.mark.parametrize("most", [100_000, 1_000_000, 20_000_000])
+def test_a_roadmap_of_positions_takes_no_more_memory_than_it_may(most):
+    small, asked = Roadmap(samples=5), problem()
+    small.solve(asked)  # what is imported and made once
+    tracemalloc.start()
+    found = Roadmap(samples=100_000, max_memory=most).solve(asked)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.status is Status.MEMORY_LIMIT
+    assert peak < most + 2_000_000  # blocks, on every core
