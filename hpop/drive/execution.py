@@ -317,7 +317,7 @@ class Execution(Telling):
         Where the plan is cut, the robot drives on to the last place where it may take another way, or brakes.
 
         Raises DriveError for a door that is not on the map, for what was never closed, and for a closing that covers
-        the robot, MapError for people who cannot be, such as one inside a wall; the drive is then as before.
+        the robot, MapError for somebody who walks and begins within an obstacle; the drive is then as before.
         """
         given = {"close": close, "open": open, "people": people, "stop": stop}
         told = [key for key, value in given.items() if value is not None]
