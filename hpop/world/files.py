@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import os
 from pathlib import Path
@@ -15,6 +16,8 @@ MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
+PROBE = 1_000
+"""Bytes on either side of one that is no UTF-8 by which text is told from other files."""
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
@@ -36,13 +39,23 @@ def named(path: str | Path) -> str:
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
-    """Decode UTF-8, or raise `MapError`."""
+    """Decode UTF-8, or raise `MapError` that says what the text seems to be encoded in."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MapError(
-            f"{what} {named(path)} must be UTF-8 text; byte {error.start} is not. Is it another kind of file?"
+            f"{what} {named(path)} must be UTF-8 text; byte {error.start} is not. {_encoding_of(data, error.start)}"
         ) from None
+
+
+def _encoding_of(data: bytes, first: int) -> str:
+    """Say what bytes that are no UTF-8 from the ``first`` on seem to be, and what to do."""
+    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
+    around = data[max(0, first - PROBE) : first + PROBE]
+    if all(byte >= 32 or byte in b"\t\n\r\f" for byte in around):
+        return "It seems to be Latin-1 or Windows-1252, of umlauts or accents perhaps: save it as UTF-8."
+    return "Is it another kind of file?"
 
 
 def read_yaml(text: str, path: str | Path) -> Any:

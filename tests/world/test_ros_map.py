@@ -46,7 +46,9 @@ def three_states(grid):
         ("pal_office/map.yaml", (520, 469), 230421, 13459, 0),
         ("nav2_depot/depot.yaml", (604, 307), 179481, 5947, 0),
         ("nav2_depot/depot_keepout.yaml", (604, 307), 154215, 31213, 0),
-        ("nav2_depot/depot_speed.yaml", (604, 307), 0, 0, 185428),
+        # In mode scale from 0 to 1, of the shades 0, 127, 191, 205 and 254: rint(100 (1 - shade / 255)) is 100 of the
+        # first and 0 of the last, whose pixels were counted in the image.
+        ("nav2_depot/depot_speed.yaml", (604, 307), 123746, 3735, 57947),
         ("aws_bookstore/map.yaml", (384, 384), 61884, 4954, 80618),
     ],
 )
@@ -165,6 +167,91 @@ def test_raw_mode_takes_bytes_as_percent(tmp_path):
     assert three_states(load(write(tmp_path, image, mode="raw"))) == [[0, -1, 100, -1, -1]]
 
 
+def test_numbers_in_quotes_and_with_exponents_are_read_as_map_server_reads_them(tmp_path):
+    plain = load(write(tmp_path))
+    quoted = load(
+        write(
+            tmp_path,
+            resolution='"0.5"',
+            origin="['1.0', \"2\", 0e0]",
+            negate="'0'",
+            occupied_thresh='"0.65"',
+            free_thresh="1.96e-1",
+            mode="Trinary",
+        )
+    )
+    assert three_states(quoted) == three_states(plain)
+    assert (quoted.resolution, quoted.origin) == (0.5, (1.0, 2.0, 0.0))
+    assert three_states(load(write(tmp_path, negate='"yes"'))) == three_states(load(write(tmp_path, negate=1)))
+
+
+@pytest.mark.parametrize(
+    "name", ["/home/ada/maps/map.pgm", r"'C:\Users\Ada\map.pgm'", "MAP.PGM", "map", "~/maps/Map", "../gone/map.pgm"]
+)
+def test_an_image_that_is_not_where_the_yaml_says_is_looked_for_beside_it_and_told(tmp_path, name):
+    grid = load(write(tmp_path, image=name))
+    assert three_states(grid) == three_states(load(write(tmp_path)))
+    (note,) = grid.notes
+    assert "is not there" in note
+    assert str(tmp_path / "map.pgm") in note
+    assert World.from_ros_map(write(tmp_path, image=name)).notes[0] == note
+
+
+def test_the_image_of_the_very_name_comes_before_others_and_folders_are_no_images(tmp_path):
+    (tmp_path / "plan.png").mkdir()
+    Image.fromarray(np.full((2, 3), 255, np.uint8)).save(tmp_path / "plan.pgm")
+    assert load(write(tmp_path, image="plan")).free.all()
+    with pytest.raises(MapError, match=r"nowhere\.pgm' cannot be opened"):
+        load(write(tmp_path, image="/home/ada/nowhere.pgm"))
+
+
+# Masks, as keep-out editors write them: mode scale, black at the threshold 1
+
+
+def mask(folder, pixels, **changes):
+    """A mask of one row beside a map, as (the mask's yaml, the map's yaml)."""
+    (folder / "masks").mkdir(exist_ok=True)
+    image = b"P5\n%d 1\n255\n" % len(pixels) + bytes(pixels)
+    given = {"mode": "scale", "occupied_thresh": 1.0, "free_thresh": 0.0, "origin": "[1, 2, 0]", **changes}
+    return write(folder / "masks", image, **given), write(folder)
+
+
+def test_black_closes_in_a_mask_of_mode_scale_whose_threshold_is_1(tmp_path):
+    """Nav2's map_io: rint((1 - 0) / (1 - 0) 100) is 100, which its keep-out filter takes as lethal; 99 is not."""
+    keep_out, path = mask(tmp_path, [0, 255, 255])
+    world = World.from_ros_map(path, keep_out=keep_out)
+    assert world.keep_out.bounds == (1, 2, 1.5, 2.5)
+    assert not [note for note in world.notes if "of the mask" in note or "the mask closes" in note]
+    # shades 1 and 2 have 99.6 and 99.2 percent: 100 and 99
+    keep_out, path = mask(tmp_path, [1, 2, 255])
+    world = World.from_ros_map(path, keep_out=keep_out)
+    assert world.keep_out.area == 0.25
+    assert f"{keep_out}: 1 cells of the mask are closed, and 1 are neither occupied nor free" in world.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("pixels", "changes", "message"),
+    [
+        ([0, 255, 255], {"mode": "trinary"}, "the mask closes nothing, and 3 are neither"),  # 1 > 1 and 0 < 0 are false
+        ([128, 255, 255], {}, "the mask closes nothing, and 1 are neither occupied nor free"),
+        ([255, 255, 255], {}, "the mask closes nothing: all of its cells are free"),
+        ([60, 0, 0], {"mode": "raw"}, "the mask closes nothing, and 1 are neither"),
+    ],
+)
+def test_a_mask_that_closes_nothing_is_told(tmp_path, pixels, changes, message):
+    keep_out, path = mask(tmp_path, pixels, **changes)
+    world = World.from_ros_map(path, keep_out=keep_out)
+    assert world.keep_out.is_empty
+    assert message in world.notes[0]
+
+
+def test_thresholds_of_one_value_split_a_map_of_mode_scale(tmp_path):
+    image = b"P5\n3 1\n255\n" + bytes([0, 100, 255])
+    assert three_states(load(write(tmp_path, image, mode="scale", occupied_thresh=0.5, free_thresh=0.5))) == [
+        [100, 100, 0]
+    ]
+
+
 def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_path, monkeypatch):
     (tmp_path / "maps").mkdir()
     write(tmp_path / "maps")
@@ -183,7 +270,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"resolution": ".inf"}, "above 0"),
         ({"resolution": "fine"}, "resolution must be a number"),
         ({"resolution": "true"}, "resolution must be a number"),
-        ({"resolution": "1e-3"}, "YAML reads 1e-3 as text"),
+        ({"resolution": '"0,05"'}, "resolution must be a number"),
         ({"resolution": "0x" + "f" * 5000}, "a whole number of 6,021 digits"),
         ({"origin": "[0, 0]"}, "origin must be three finite numbers"),
         ({"origin": "[0, 0, .nan]"}, "origin"),
@@ -193,7 +280,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"occupied_thresh": 1.5}, "occupied_thresh must be a number from 0 to 1"),
         ({"free_thresh": -0.1}, "free_thresh must be a number from 0 to 1"),
         ({"free_thresh": ".nan"}, "free_thresh"),
-        ({"free_thresh": "1e-3"}, "YAML reads 1e-3 as text"),
+        ({"free_thresh": '"20 %"'}, "free_thresh must be a number"),
         ({"free_thresh": 0.8}, "must not exceed"),
         ({"negate": 2}, "negate must be"),
         ({"negate": "maybe"}, "negate must be"),
@@ -221,7 +308,9 @@ def test_every_wrong_value_is_named(tmp_path, changes, message):
         (b"", "empty"),
         (b"- a\n- b\n", "mapping"),
         (b"just text", "mapping"),
-        (b"\xff\xfe\x00\x80", "UTF-8"),
+        (b"\xff\xfe\x00\x80", "It is UTF-16, .*save it as UTF-8"),
+        ("# Büro im Erdgeschoß\nimage: map.pgm\n".encode("latin-1"), "Latin-1 or Windows-1252, .* save it as UTF-8"),
+        (b"image: \x89PNG\x00\x01\xff", "Is it another kind of file"),
         (b"[" * 100_000, "nests values"),
         (b"[" * 100_000 + b"]" * 100_000, "nests values"),
         (b"a: 9" + b"9" * 5000, "yaml"),
