@@ -28,12 +28,12 @@ from hpop.arrays import Column, FloatArray
 from hpop.batches import batches
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
 from hpop.history import History
+from hpop.limits import LimitPassed
 from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import Model, Motions, lacking
 from hpop.registry import criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory
-from hpop.world.limits import LimitPassed
 
 if TYPE_CHECKING:
     from hpop.world import World

@@ -20,11 +20,11 @@ from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
+from hpop import limits
 from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
 from hpop.status import Budget, Status
-from hpop.world import limits
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.goals import GoalSet
+from hpop.limits import LimitPassed
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.view.canvas import checked, new_figure
@@ -48,7 +49,6 @@ from hpop.view.style import (
     whole_ticks,
 )
 from hpop.view.targets import draw_targets, targets_of
-from hpop.world.limits import LimitPassed
 
 
 @plain

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from hpop import limits
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
@@ -31,7 +32,6 @@ from hpop.view.states import changing, draw_states
 from hpop.view.style import drawn_rows, marks
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
-from hpop.world import limits
 
 DPI = 200
 MOST_FIELD = 500_000_000  # bytes, of the map's field where nobody says: of a fine raster it takes a gigabyte, and 20 s

@@ -15,10 +15,10 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon
 
+from hpop import limits
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.math import SMOOTHING, hypot, is_symbolic, is_zero
 from hpop.options import MOST, real, whole
-from hpop.world import limits
 from hpop.world.content import Content
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import PAD, Field, grid_points

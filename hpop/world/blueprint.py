@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hpop import limits
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import MapError
-from hpop.world import limits
-from hpop.world.limits import READING
+from hpop.limits import READING
 from hpop.world.shapes import Raster, rotate
 
 DARK, LIGHT = 0.25, 0.9

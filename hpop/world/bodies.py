@@ -12,10 +12,10 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import MapError
 from hpop.options import LEAST
-from hpop.world import limits
 from hpop.world.content import Content
 from hpop.world.shapes import Obstacle, Raster
 from hpop.world.solids import Box, Cylinder, Hull, Solid

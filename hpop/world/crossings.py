@@ -15,9 +15,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
-from hpop.world import limits
 
 MOST_MENDED = 1_000
 """Crossings of an outline that is mended."""

@@ -11,15 +11,15 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.apart.answer import Answer
 from hpop.apart.lines import said
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import MapError
+from hpop.limits import READING
 from hpop.text import shown
-from hpop.world import limits
 from hpop.world.crossings import check_joinable, check_widenable
 from hpop.world.ground import Ground
-from hpop.world.limits import READING
 from hpop.world.placement import Placement
 from hpop.world.shapes import LARGEST, SMALLEST, Obstacle, check_inside, check_positive
 from hpop.world.walls import widened

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon, shape
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import BoolArray
 from hpop.errors import MapError
+from hpop.limits import READING
 from hpop.options import one_of
 from hpop.text import shown
-from hpop.world import limits
 from hpop.world.crossings import check_each_joinable, check_joinable, check_mendable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import file_source, read_bytes, read_text
 from hpop.world.ground import WHOLE, Ground, Heights
-from hpop.world.limits import READING
 from hpop.world.placement import Placement, Units
 from hpop.world.shapes import Obstacle, check_heights
 from hpop.world.walls import check_width, walls

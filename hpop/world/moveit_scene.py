@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpop import limits
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
+from hpop.limits import READING
 from hpop.options import MOST, real, whole
 from hpop.text import shown
-from hpop.world import limits
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml
-from hpop.world.limits import READING
 from hpop.world.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.world import World
 

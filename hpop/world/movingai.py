@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from hpop import limits
 from hpop.errors import MapError
+from hpop.limits import READING
 from hpop.text import shown
-from hpop.world import limits
 from hpop.world.files import file_source, read_bytes, read_text
 from hpop.world.ground import Ground
-from hpop.world.limits import READING
 from hpop.world.shapes import Raster, check_positive, check_size, check_span
 from hpop.world.world import World
 

@@ -16,8 +16,8 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import Column, FloatArray, IntArray
-from hpop.world import limits
 from hpop.world.shapes import Obstacle, Raster, overlaps
 
 NOISE = 1e-9

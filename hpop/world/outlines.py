@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import MapError
-from hpop.world import limits
 
 MOST_CORNERS = 500_000
 """Corners of outlines: some seconds. The largest real maps at hand have some thousands; noise has them."""

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpop import limits
 from hpop.arrays import FloatArray
 from hpop.errors import MapError
-from hpop.world import limits
+from hpop.limits import READING
 from hpop.world.files import named
-from hpop.world.limits import READING
 from hpop.world.shapes import MAX_CELLS, check_size
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]

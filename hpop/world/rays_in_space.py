@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop import limits
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
-from hpop.world import limits
 from hpop.world.solids import Box, Cylinder, Hull, Shape, Solid, Sphere
 
 if TYPE_CHECKING:

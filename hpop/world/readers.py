@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from hpop.errors import HpopError, MapError, did_you_mean
+from hpop.limits import LimitPassed
 from hpop.registry import readers
 from hpop.text import shown
 from hpop.world import dxf, geojson, image, moveit_scene, movingai, pdf, ros_bag, ros_map
 from hpop.world.files import named
-from hpop.world.limits import LimitPassed
 from hpop.world.world import World
 
 readers.add("dxf", dxf.read)

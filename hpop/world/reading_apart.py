@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
+from hpop import limits
 from hpop.apart.answer import Answer, Refused, unpacked
 from hpop.errors import MapError
 from hpop.interrupts import interrupts_held
-from hpop.world import limits
+from hpop.limits import READING
 from hpop.world.files import named
-from hpop.world.limits import READING
 
 # Nothing of the current folder is run.
 CODE = """

@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import BoolArray, Column, FloatArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
-from hpop.world import limits
 from hpop.world.edge_grid import EdgeGrid
 from hpop.world.field import Field, grid_points
 from hpop.world.lazy_field import LazyField, TiledField

@@ -22,11 +22,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import Column, FloatArray, IntArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.options import LEAST, MOST, real
-from hpop.world import limits
 from hpop.world.content import Landmark
 from hpop.world.field import PAD, Field, grid_points
 from hpop.world.in_view import ALL_ROUND, BEHIND, UP_AND_DOWN, in_view

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from hpop import limits
 from hpop.errors import OutputError
 from hpop.planners.spending import Spending
 from hpop.status import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
-from hpop.world import limits
 from hpop.world.content import Landmark
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hpop import limits
 from hpop.arrays import FloatArray
-from hpop.world import World, limits
+from hpop.world import World
 from hpop.world.content import Zone
 from hpop.world.field import Field, grid_points
 

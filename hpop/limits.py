@@ -1,8 +1,8 @@
-"""What reading a world and making its fields may take: whoever plans has limits, and what takes long or much asks them.
+"""Limits of time and memory that hold for everything done within a block of code, in this thread.
 
-A map is read before there is a problem to plan, and a field is made when a criterion first asks for it, far from
-whoever plans; so the limits hold for all that is done within a block, in this thread. Maps are read and fields made in
-parts, and ask between them.
+A map is read before there is a problem to plan, and a field or an integral is computed when a criterion first asks for
+it, far from the planner that has the limits. Work that may take long is therefore done in parts, and between two parts
+it asks the limits that hold for now. Without such a block nothing is limited.
 """
 
 from __future__ import annotations
