@@ -47,6 +47,7 @@ from typing import Any, cast
 import shapely
 from pydantic import BaseModel
 
+from hpop import limits
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import LimitError, StudyError, UnsupportedModel, did_you_mean
@@ -76,7 +77,7 @@ from hpop.scenario.schema import (
 )
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.text import shown
-from hpop.world import World, geojson_content, limits
+from hpop.world import World, geojson_content
 from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_joinable
 from hpop.world.predictions import bounded

@@ -11,8 +11,9 @@ import pytest
 import shapely
 
 import hpop
+from hpop import limits
 from hpop.planners.lattice import Lattice
-from hpop.world import Ground, World, limits
+from hpop.world import Ground, World
 from hpop.world.cache import Cache
 from hpop.world.content import Landmark, Person, Zone
 from hpop.world.planar import FreeSpace

@@ -9,10 +9,11 @@ import pytest
 import shapely
 
 import hpop
+from hpop import limits
 from hpop.criteria.others import zone_fields
 from hpop.planners.lattice import Lattice
 from hpop.registry import criteria
-from hpop.world import Field, World, limits, visibility
+from hpop.world import Field, World, visibility
 from hpop.world.bearings import bearings
 from hpop.world.cache import nbytes
 from hpop.world.content import Landmark, Zone

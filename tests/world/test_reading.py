@@ -12,13 +12,14 @@ import yaml
 from click.testing import CliRunner
 from PIL import Image
 
+from hpop import limits
 from hpop.cli import main
 from hpop.errors import LimitError
 from hpop.planners.spending import Spending
 from hpop.registry import readers
 from hpop.scenario import load_scenario
 from hpop.status import Budget
-from hpop.world import World, geojson_content, limits
+from hpop.world import World, geojson_content
 from hpop.world.readers import read_world
 
 SIDE = 40  # cells or polygons along each side of a map
