@@ -1,7 +1,7 @@
 """``hpop prefer --web``: the questions on a page, served to this machine alone; without scripts, as forms.
 
-Whoever does not know the token in the page's address is shown nothing. An answer names the question that it answers, so
-that one that is sent twice counts once.
+Whoever does not know the token in the page's address is shown nothing, and a page of another origin cannot answer. An
+answer names the question that it answers, so that one that is sent twice counts once.
 """
 
 from __future__ import annotations
@@ -11,29 +11,24 @@ import secrets
 from base64 import b64encode
 from collections.abc import Callable
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Event, Lock
-from typing import TYPE_CHECKING, Any, Protocol
+from threading import Event, Lock, Thread
+from typing import TYPE_CHECKING, Protocol
 from urllib.parse import parse_qs
 
 from hpop.errors import OutputError
+from hpop.page_server import PageHandler, PageServer
 from hpop.text import printable
 
 if TYPE_CHECKING:
     from hpop.cli.preferred import Difference
 
-HOST = "127.0.0.1"
-PATIENCE = 30.0
-"""s, for who connects and says nothing."""
-MOST_BYTES, MOST_DIGITS = 1_000, 4
-"""Of an answer, and of how long it says that it is."""
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'self'; "
-    "base-uri 'none'; frame-ancestors 'none'",
-    "Cache-Control": "no-store",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-}
+MOST_BYTES = 1_000
+"""Of an answer."""
+POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+"""What the page may load."""
 # Under a and b are their lines as on the map: its first two colours and dashes.
 STYLE = """body{font:17px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
 body{background:#fff}table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .9rem .3rem 0;text-align:right}
@@ -100,25 +95,12 @@ def _page_of_loss(why: str, address: str) -> str:
     )
 
 
-class _Server(ThreadingHTTPServer):
-    """Of one page."""
-
-    daemon_threads = True
-    timeout = 0.2
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """A page that was closed is no error."""
-
-
 def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
     """Serve the page until all is answered and what came out was shown; OutputError where the port cannot be had."""
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
 
-    class Handler(BaseHTTPRequestHandler):
-        timeout = PATIENCE
-        server_version, sys_version = "hpop", ""
-
-        def do_GET(self) -> None:
+    class Handler(PageHandler):
+        def answer(self) -> None:
             """The question, or what came out; then the command ends."""
             if self._is_known():
                 with lock:
@@ -128,15 +110,15 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
                 if is_over:
                     over.set()
 
-        def do_POST(self) -> None:
+        def take(self) -> None:
             """An answer, then the page again."""
             if not self._is_known():
                 return
-            length = self.headers.get("Content-Length", "")
-            if not (length.isascii() and length.isdigit() and len(length) <= MOST_DIGITS and int(length) <= MOST_BYTES):
+            data = self.body(MOST_BYTES)
+            if data is None:
                 self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, b"")
                 return
-            given = parse_qs(self.rfile.read(int(length)).decode("ascii", "replace"))
+            given = parse_qs(data.decode("ascii", "replace"))
             word, number = given.get("answer", [""])[0], given.get("question", [""])[0]
             try:
                 with lock:
@@ -146,42 +128,24 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
                 say(str(error))
                 self._send(HTTPStatus.INTERNAL_SERVER_ERROR, _page_of_loss(str(error), f"/{token}").encode())
                 return
-            self.send_response(HTTPStatus.SEE_OTHER)
-            self.send_header("Location", f"/{token}")
-            self._end(0)
+            self._send(HTTPStatus.SEE_OTHER, b"", Location=f"/{token}")
 
         def _is_known(self) -> bool:
-            """Whether who asks knows the address of the page, and asks this machine for it by its own name."""
-            names = {f"{name}:{server.server_address[1]}" for name in (HOST, "localhost")}
-            known = secrets.compare_digest(self.path.encode("utf-8", "replace"), f"/{token}".encode())
-            if self.headers.get("Host") in names and known:
+            """Whether who asks knows the address of the page."""
+            if secrets.compare_digest(self.path.encode("utf-8", "replace"), f"/{token}".encode()):
                 return True
             self._send(HTTPStatus.NOT_FOUND, b"")
             return False
 
-        def _send(self, status: HTTPStatus, page: bytes) -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self._end(len(page))
-            self.wfile.write(page)
+        def _send(self, status: HTTPStatus, page: bytes, **more: str) -> None:
+            self.page(page, status=status, **{"Content-Security-Policy": POLICY, **more})
 
-        def _end(self, length: int) -> None:
-            self.send_header("Content-Length", str(length))
-            for name, value in HEADERS.items():
-                self.send_header(name, value)
-            self.end_headers()
-
-        def log_message(self, format: str, *args: object) -> None:
-            """Nothing: nobody reads it."""
-
-    try:
-        server = _Server((HOST, port), Handler)
-    except OSError as error:
-        raise OutputError(
-            f"--web: port {port} of this machine cannot be had: {error.strerror or error}; choose another --port, or 0 "
-            "for any that is free"
-        ) from None
-    with server:
-        say(f"the questions are at http://{HOST}:{server.server_address[1]}/{token}")
-        while not over.is_set():
-            server.handle_request()
+    with PageServer(Handler, port=port) as server:
+        serving = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+        serving.start()
+        try:
+            say(f"the questions are at {server.root()}/{token}")
+            over.wait()
+        finally:
+            server.shutdown()
+            serving.join()

@@ -5,8 +5,8 @@ the token is in its environment: commands are seen by all users of a machine. Ea
 a new front is saved in FOLDER; at the end of the input it shows the last one and ends. Of fronts that come while it
 works it takes the newest.
 
-It answers to whoever names the token and asks for this machine by its own name: another page in the same browser, made
-to look as if it came from here (DNS rebinding), does neither. It serves the page and its events, and no file.
+It answers to whoever names the token, as :mod:`hpop.page_server` allows. It serves the page and its events, and no
+file.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Condition, Thread
 from urllib.parse import parse_qs, urlsplit
@@ -28,10 +27,10 @@ from urllib.parse import parse_qs, urlsplit
 from hpop import current_folder
 from hpop.cli.live import TOKEN
 from hpop.cli.pictures import NICENESS
+from hpop.page_server import PageHandler, PageServer
 from hpop.text import printable
 
 ALIVE = 15.0  # s between two signs of life to a page that waits
-READING = 30.0  # s that nothing of a request may come
 FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended
 WAITING = """<!doctype html>
 <html lang="en">
@@ -49,13 +48,6 @@ body {{ font: 16px/1.5 system-ui, sans-serif; margin: 20vh auto; max-width: 36em
 </html>
 """
 SEARCHING = "The search has begun. Its first trajectories will be shown here as soon as they are found."
-HEADERS = {
-    "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",  # it would tell the token
-    "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
-    "Cross-Origin-Resource-Policy": "same-origin",
-}
 
 
 @dataclass(eq=False)
@@ -110,21 +102,14 @@ class Shown:
             self.changed.wait_for(lambda: self.streams == 0, FAREWELL)
 
 
-def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHTTPServer:
+def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
     """A server of what is shown, on a socket that listens."""
-    host, port = listening.getsockname()
-    names = {f"{host}:{port}", f"localhost:{port}"}
 
-    class Handler(BaseHTTPRequestHandler):
-        timeout = READING
-        server_version, sys_version = "hpop", ""
-
-        def do_GET(self) -> None:
+    class Handler(PageHandler):
+        def answer(self) -> None:
             path = urlsplit(self.path)
             _, given, *rest = (*path.path.split("/"), "")
-            if self.headers.get("Host") not in names:
-                self.send_error(HTTPStatus.FORBIDDEN, f"ask for http://{host}:{port}")
-            elif not secrets.compare_digest(given.encode(), token.encode()) or rest not in (
+            if not secrets.compare_digest(given.encode(), token.encode()) or rest not in (
                 [""],
                 ["", ""],
                 ["events", ""],
@@ -137,15 +122,7 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHT
                 self.send_header("Location", f"/{token}/")
                 self.end_headers()
             else:
-                self._page()
-
-        def _page(self) -> None:
-            page = shown.page  # another may come while it is sent
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page)))
-            self.end_headers()
-            self.wfile.write(page)
+                self.page(shown.page)
 
         def _stream(self, query: dict[str, list[str]]) -> None:
             """Fronts as they come, as server-sent events; first what came since the page was made."""
@@ -154,6 +131,8 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHT
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
             self.end_headers()
+            if self.command == "HEAD":
+                return
             with shown.changed:
                 shown.streams += 1
             try:
@@ -176,24 +155,7 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> ThreadingHT
                 else:
                     self.wfile.write(b":\n\n")
 
-        def end_headers(self) -> None:
-            for name, value in HEADERS.items():
-                self.send_header(name, value)
-            super().end_headers()
-
-        def log_message(self, format: str, *args: object) -> None:
-            """Nothing: nobody reads it."""
-
-    class Server(ThreadingHTTPServer):
-        daemon_threads = True
-
-        def handle_error(self, request: object, client_address: object) -> None:
-            """A page that was closed is no error."""
-
-    server = Server((host, port), Handler, bind_and_activate=False)
-    server.socket.close()
-    server.socket = listening
-    return server
+    return PageServer(Handler, listening=listening)
 
 
 def follow(shown: Shown, folder: Path, imports: Sequence[str], said: int) -> None:

@@ -119,7 +119,8 @@ def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, bl
 
 def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
     """Serve the page until Ctrl-C, and say how a headset comes to it."""
-    from hpop.cli.serving import EVERYWHERE, LOCAL, PageServer, certificate_for, own_address
+    from hpop.cli.serving import EVERYWHERE, OnePage, certificate_for, own_address
+    from hpop.page_server import LOCAL
     from hpop.view.ride.page import ride_page
 
     page = ride_page(problem, front, rows=rows, blind=blind).encode()
@@ -127,7 +128,8 @@ def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, 
         host, certificate = LOCAL, None
     else:
         host, certificate = own_address(), certificate_for(own_address())
-    with PageServer(page, host=LOCAL if cable else EVERYWHERE, port=port, certificate=certificate) as server:
+    everywhere = LOCAL if cable else EVERYWHERE
+    with OnePage(page, host=everywhere, port=port, names=[host], certificate=certificate) as server:
         _say(problem, front, rows)
         here = server.server_address[1]
         if certificate is None:

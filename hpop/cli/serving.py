@@ -2,7 +2,7 @@
 
 Headsets show pages in three dimensions only where the connection is secure: https, or http from their own 127.0.0.1,
 to which `adb reverse` brings a port of this machine. Nothing is served but the page, and that only to who knows the
-token in its address.
+token in its address and asks for this machine by its own name.
 """
 
 from __future__ import annotations
@@ -12,20 +12,18 @@ import ipaddress
 import secrets
 import socket
 import ssl
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Sequence
+from http import HTTPStatus
 from pathlib import Path
-from socketserver import TCPServer
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hpop.errors import OutputError
+from hpop.page_server import LOCAL, PageHandler, PageServer
 
-LOCAL = "127.0.0.1"
 EVERYWHERE = "0.0.0.0"
 DAYS = 7
 """For which a certificate holds."""
-PATIENCE = 30.0
-"""s, for who connects and says nothing."""
 
 
 class Certificate(NamedTuple):
@@ -36,74 +34,38 @@ class Certificate(NamedTuple):
     fingerprint: str
 
 
-class PageServer(ThreadingHTTPServer):
-    """Serves one page under a token, on a port of one address of this machine or of all."""
+class OnePage(PageServer):
+    """Serves one page under a token, on a port of one address of this machine or of all.
 
-    daemon_threads = True
+    page     to be served
+    names    by which this machine may be asked for it, besides its own
+    """
 
-    def __init__(self, page: bytes, *, host: str, port: int, certificate: Certificate | None = None) -> None:
+    def __init__(
+        self, page: bytes, *, host: str, port: int, names: Sequence[str] = (), certificate: Certificate | None = None
+    ) -> None:
         self.page = page
         self.token = secrets.token_urlsafe(9)
-        try:
-            super().__init__((host, port), _Handler)
-        except OSError as error:
-            raise OutputError(
-                f"cannot serve on port {port}: {error.strerror or error}; choose another --port"
-            ) from None
-        if certificate is not None:
-            # Each connection greets in a thread of its own: one that says nothing keeps nobody waiting.
-            self.socket = context_of(certificate).wrap_socket(
-                self.socket, server_side=True, do_handshake_on_connect=False
-            )
-        self.scheme = "http" if certificate is None else "https"
-
-    def server_bind(self) -> None:
-        """Without the name of this machine, for which http.server would ask the network, and may wait long."""
-        TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+        secured = None if certificate is None else context_of(certificate)
+        super().__init__(_Handler, host=host, port=port, names=names, secured=secured)
 
     def address(self, host: str) -> str:
         """Where the page is, as it is typed into a browser."""
-        return f"{self.scheme}://{host}:{self.server_address[1]}/{self.token}"
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Who breaks off, or mistrusts the certificate, is no error of ours."""
+        return f"{self.root(host)}/{self.token}"
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(PageHandler):
     """Answers with the page, or not at all."""
 
-    timeout = PATIENCE
-    server: PageServer
+    server: OnePage
 
-    def do_GET(self) -> None:
+    def answer(self) -> None:
         """The page, to who knows its token."""
-        self._answer(self.server.page)
-
-    def do_HEAD(self) -> None:
-        """The same without the page."""
-        self._answer(b"")
-
-    def _answer(self, page: bytes) -> None:
         asked = self.path.partition("?")[0].strip("/")
-        if not secrets.compare_digest(asked.encode("utf-8", "replace"), self.server.token.encode()):
-            self.send_error(404)
-            return
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(self.server.page)))
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.end_headers()
-        self.wfile.write(page)
-
-    def version_string(self) -> str:
-        """Of the server, which is nobody's business."""
-        return "hpop"
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing is printed of who asks for what."""
+        if secrets.compare_digest(asked.encode("utf-8", "replace"), self.server.token.encode()):
+            self.page(self.server.page)
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND)
 
 
 def own_address() -> str:

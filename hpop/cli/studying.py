@@ -168,7 +168,8 @@ def serve(folder: Path, port: int, network: bool) -> None:
     Until Ctrl-C. To this machine alone, and to a headset on its cable after `adb reverse`; with --network to other
     machines too.
     """
-    from hpop.cli.serving import EVERYWHERE, LOCAL, certificate_for, context_of, own_address
+    from hpop.cli.serving import EVERYWHERE, certificate_for, context_of, own_address
+    from hpop.page_server import LOCAL
     from hpop.study import Design
     from hpop.study.server import StudyServer, token_of
 

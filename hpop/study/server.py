@@ -1,13 +1,11 @@
 """The study's own server: it gives each participant a page, and writes down each answer as soon as it is given.
 
-It answers this machine alone, by its own name: another page in the same browser, made to look as if it came from here
-(DNS rebinding), is refused, and so is one that posts from elsewhere. It gives the pages, the stimuli and what a page
-has recorded so far to that page, and no other file.
+It gives the pages, the stimuli and what a page has recorded so far to that page, and no other file; who may ask is
+checked by :mod:`hpop.page_server`.
 """
 
 from __future__ import annotations
 
-import errno
 import html
 import json
 import os
@@ -18,14 +16,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from socketserver import TCPServer
 from threading import Lock
 from typing import Any
 
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
+from hpop.page_server import LOCAL, PIECE, PageHandler, PageServer
 from hpop.regular_file import open_regular
 from hpop.study.answers import FOLDER
 from hpop.study.design import Design
@@ -35,28 +32,15 @@ from hpop.study.ledger import Ledger
 from hpop.study.locks import changing, release, serve_alone
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
-LOCAL = "127.0.0.1"
-READING = 30.0
-"""s that nothing of a request may come."""
 MOST_BODY = 16_384
 """Bytes of what a page sends: one event, and what it is seen on."""
 MOST_VIDEO = 2**33
 """Bytes of a video."""
-PIECE = 2**18
 TOKEN, TOKEN_BYTES, MOST_TOKEN = "token", 9, 100
 KEYS = {"design", "tab", "device"}
 """Of what a page sends; with an event where there is one."""
-LONGEST_LENGTH = 9
-"""Digits."""
 LONGEST_TAB = 64
 PART = re.compile(r"bytes=([0-9]{1,18})-([0-9]{1,18})?")
-HEADERS = {
-    "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
-    "Cross-Origin-Resource-Policy": "same-origin",
-}
 PAGE = """<!doctype html>
 <html lang="en">
 <head>
@@ -160,7 +144,7 @@ class Study:
         return design
 
 
-class StudyServer(ThreadingHTTPServer):
+class StudyServer(PageServer):
     """Serves the sessions of a study's folder.
 
     Parameters
@@ -175,8 +159,6 @@ class StudyServer(ThreadingHTTPServer):
     Raises StudyError where the folder holds no study, lacks stimuli or is served already, OutputError where the port
     cannot be had.
     """
-
-    daemon_threads = True
 
     def __init__(
         self,
@@ -200,20 +182,10 @@ class StudyServer(ThreadingHTTPServer):
             raise StudyError(f"cannot make {answers}, where answers go: {error.strerror or error}") from None
         self._held = serve_alone(answers)
         try:
-            super().__init__((host, port), _Handler)
-        except OSError as error:
+            super().__init__(_Handler, host=host, port=port, names=names, secured=secured)
+        except OutputError:
             release(self._held)
-            raise OutputError(no_port(port, error)) from None
-        here = self.server_address[1]
-        self.hosts = {f"{name}:{here}" for name in (LOCAL, "localhost", *names)}
-        self.scheme = "http" if secured is None else "https"
-        if secured is not None:
-            self.socket = secured.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
-
-    def server_bind(self) -> None:
-        """Without the name of this machine, for which http.server would ask the network, and may wait long."""
-        TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+            raise
 
     def server_close(self) -> None:
         """Let go of the port and of the folder."""
@@ -223,31 +195,26 @@ class StudyServer(ThreadingHTTPServer):
 
     def address(self, name: str = LOCAL) -> str:
         """Where the sessions are, as it is typed into a browser; a participant's is this and the id."""
-        return f"{self.scheme}://{name}:{self.server_address[1]}/{self.token}{'/' if self.token else ''}"
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """A page that was closed is no error."""
+        return f"{self.root(name)}/{self.token}{'/' if self.token else ''}"
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(PageHandler):
     """One request."""
 
-    timeout = READING
     server: StudyServer
-    server_version, sys_version = "hpop", ""
 
-    def do_GET(self) -> None:
+    def answer(self) -> None:
         """A page or a stimulus."""
         with self._told():
             name = self._asked()
             if name == "":
-                self._send(self._list())
+                self.page(self._list())
             elif name.startswith("stimuli/"):
                 self._file(self.server.study.stimulus(name))
             else:
-                self._send(self.server.study.page(name).encode(errors="backslashreplace"))
+                self.page(self.server.study.page(name).encode(errors="backslashreplace"))
 
-    def do_POST(self) -> None:
+    def take(self) -> None:
         """An event of a session, or that its page was opened."""
         with self._told():
             folder, _, participant = self._asked().partition("/")
@@ -256,10 +223,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
 
     def _asked(self) -> str:
-        """What is asked for, without the token; Refused for who does not know that, or asks by another's name."""
-        host = self.headers.get("Host", "")
-        if host not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, f"ask for {self.server.address()}")
+        """What is asked for, without the token; Refused for who does not know that."""
         path = self.path.partition("?")[0].removeprefix("/")
         if self.server.token:
             given, _, path = path.partition("/")
@@ -268,20 +232,16 @@ class _Handler(BaseHTTPRequestHandler):
         return path
 
     def _body(self) -> Any:
-        """What was posted; Refused where it is no JSON, too long, or comes from another page."""
-        origin = self.headers.get("Origin")
-        if origin not in (None, f"{self.server.scheme}://{self.headers.get('Host')}"):
-            raise Refused(HTTPStatus.FORBIDDEN, "only pages of this server may send answers")
+        """What was posted; Refused where it is no JSON or too long."""
         if self.headers.get_content_type() != "application/json":
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
-        length = self.headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdigit()):
+        if not self.headers.get("Content-Length", ""):
             raise Refused(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
-        if len(length) > LONGEST_LENGTH or int(length) > MOST_BODY:
-            self.close_connection = True  # without reading what it sends
+        data = self.body(MOST_BODY)
+        if data is None:
             raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
         try:
-            return parse(self.rfile.read(int(length)))
+            return parse(data)
         except (ValueError, RecursionError):
             raise Refused(HTTPStatus.BAD_REQUEST, "expected JSON") from None
 
@@ -300,6 +260,9 @@ class _Handler(BaseHTTPRequestHandler):
                 self.server.tell(str(error))
             self._refuse(status, str(error), "disk" if is_ours else "answer")
 
+    def refused(self, status: HTTPStatus, said: str) -> None:
+        self._refuse(status, said, "")
+
     def _refuse(self, status: HTTPStatus, said: str, why: str) -> None:
         """To who opens an address, as a page to be read; to a page, as JSON."""
         if self.command == "POST":
@@ -308,17 +271,10 @@ class _Handler(BaseHTTPRequestHandler):
         told = html.escape(f"The study's computer says: {said}.")
         advice = "<p>Please call the person who runs the study.</p>"
         page = PAGE.format(title="There is no session here", said=told, rest=advice)
-        self._send(page.encode(errors="backslashreplace"), status=status)
+        self.page(page.encode(errors="backslashreplace"), status=status)
 
     def _reply(self, status: HTTPStatus, values: dict[str, Any]) -> None:
-        self._send(json.dumps(values, allow_nan=False).encode(), "application/json", status)
-
-    def _send(self, data: bytes, kind: str = "text/html; charset=utf-8", status: HTTPStatus = HTTPStatus.OK) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(data)))
-        self.end_headers()
-        self.wfile.write(data)
+        self.page(json.dumps(values, allow_nan=False).encode(), "application/json", status)
 
     def _list(self) -> bytes:
         """Links to the sessions that are expected; nothing of how far they are."""
@@ -348,26 +304,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.end_headers()
             file.seek(begin)
             while begin < end and (piece := file.read(min(PIECE, end - begin))):
-                self.wfile.write(piece)
+                self.send(piece)
                 begin += len(piece)
-
-    def end_headers(self) -> None:
-        for name, value in HEADERS.items():
-            self.send_header(name, value)
-        super().end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Nothing is printed of who asks for what."""
-
-
-def no_port(port: int, error: OSError) -> str:
-    """Why a port cannot be had, and what to do."""
-    way = "choose another --port; 0 takes any that is free"
-    if error.errno == errno.EADDRINUSE:
-        return f"cannot serve on port {port}: another program has it; end that, or {way}"
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return f"cannot serve on port {port}: ports below 1024 are the system's; {way}"
-    return f"cannot serve on port {port}: {error.strerror or error}; {way}"
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:

@@ -121,7 +121,7 @@ def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(as
         assert json.loads(held[1]) == {**PAYLOAD, "live": 1}
         assert "connect-src 'self'" in said
         assert answer.getheader("Cache-Control") == "no-store"
-        assert answer.getheader("Referrer-Policy") == "no-referrer"
+        assert answer.getheader("Referrer-Policy") == "same-origin"
         assert answer.getheader("Access-Control-Allow-Origin") is None
     assert ask(f"/{TOKEN}").getheader("Location") == f"/{TOKEN}/"
 

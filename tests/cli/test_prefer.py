@@ -213,7 +213,7 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     here = f"/{token}"
     assert request("GET", "/")[0] == 404
     assert request("POST", "/wrong", answer="a", question=1)[0] == 404
-    assert request("GET", here, {"Host": "evil.example"})[0] == 404  # DNS that leads here
+    assert request("GET", here, {"Host": "evil.example"})[0] == 403  # DNS that leads here
     status, page = request("GET", here)
     assert (status, "Which &lt;b&gt;?" in page, "I prefer a" in page) == (200, True, True)
     assert request("POST", here, answer="a", question=1)[0] == 303

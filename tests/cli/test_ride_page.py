@@ -19,7 +19,8 @@ from click.testing import Result
 from cryptography import x509
 
 import hpop
-from hpop.cli.serving import LOCAL, Certificate, PageServer, certificate_for
+from hpop.cli.serving import Certificate, OnePage, certificate_for
+from hpop.page_server import LOCAL
 
 Run = Callable[..., Result]
 PAGE = b"<p>a page</p>"
@@ -106,12 +107,12 @@ def test_a_port_that_is_in_use_is_told(run: Run, folder: Path) -> None:
         other.listen()
         result = run("ride", folder, "--cable", "--port", str(other.getsockname()[1]))
     assert result.exit_code == 12
-    assert "Address already in use; choose another --port" in " ".join(result.output.split())
+    assert "another program has it; end that, or choose another --port" in " ".join(result.output.split())
 
 
 @contextmanager
-def serving(certificate: Certificate | None = None) -> Iterator[PageServer]:
-    with PageServer(PAGE, host=LOCAL, port=0, certificate=certificate) as server:
+def serving(certificate: Certificate | None = None) -> Iterator[OnePage]:
+    with OnePage(PAGE, host=LOCAL, port=0, certificate=certificate) as server:
         thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         try:
@@ -160,7 +161,7 @@ def test_over_https_the_certificate_is_that_of_the_address_and_of_no_other() -> 
 def test_nobody_is_asked_what_this_machine_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
     monkeypatch.setattr(socket, "getfqdn", asked.append)
-    with PageServer(PAGE, host="0.0.0.0", port=0) as server:
+    with OnePage(PAGE, host="0.0.0.0", port=0) as server:
         assert server.server_port == server.server_address[1]
     assert asked == []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import shutil
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import OutputError, StudyError
-from hpop.study.server import MOST_BODY, StudyServer, no_port, token_of
+from hpop.study.server import MOST_BODY, StudyServer
 from tests.study.conftest import CONSENT
 
 
@@ -236,80 +235,3 @@ def test_a_study_is_served_once(folder: Path, tmp_path: Path) -> None:
     with StudyServer(folder), pytest.raises(StudyError, match="is served already, by another"):
         StudyServer(folder)
     StudyServer(folder).server_close()  # whoever held it has ended
-
-
-def test_why_a_port_cannot_be_had_is_said() -> None:
-    assert "below 1024 are the system's; choose another --port" in no_port(443, PermissionError(errno.EACCES, "x"))
-    assert "Cannot assign" in no_port(8000, OSError(errno.EADDRNOTAVAIL, "Cannot assign"))
-
-
-def test_a_study_is_served_though_its_first_participant_withdrew(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder, tmp_path / "study")
-    study.withdraw(tmp_path / "study", "p01")
-    StudyServer(tmp_path / "study").server_close()
-
-
-def test_a_token_is_asked_for_where_there_is_one(folder: Path, made: tuple[Path, study.Design]) -> None:
-    with StudyServer(folder, token="secret") as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-        thread.start()
-        client = Client(server, made[1])
-        assert client.ask("GET", "/p01").status == 404
-        assert client.ask("GET", "/Secret/p01").status == 404
-        assert client.ask("GET", "/secret/p01").status == 200
-        assert b'href="/secret/p01"' in client.ask("GET", "/secret/").body
-        assert server.address() == f"http://127.0.0.1:{client.port}/secret/"
-        server.shutdown()
-        thread.join()
-
-
-def test_addresses_stay_the_same_when_the_server_begins_again(tmp_path: Path) -> None:
-    token = token_of(tmp_path)
-    assert len(token) >= 12
-    assert token_of(tmp_path) == token
-    (tmp_path / "token").write_text("../..")
-    with pytest.raises(StudyError, match="another is made"):
-        token_of(tmp_path)
-
-
-def test_a_disk_that_takes_nothing_is_said_and_the_page_keeps_what_it_has(
-    folder: Path, made: tuple[Path, study.Design]
-) -> None:
-    told: list[str] = []
-    with StudyServer(folder, tell=told.append) as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-        thread.start()
-        client = Client(server, made[1])
-        (folder / "answers" / "p01.json").mkdir(parents=True)
-        reply = client.post(AGREED)
-        (folder / "answers" / "p01.json").rmdir()
-        assert (reply.status, reply.said["why"]) == (500, "disk")
-        assert client.post(AGREED).status == 200
-        server.shutdown()
-        thread.join()
-    assert len(told) == 1
-    assert "p01.json" in told[0]
-
-
-def test_who_withdrew_is_taken_no_more_answers_of(
-    tmp_path: Path, folder: Path, made: tuple[Path, study.Design]
-) -> None:
-    """Though the page is still open, and the server has run on."""
-    for file in folder.rglob("*"):
-        if file.is_file():
-            target = tmp_path / file.relative_to(folder)
-            target.parent.mkdir(exist_ok=True)
-            target.write_bytes(file.read_bytes())
-    with StudyServer(tmp_path) as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-        thread.start()
-        client = Client(server, made[1])
-        client.post()
-        assert client.post(AGREED).status == 200
-        gone = study.withdraw(tmp_path, "p01")
-        assert client.post(event(1, "start")).status == 410
-        assert client.ask("GET", "/p01").status == 410
-        assert client.ask("GET", f"/{gone.successor}").status == 200
-        assert not (tmp_path / "answers" / "p01.json").exists()
-        server.shutdown()
-        thread.join()
