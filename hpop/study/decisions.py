@@ -28,7 +28,7 @@ DEFAULT = {
     "put signs to the ranks, the share that is as far from even",
     "Differences of zero": "ranked, then left out (Pratt)",
     "Effect sizes": "matched-pairs rank-biserial correlation; |z| / sqrt(people); Hodges and Lehmann's shift with its "
-    "interval of 95 %",
+    "interval of 95 %: the shifts that this very test does not reject, ties and zeros included",
     "Missing answers": "a score with a missing item is missing, not smaller. The test of all stimuli takes who has all "
     "scores; a pair takes who has both",
 }
@@ -45,7 +45,8 @@ CARRY_OVER = (
     "before. Where the place matters, look at the first place too"
 )
 CHOICES = (
-    "shares with Wilson's intervals of 95 % and exact binomial p, who said neither left out; a favourite was chosen "
+    "shares with the intervals of 95 % that the exact binomial test leaves (Clopper and Pearson), and its p; who "
+    "said neither left out; a favourite was chosen "
     "over each other stimulus, by those who compared all pairs; "
     "strengths by Bradley and Terry, ties as Davidson has them, intervals by people: none where all people answered "
     "alike, which tells nothing of how others would differ"
@@ -69,7 +70,8 @@ def decided(
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
         "Questionnaire": _asked(design.form(form)),
-        "Correction": f"{correction.title()}, within each table of comparisons; the column p has none",
+        "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals "
+        "have none: an interval belongs to p, and may leave out 0 where the adjusted p is above .05",
         "Ties": "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
         "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",

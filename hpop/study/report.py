@@ -22,6 +22,7 @@ from hpop.study.documents import write_bytes
 from hpop.study.figures import draw, figures
 from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
+from hpop.study.statistics.pairs import STEP
 from hpop.study.tables import Column, Contents, csv_bytes
 from hpop.text import printable
 from hpop.view.canvas import png_of
@@ -54,6 +55,8 @@ HEADINGS = {"lower": "lower quartile", "upper": "upper quartile", "low": "95 % f
 """Of columns, where people read them."""
 ROUNDED = 1e-12
 """What is below it in size is the rounding of a zero."""
+OPEN_ENDS = {("low", STEP): "> 0", ("high", -STEP): "< 0"}
+"""An interval that ends at 0 without holding it."""
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
@@ -211,8 +214,8 @@ def written(column: str, value: Cell) -> str:
 
     >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
-    >>> written("strength", 2.4e-15), written("length", nan)
-    ('0', '-')
+    >>> written("strength", 2.4e-15), written("length", nan), written("low", 1e-9)
+    ('0', '-', '> 0')
     """
     if not isinstance(value, float):
         return str(value)
@@ -222,6 +225,8 @@ def written(column: str, value: Cell) -> str:
         return "unbounded"
     if column in P_COLUMNS or column.startswith(("p of", "p (")):
         return "< .0001" if value < 0.0001 else f"{value:.4f}"
+    if (column, value) in OPEN_ENDS:
+        return OPEN_ENDS[column, value]
     return "0" if abs(value) < ROUNDED else f"{value:.4g}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,6 +15,8 @@ from hpop.options import one_of
 from hpop.study.statistics.related import checked
 
 Zeros = Literal["pratt", "wilcox"]
+STEP = 1e-9
+"""To which scores are rounded: what differs by less is equal."""
 MOST_EXACT = 200
 """People up to whom the exact distribution is counted out; beyond, the normal one is as good."""
 
@@ -31,9 +34,10 @@ class Pair:
     biserial  matched-pairs rank-biserial correlation: share of the rank sum above zero less that below, -1 to 1
     r         |z| / sqrt(people), as the paper and many others report it
     shift     Hodges and Lehmann's estimate: the median of all means of two differences
-    low       lower end of its interval, -inf where the people are too few for one
+    low       lower end of the interval of shifts that this test does not reject; -inf where the people are too few for
+              one, NaN where the test rejects every shift, as it may where most differences are equal
     high      upper end
-    level     which the interval has at least, where differences are not tied
+    level     of the interval: it holds 0 where p is above 1 - level
     """
 
     people: int
@@ -60,7 +64,11 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
     that these very ranks may have are as far from even; ties and zeros are no hindrance.
 
     Effect size: Kerby 2014, Comprehensive Psychology 3. Shift and interval: Hodges and Lehmann 1963, Annals of
-    Mathematical Statistics 34, 598-611; the interval holds the shifts that the test does not reject.
+    Mathematical Statistics 34, 598-611. The interval inverts this very test, ties and zeros included (Bauer 1972,
+    Journal of the American Statistical Association 67, 687-690): a shift is in it if and only if the test does not
+    reject the differences less that shift. An end that the test rejects itself, such as 0 among SSQ scores, is
+    reported 1e-9 further in, which is the step to which scores are rounded. Only with ``wilcox`` may the shifts that
+    are not rejected have gaps, since the people who count change with the shift; the interval then spans them.
 
     Raises StudyError for scores of different lengths, or of nobody.
 
@@ -80,17 +88,17 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
     above, below = float(ranks[ranks > 0].sum()), float(-ranks[ranks < 0].sum())
     z = (above - below) / size if (size := float(np.sqrt((ranks**2).sum()))) else 0.0
     counted = exact and len(differences) <= MOST_EXACT
-    shift, low, high = _shift(differences, level)
+    low, high = _interval(differences, zeros, counted, level)
     return Pair(
         people=len(differences),
         zeros=int((differences == 0).sum()),
         rank_sum=above,
         z=z,
-        p=exact_p(ranks) if counted else float(2 * stats.norm.sf(abs(z))),
+        p=min(1.0, 2 * min(_tails(ranks, counted))),
         exact=counted,
         biserial=(above - below) / (above + below) if above + below else 0.0,
         r=abs(z) / np.sqrt(len(differences)),
-        shift=shift,
+        shift=float(np.median(_walsh_averages(differences))),
         low=low,
         high=high,
         level=level,
@@ -107,10 +115,19 @@ def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
 
 def exact_p(ranks: FloatArray) -> float:
     """Share of all signs of these ranks whose sum above zero is as far from the middle as this one, or farther."""
+    return min(1.0, 2 * min(_tails(ranks, counted=True)))
+
+
+def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
+    """Return the chances of a rank sum above zero as great as this one, and as small; exact, or by z."""
+    if not counted:
+        size = float(np.sqrt((ranks**2).sum()))
+        z = float(ranks.sum()) / size if size else 0.0
+        return float(stats.norm.sf(z)), float(stats.norm.cdf(z))
     steps = np.rint(2 * np.abs(ranks)).astype(int)  # ranks of ties end in .5
     total, above = int(steps.sum()), int(steps[ranks > 0].sum())
     chance = rank_sum_chances(steps)
-    return min(1.0, 2 * float(chance[: min(above, total - above) + 1].sum()))
+    return float(chance[: total - above + 1].sum()), float(chance[: above + 1].sum())  # the chances are symmetric
 
 
 def rank_sum_chances(steps: Any) -> FloatArray:
@@ -125,17 +142,37 @@ def rank_sum_chances(steps: Any) -> FloatArray:
     return chance
 
 
-def _shift(differences: FloatArray, level: float) -> tuple[float, float, float]:
-    """The median of the means of two differences (Walsh averages), and the interval that the test leaves."""
-    count = len(differences)
-    i, j = np.triu_indices(count)
-    averages = np.sort((differences[i] + differences[j]) / 2)
+def _walsh_averages(differences: FloatArray) -> FloatArray:
+    """The means (n (n + 1) / 2,) of every two differences, and each difference itself."""
+    i, j = np.triu_indices(len(differences))
+    averages: FloatArray = (differences[i] + differences[j]) / 2
+    return averages
+
+
+def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float) -> tuple[float, float]:
+    """The ends of the shifts that the test does not reject.
+
+    Signed ranks change only where a shift is a Walsh average, so one shift of each gap between two averages stands for
+    all of the gap. The chance of a rank sum as great rises with the shift, that of one as small falls.
+    """
+    units = np.rint(differences / STEP) * 2  # whole, and so are the averages: ties are exact
+    averages = np.unique(_walsh_averages(units))
+    gaps = np.concatenate([averages[:1] - 1, (averages[1:] + averages[:-1]) / 2, averages[-1:] + 1])
     tail = (1 - level) / 2
-    if count <= MOST_EXACT:
-        rejected = int(np.searchsorted(np.cumsum(rank_sum_chances(range(1, count + 1))), tail, side="right"))
-    else:
-        spread = np.sqrt(count * (count + 1) * (2 * count + 1) / 24)
-        rejected = int(count * (count + 1) / 4 + stats.norm.ppf(tail) * spread)
-    if rejected == 0:
-        return float(np.median(averages)), -np.inf, np.inf
-    return float(np.median(averages)), float(averages[rejected - 1]), float(averages[-rejected])
+
+    def tails(shift: float) -> tuple[float, float]:
+        return _tails(signed_ranks(units - shift, zeros), counted)
+
+    first = bisect_left(gaps, True, key=lambda shift: tails(shift)[0] > tail)
+    after = bisect_left(gaps, True, key=lambda shift: tails(shift)[1] <= tail)
+    low, high = -float("inf"), float("inf")
+    if first > 0:
+        end = float(averages[first - 1])
+        low = end if tails(end)[0] > tail else end + 2
+    if after < len(gaps):
+        end = float(averages[after - 1])
+        high = end if tails(end)[1] > tail else end - 2
+    if zeros == "wilcox":  # where somebody's difference is the shift, this person does not count
+        outside = [one for one in np.unique(units).tolist() if not low <= one <= high and min(tails(one)) > tail]
+        low, high = min([low, *outside]), max([high, *outside])
+    return (round(low * STEP / 2, 10), round(high * STEP / 2, 10)) if low <= high else (np.nan, np.nan)

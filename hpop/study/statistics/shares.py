@@ -23,9 +23,9 @@ class Share:
     """So many of all.
 
     share  count / total
-    low    lower end of Wilson's interval
+    low    lower end of the interval of shares that the exact test does not reject
     high   upper end
-    p      two-sided, exact, that the share is one half
+    p      two-sided, exact, that the share is one half: below 1 - level where the interval does not hold it
     """
 
     count: int
@@ -49,16 +49,19 @@ class Multinomial:
 
 
 def share(count: int, total: int, level: float = 0.95) -> Share:
-    """A share with Wilson's interval (1927, Journal of the American Statistical Association 22, 209-212).
+    """Return a share with the interval of Clopper and Pearson (1934, Biometrika 26, 404-413).
+
+    It inverts the exact binomial test that gives p. Wilson's interval does not: of 5 out of 5 it leaves out one half,
+    which that test does not reject (p = .0625).
 
     >>> one = share(15, 148)
     >>> round(one.low, 4), round(one.high, 4)
-    (0.0624, 0.1605)
+    (0.0579, 0.1617)
     """
     whole("total", total, 1, MOST_PEOPLE, error=StudyError)
     whole("count", count, 0, total, error=StudyError)
     test = stats.binomtest(int(count), int(total))
-    interval = test.proportion_ci(level, method="wilson")
+    interval = test.proportion_ci(level, method="exact")
     return Share(int(count), int(total), count / total, float(interval.low), float(interval.high), float(test.pvalue))
 
 

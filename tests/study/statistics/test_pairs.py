@@ -75,6 +75,58 @@ def test_exchanging_the_two_turns_signs_only(values):
     assert (forth.low, forth.high) == pytest.approx((-back.high, -back.low))
 
 
+def rejected(values, shift, zeros, exact, level):
+    """Whether the test of the differences less a shift rejects."""
+    ranks = signed_ranks(values - shift, zeros)
+    z = ranks.sum() / np.sqrt((ranks**2).sum() or 1)
+    return (exact_p(ranks) if exact else 2 * stats.norm.sf(abs(z))) <= 1 - level + 1e-12
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@given(st.lists(st.integers(-3, 4), min_size=1, max_size=10), st.sampled_from([0.95, 0.8]))
+def test_with_ties_and_zeros_the_interval_holds_the_shifts_that_the_test_does_not_reject(exact, values, level):
+    differences = np.array(values, dtype=float)
+    pair = pair_of(differences, exact=exact, level=level)
+    for shift in np.arange(-4, 5.1, 0.25):  # every mean of two differences, and between them
+        assert (pair.low <= shift <= pair.high) != rejected(differences, shift, "pratt", exact, level)
+
+
+@given(st.lists(st.integers(-3, 4), min_size=1, max_size=10))
+def test_without_those_of_no_difference_the_interval_spans_the_shifts_that_the_test_does_not_reject(values):
+    differences = np.array(values, dtype=float)
+    pair = pair_of(differences, zeros="wilcox")
+    shifts = np.arange(-4, 5.1, 0.25)
+    kept = shifts[[not rejected(differences, shift, "wilcox", True, 0.95) for shift in shifts]]
+    inside = shifts[(pair.low <= shifts) & (shifts <= pair.high)]
+    assert (inside[0], inside[-1]) == (kept[0], kept[-1])
+
+
+@pytest.mark.parametrize("options", [{}, {"zeros": "wilcox", "exact": False}])
+def test_p_and_interval_of_simulator_sickness_scores_agree(options):
+    """Totals are multiples of 3.74: many are equal, and many do not change."""
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        people = int(rng.integers(8, 37))
+        first = np.round(rng.exponential(6, people) / 3.74) * 3.74
+        second = np.maximum(0, first * rng.integers(0, 2, people) + rng.exponential(5, people))
+        pair = wilcoxon(first, np.round(second / 3.74) * 3.74, **options)
+        assert (pair.low <= 0 <= pair.high) == (pair.p > 0.05)
+
+
+def test_an_end_that_the_test_rejects_is_told_further_in():
+    """At 0 the rank sum below it is 2.5, and 3 of 128 signs have no greater one; above 0 it is 4, and 7 of 256 have."""
+    pair = pair_of(np.array([-1.0, 0, 1, 2, 3, 3, 3, 3]))
+    assert pair.p == 6 / 128
+    assert pair.low == 1e-9  # 14 / 256 is above .05
+
+
+def test_an_interval_may_be_empty():
+    """Thirty who feel no difference and six who do: 2 / 64 for no shift, and signs of thirty against any other one."""
+    pair = pair_of(np.concatenate([np.zeros(30), np.arange(1.0, 7)]))
+    assert pair.p == 2 / 64
+    assert np.isnan([pair.low, pair.high]).all()
+
+
 @given(st.permutations(range(8)), st.lists(st.booleans(), min_size=8, max_size=8))
 def test_the_interval_holds_the_shifts_that_the_test_does_not_reject(powers, signs):
     """Differences of which no two means are equal: the interval's ends are where the exact test begins to reject."""

@@ -13,14 +13,22 @@ from hpop.errors import StudyError
 from hpop.study.statistics import multinomial, share
 
 
-@pytest.mark.parametrize(
-    ("count", "total", "low", "high"),
-    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
-)
-def test_wilsons_intervals_as_newcombe_prints_them(count, total, low, high):
-    """Newcombe 1998, Statistics in Medicine 17, 857-872, table I, method 3."""
+@pytest.mark.parametrize(("count", "total"), [(81, 263), (15, 148), (1, 29), (28, 29)])
+def test_at_the_ends_of_an_interval_one_in_forty_has_as_many_or_as_few(count, total):
+    """Clopper and Pearson 1934: 2.5 % on each side, by the binomial distribution."""
     one = share(count, total)
-    assert (round(one.low, 4), round(one.high, 4)) == (low, high)
+    chances = [
+        [comb(total, i) * end**i * (1 - end) ** (total - i) for i in range(total + 1)] for end in (one.low, one.high)
+    ]
+    assert sum(chances[0][count:]) == pytest.approx(0.025)
+    assert sum(chances[1][: count + 1]) == pytest.approx(0.025)
+
+
+def test_of_nobody_and_of_all_one_end_is_known():
+    nobody, everybody = share(0, 20), share(20, 20)
+    assert (nobody.low, everybody.high) == (0, 1)
+    assert nobody.high == pytest.approx(1 - 0.025 ** (1 / 20))
+    assert everybody.low == pytest.approx(0.025 ** (1 / 20))
 
 
 @given(st.integers(1, 30), st.data())
@@ -28,6 +36,12 @@ def test_the_chance_of_a_share_is_that_of_coins(total, data):
     count = data.draw(st.integers(0, total))
     coins = [comb(total, i) for i in range(total + 1)]
     assert share(count, total).p == pytest.approx(sum(c for c in coins if c <= coins[count]) / 2**total)
+
+
+@given(st.integers(1, 200), st.sampled_from([0.8, 0.95, 0.99]), st.data())
+def test_the_interval_holds_one_half_where_the_test_does_not_reject_it(total, level, data):
+    one = share(data.draw(st.integers(0, total)), total, level)
+    assert (one.low <= 0.5 <= one.high) == (one.p > 1 - level)
 
 
 @given(st.lists(st.integers(0, 3), min_size=2, max_size=4).filter(lambda counts: 0 < sum(counts) < 7))
